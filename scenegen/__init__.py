@@ -1,0 +1,73 @@
+"""scenegen: table-top scenes from a spatial specification, at the difficulty you ask for.
+
+    import scenegen
+    spec = scenegen.parse("leftOf(mug, plate) & !closeTo(mug, plate, 0.25)")
+    scenes = scenegen.sample(spec, phi={"task": (0.0, 0.2)}, n=100, seed=0)
+
+Importing the package loads nothing heavy: each name is looked up in `scenegen.api` when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# name -> the module of scenegen.api that defines it
+_PUBLIC = {
+    "Spec": "spec",
+    "load": "spec",
+    "parse": "spec",
+    "SceneSet": "scenes",
+    "read_scenes": "scenes",
+    "sample": "sample",
+    "train": "train",
+    "Model": "train",
+    "load_model": "train",
+    "render": "render",
+}
+_ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
+
+__all__ = [
+    "DataError",
+    "Diagnostic",
+    "Model",
+    "OutputError",
+    "RequestError",
+    "SceneSet",
+    "ScenegenError",
+    "Spec",
+    "SpecError",
+    "__version__",
+    "load",
+    "load_model",
+    "parse",
+    "read_scenes",
+    "render",
+    "sample",
+    "train",
+]
+
+if TYPE_CHECKING:
+    from scenegen.api.render import render
+    from scenegen.api.sample import sample
+    from scenegen.api.scenes import SceneSet, read_scenes
+    from scenegen.api.spec import Spec, load, parse
+    from scenegen.api.train import Model, load_model, train
+    from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        value = getattr(importlib.import_module(f"scenegen.api.{_PUBLIC[name]}"), name)
+    elif name in _ERRORS:
+        value = getattr(importlib.import_module("scenegen.errors"), name)
+    else:
+        raise AttributeError(f"module 'scenegen' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,182 @@
+"""What scenegen tells people when something is wrong.
+
+Every problem a user can cause is a `Diagnostic`: a title, optionally a place in a text (a spec file, or an option as it
+was typed), a label under the caret and a line of help. Problems travel in `ScenegenError`; `render` is the only code
+that turns them into text, for terminals, pipes and notebooks alike.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+TAB = 4  # columns a tab takes in a printed source line
+WIDTH = 100  # columns of a source line that are shown around the caret
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A text that diagnostics can point into: a file, or an option as typed (`name` is then `--phi`)."""
+
+    name: str
+    text: str
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """1-based line and column (in characters) of a character offset."""
+        offset = min(max(offset, 0), len(self.text))
+        start = self.text.rfind("\n", 0, offset) + 1
+        return self.text.count("\n", 0, offset) + 1, offset - start + 1
+
+    def line(self, offset: int) -> str:
+        """The line that holds a character offset, without its line break."""
+        start = self.text.rfind("\n", 0, min(max(offset, 0), len(self.text))) + 1
+        end = self.text.find("\n", start)
+        return self.text[start : len(self.text) if end < 0 else end].rstrip("\r")
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Characters `start` (inclusive) to `end` (exclusive) of a source."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def place(self) -> str:
+        """`file:line:column`."""
+        line, column = self.source.position(self.start)
+        return f"{self.source.name}:{line}:{column}"
+
+    @property
+    def text(self) -> str:
+        return self.source.text[self.start : self.end]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One problem: what (title), where (span and the label under it), what to do (help)."""
+
+    title: str
+    span: Span | None = None
+    label: str = ""
+    help: str = ""
+    severity: Literal["error", "warning"] = "error"
+    note: str = ""
+
+
+class ScenegenError(Exception):
+    """A problem that the user can mend. Carries at least one diagnostic; `str()` is their rendering."""
+
+    def __init__(self, *diagnostics: Diagnostic) -> None:
+        if not diagnostics:
+            raise ValueError("a ScenegenError needs a diagnostic")
+        super().__init__(*diagnostics)
+        self.diagnostics = diagnostics
+
+    def __str__(self) -> str:
+        return render_all(self.diagnostics)
+
+
+class SpecError(ScenegenError, ValueError):
+    """The spec's text is at fault."""
+
+
+class RequestError(ScenegenError, ValueError):
+    """What was asked for is at fault: a range, a count, a label, an option's value."""
+
+
+class DataError(ScenegenError, ValueError):
+    """A scenes file, a model file or an array of poses is at fault."""
+
+
+class OutputError(ScenegenError, OSError):
+    """Something could not be written."""
+
+
+def quoted(names: Iterable[str]) -> str:
+    """`a`, `b` and `c`, in the order given."""
+    items = [f"`{name}`" for name in names]
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + f" and {items[-1]}" if items else "none"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that `name` most likely stands for: the same but for case, else a close match, else None."""
+    names = sorted(set(known))
+    folded = {candidate.casefold().replace("_", ""): candidate for candidate in reversed(names)}
+    exact = folded.get(name.casefold().replace("_", ""))
+    if exact is not None:
+        return exact
+    close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
+    return folded[close[0]] if close else None
+
+
+def suggest(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """A help line that names the nearest known name, or `otherwise`."""
+    match = nearest(name, known)
+    return f"did you mean `{match}`?" if match is not None and match != name else otherwise
+
+
+_STYLES = {
+    "error": "\x1b[1;31m",
+    "warning": "\x1b[1;33m",
+    "frame": "\x1b[1;34m",
+    "help": "\x1b[1;36m",
+    "bold": "\x1b[1m",
+}
+
+
+def _paint(text: str, style: str, color: bool) -> str:
+    return f"{_STYLES[style]}{text}\x1b[0m" if color else text
+
+
+def _printable(text: str) -> str:
+    """The text with tabs widened and control characters shown as a dot, so that a caret stays under its character."""
+    return "".join(" " * TAB if char == "\t" else char if char.isprintable() else "\u00b7" for char in text)
+
+
+def _window(line: str, column: int) -> tuple[str, int]:
+    """Cut a long line to the part around the caret; returns it with the caret's new 0-based column."""
+    if len(line) <= WIDTH:
+        return line, column
+    start = max(0, min(column - WIDTH // 3, len(line) - WIDTH))
+    head = "..." if start else ""
+    tail = "..." if start + WIDTH < len(line) else ""
+    return head + line[start : start + WIDTH] + tail, column - start + len(head)
+
+
+def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
+    """The text of one diagnostic, several lines, without a final line break."""
+    out = [
+        _paint(diagnostic.severity, diagnostic.severity, color) + _paint(f": {diagnostic.title}", "bold", color),
+    ]
+    gutter = ""
+    if diagnostic.span is not None:
+        span = diagnostic.span
+        number, column = span.source.position(span.start)
+        raw = span.source.line(span.start)
+        length = max(1, min(span.end - span.start, len(raw) - (column - 1)))
+        shown, caret = _window(raw, column - 1)
+        before, under = shown[:caret], shown[caret : caret + length]
+        pad = "".join(" " * TAB if char == "\t" else " " for char in before)
+        carets = "^" * max(1, sum(TAB if char == "\t" else 1 for char in under))
+        gutter = " " * len(str(number))
+        bar = _paint("|", "frame", color)
+        label = f" {diagnostic.label}" if diagnostic.label else ""
+        out.append(f"{gutter}{_paint('-->', 'frame', color)} {span.place}")
+        out.append(f"{gutter} {bar}")
+        out.append(f"{_paint(str(number), 'frame', color)} {bar} {_printable(shown)}".rstrip())
+        out.append(f"{gutter} {bar} {pad}{_paint(carets + label, diagnostic.severity, color)}")
+    for kind, text in (("note", diagnostic.note), ("help", diagnostic.help)):
+        if text:
+            first, *rest = text.splitlines()
+            out.append(f"{gutter} {_paint(f'= {kind}:', 'help', color)} {first}")
+            out.extend(f"{gutter}   {' ' * len(kind)}  {line}" for line in rest)
+    return "\n".join(out)
+
+
+def render_all(diagnostics: Iterable[Diagnostic], *, color: bool = False) -> str:
+    """Several diagnostics, parted by blank lines."""
+    return "\n\n".join(render(diagnostic, color=color) for diagnostic in diagnostics)

@@ -1,0 +1,28 @@
+"""The only module that knows where grammar/ and specs/ live.
+
+An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
+package.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+@cache
+def _root() -> Path:
+    packed = _PACKAGE / "_data"
+    return packed if packed.is_dir() else _PACKAGE.parent
+
+
+def grammar_file(name: str) -> Path:
+    """The path of a file of grammar/, e.g. `spec.lark`, `prelude.spec`."""
+    return _root() / "grammar" / name
+
+
+def shipped_specs() -> dict[str, Path]:
+    """The specs that ship with scenegen: name without ending -> path, in alphabetical order."""
+    return {path.stem: path for path in sorted((_root() / "specs").glob("*.spec"))}

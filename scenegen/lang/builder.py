@@ -1,0 +1,151 @@
+"""Making a core formula: nodes are shared, constants folded, negation pushed to the atoms as it is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+from scenegen.errors import Span
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.primitives import MATH, PRIMITIVES
+from scenegen.primitives.units import Unit
+
+# formulas that hold everywhere or nowhere; junctions swallow them, so none is left in a finished core
+TRUE = -1
+FALSE = -2
+
+MAX_NODES = 2_000_000
+
+
+class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
+    """More than MAX_NODES nodes."""
+
+
+class CoreBuilder:
+    """Nodes under construction. Every method returns the index of the node that stands for its result."""
+
+    def __init__(self, objects: Sequence[str]) -> None:
+        self.objects = tuple(objects)
+        self.nodes: list[Node] = []
+        self._index: dict[object, int] = {}
+        self._negation: dict[int, int] = {TRUE: FALSE, FALSE: TRUE}
+
+    def _add(self, node: Node, key: object = None) -> int:
+        key = node if key is None else key
+        known = self._index.get(key)
+        if known is None:
+            if len(self.nodes) >= MAX_NODES:
+                raise TooLarge
+            known = self._index[key] = len(self.nodes)
+            self.nodes.append(node)
+        return known
+
+    # ---- numbers
+
+    def const(self, value: float) -> int:
+        return self._add(Const(value), ("const", value, math.copysign(1.0, value)))
+
+    def coord(self, index: int, axis: int) -> int:
+        return self._add(Coord(index, axis))
+
+    def value(self, number: int) -> float | None:
+        """The value of a constant number, None of one that depends on the scene."""
+        node = self.nodes[number]
+        return node.value if isinstance(node, Const) else None
+
+    def apply(self, primitive: str, args: Sequence[int]) -> int:
+        """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
+        values = [self.value(arg) for arg in args]
+        if primitive == "mul" and 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
+            return args[1 - values.index(1.0)]
+        if primitive == "sub" and values[1] == 0.0:
+            return args[0]
+        known = [value for value in values if value is not None]
+        if len(known) == len(values):
+            result = float(PRIMITIVES[primitive].evaluate(MATH, *known))
+            if not math.isfinite(result):
+                raise OverflowError
+            return self.const(result)
+        if len(args) == 1 and primitive in ("min", "max"):
+            return args[0]
+        return self._add(Apply(primitive, tuple(args)))
+
+    # ---- formulas
+
+    def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
+        """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
+        margin, opposite = self.apply("sub", (upper, lower)), self.apply("sub", (lower, upper))
+        holds = self._add(Atom(margin, text, unit, spans), ("atom", margin, text))
+        fails = self._add(Atom(opposite, _negated(text), unit, spans), ("atom", opposite, _negated(text)))
+        self._negation[holds], self._negation[fails] = fails, holds
+        return holds
+
+    def junction(self, kind: Literal["min", "max"], parts: Sequence[int], text: str = "") -> int:
+        """Conjunction or disjunction of formulas; doubles are dropped, true and false decided."""
+        absorbing, neutral = (FALSE, TRUE) if kind == "min" else (TRUE, FALSE)
+        kept = tuple(dict.fromkeys(part for part in parts if part != neutral))
+        if absorbing in kept:
+            return absorbing
+        if not kept:
+            return neutral
+        if len(kept) == 1:
+            return kept[0]
+        return self._add(Junction(kind, kept, text), (kind, kept))
+
+    def negate(self, formula: int) -> int:
+        """min and max change places, atoms their sign; each node is turned once, however often it is used."""
+        stack = [formula]
+        while stack:
+            top = stack[-1]
+            if top in self._negation:
+                stack.pop()
+                continue
+            node = self.nodes[top]
+            assert isinstance(node, Junction)  # atoms are made together with their negation
+            waiting = [part for part in node.args if part not in self._negation]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            stack.pop()
+            text = _negated(node.text) if node.text else ""
+            turned = self.junction("max" if node.kind == "min" else "min", [self._negation[p] for p in node.args], text)
+            self._negation[top] = turned
+            self._negation.setdefault(turned, top)
+        return self._negation[formula]
+
+    # ---- the end
+
+    def finish(self, labels: dict[str, int]) -> Core:
+        """The core of these labels: what they do not need is left out, the order of the rest is kept."""
+        needed: set[int] = set()
+        stack = list(labels.values())
+        while stack:
+            index = stack.pop()
+            if index not in needed:
+                needed.add(index)
+                stack.extend(children(self.nodes[index]))
+        order = sorted(needed)
+        place = {old: new for new, old in enumerate(order)}
+        nodes = tuple(_moved(self.nodes[old], place) for old in order)
+        return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects)
+
+
+def _moved(node: Node, place: dict[int, int]) -> Node:
+    match node:
+        case Apply(primitive, args):
+            return Apply(primitive, tuple(place[arg] for arg in args))
+        case Junction(kind, args, text):
+            return Junction(kind, tuple(place[arg] for arg in args), text)
+        case Atom(margin, text, unit, spans):
+            return Atom(place[margin], text, unit, spans)
+        case _:
+            return node
+
+
+def _negated(text: str) -> str:
+    """`!text`, with the parentheses it needs; a double negation falls away."""
+    if text.startswith("!"):
+        inner = text[1:]
+        return inner[1:-1] if inner.startswith("(") and inner.endswith(")") else inner
+    return f"!({text})" if " <= " in text or " >= " in text else f"!{text}"

@@ -1,0 +1,98 @@
+"""The core formula: what the checker leaves of a spec, and what every reader walks.
+
+A core is a tape. A node refers only to nodes before it, so a reader is one loop over `nodes`, without recursion, and a
+sub-formula that occurs twice is stored and computed once. Numbers are Const, Coord and Apply; formulas are Atom (a
+margin: satisfied where it is >= 0) and Junction (hard min or max of formulas). Negation is already pushed to the atoms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from scenegen.errors import Span
+from scenegen.primitives.units import Unit
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Coord:
+    """Row `3 * object + axis` of (3N, B) storage; axis 0, 1, 2 is x, y, theta."""
+
+    object: int
+    axis: int
+
+    @property
+    def row(self) -> int:
+        return 3 * self.object + self.axis
+
+
+@dataclass(frozen=True, slots=True)
+class Apply:
+    """A primitive of PRIMITIVES applied to numbers."""
+
+    primitive: str
+    args: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """phi of an atom is the number at `margin`. `text` says what it is; `spans` where: the relation's use first, then
+    outwards through the definitions that it was expanded from."""
+
+    margin: int
+    text: str
+    unit: Unit
+    spans: tuple[Span, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """Conjunction ("min") or disjunction ("max") of at least two formulas; `text` names the definition it came from."""
+
+    kind: Literal["min", "max"]
+    args: tuple[int, ...]
+    text: str = ""
+
+
+Node = Const | Coord | Apply | Atom | Junction
+
+
+@dataclass(frozen=True, slots=True)
+class Core:
+    """`labels` maps each label, in order, to its formula's node; `objects` names the N objects in storage order."""
+
+    nodes: tuple[Node, ...]
+    labels: Mapping[str, int]
+    objects: tuple[str, ...]
+
+
+def children(node: Node) -> Sequence[int]:
+    """The nodes that a node is computed from."""
+    if isinstance(node, Apply | Junction):
+        return node.args
+    return (node.margin,) if isinstance(node, Atom) else ()
+
+
+def last_uses(core: Core) -> list[list[int]]:
+    """For every node, the nodes whose value nobody needs after it: what a reader may free to keep memory small."""
+    keep = set(core.labels.values())
+    last = {}
+    for index, node in enumerate(core.nodes):
+        for child in children(node):
+            last[child] = index
+    dead: list[list[int]] = [[] for _ in core.nodes]
+    for child, index in last.items():
+        if child not in keep:
+            dead[index].append(child)
+    return dead
+
+
+def objects_used(core: Core) -> set[int]:
+    """Indices of the objects that some label depends on."""
+    return {node.object for node in core.nodes if isinstance(node, Coord)}

@@ -1,0 +1,80 @@
+"""The parser, from tables that were computed ahead of time.
+
+Building an LALR parser from grammar/spec.lark takes Lark a quarter of a second, half of what `scenegen check` may take
+in all; reading finished tables takes 10 ms. The tables are JSON beside the grammar, and are used only if they were made
+from this very grammar text by this very version of Lark: otherwise the parser is built from the text. `make tables`
+rewrites them and a test holds them equal to the grammar. See docs/adr/0001-parser-tables.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cache
+from typing import Any
+
+import lark
+
+from scenegen.resources import grammar_file
+
+TABLES = "spec.tables.json"
+_OPTIONS: dict[str, Any] = {"parser": "lalr", "maybe_placeholders": False, "keep_all_tokens": True}
+
+
+def fingerprint(text: str) -> str:
+    """What finished tables must have been made from."""
+    return hashlib.sha256(f"lark {lark.__version__}\n{_OPTIONS}\n{text}".encode()).hexdigest()
+
+
+def build(text: str, **options: Any) -> lark.Lark:
+    """The parser of a grammar text, from scratch."""
+    return lark.Lark(text, **_OPTIONS, **options)
+
+
+def serialize(text: str) -> str:
+    """The tables of a grammar text as JSON."""
+    from lark.grammar import Rule
+    from lark.lexer import TerminalDef
+
+    data, memo = build(text).memo_serialize([TerminalDef, Rule])
+    tables = {"fingerprint": fingerprint(text), "data": data, "memo": memo}
+    return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
+
+
+def _whole_number_keys(pairs: dict[str, Any]) -> dict[Any, Any]:
+    """JSON turned Lark's integer keys (parser states, memo entries) into strings."""
+    return {int(key) if key.isdigit() else key: value for key, value in pairs.items()}
+
+
+@cache
+def _text() -> str:
+    return grammar_file("spec.lark").read_text(encoding="utf-8")
+
+
+@cache
+def _finished() -> Any:
+    try:
+        raw = grammar_file(TABLES).read_text(encoding="utf-8")
+        tables = json.loads(raw, object_hook=_whole_number_keys)
+        return tables if tables["fingerprint"] == fingerprint(_text()) else None
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def parser(transformer: Any) -> lark.Lark:
+    """A parser that hands each reduced rule to the method of that name of `transformer`."""
+    tables = _finished()
+    if tables is None:
+        return build(_text(), transformer=transformer)
+    load: Any = lark.Lark._load_from_dict  # what Lark's own standalone parsers call
+    loaded: lark.Lark = load(tables["data"], tables["memo"], transformer=transformer)
+    return loaded
+
+
+def main() -> None:
+    """Rewrite the tables (`make tables`)."""
+    grammar_file(TABLES).write_text(serialize(_text()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

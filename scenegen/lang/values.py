@@ -1,0 +1,69 @@
+"""What an expression stands for while the checker expands it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from scenegen.errors import Diagnostic, Span, SpecError
+from scenegen.primitives.units import BARE, Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Value:
+    """`origin` is where the user wrote it; `role` is what it was given as, e.g. "argument `a` of `closeTo`"."""
+
+    kind: ClassVar[str] = "a value"
+    origin: Span = field(compare=False)
+    role: str = field(compare=False, default="")
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectValue(Value):
+    kind: ClassVar[str] = "an object"
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class PointValue(Value):
+    """A fixed or computed place; x and y are numbers of the core."""
+
+    kind: ClassVar[str] = "a point"
+    x: int
+    y: int
+
+
+@dataclass(frozen=True, slots=True)
+class NumberValue(Value):
+    kind: ClassVar[str] = "a number"
+    node: int
+    unit: Unit = BARE
+
+
+@dataclass(frozen=True, slots=True)
+class FormulaValue(Value):
+    kind: ClassVar[str] = "a formula"
+    node: int
+
+
+@dataclass(frozen=True, slots=True)
+class AnyValue(Value):
+    """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
+
+
+def wrong_kind(value: Value, wanted: str, place: str) -> SpecError:
+    """The diagnostic for a value of the wrong kind; `place` says what wanted it where the value has no role."""
+    title = f"{value.role or place} must be {wanted}, not {value.kind}"
+    return SpecError(Diagnostic(title, value.origin, f"this is {value.kind}", _remedy(value, wanted)))
+
+
+def _remedy(value: Value, wanted: str) -> str:
+    if wanted == "a formula" and isinstance(value, NumberValue):
+        return "compare it with something: ... <= 0.25"
+    if wanted == "a formula" and isinstance(value, ObjectValue):
+        return f"say something about it: leftOf({value.origin.text}, plate)"
+    if wanted == "a number" and isinstance(value, ObjectValue):
+        return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
+    if "object" in wanted and isinstance(value, NumberValue):
+        return "name an object, or write a point: (0.5, 0.2)"
+    return ""

@@ -1,0 +1,21 @@
+"""Scalar primitives of the language: each written once, over any array namespace, beside its unit and interval rule."""
+
+from scenegen.primitives.interval import Interval
+from scenegen.primitives.namespace import MATH, NUMPY, Namespace
+from scenegen.primitives.table import PRIMITIVES, Primitive, Shape
+from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, UnitMismatch
+
+__all__ = [
+    "ANGLE",
+    "BARE",
+    "LENGTH",
+    "MATH",
+    "NUMPY",
+    "PRIMITIVES",
+    "Interval",
+    "Namespace",
+    "Primitive",
+    "Shape",
+    "Unit",
+    "UnitMismatch",
+]

@@ -1,0 +1,91 @@
+"""The table of scalar primitives. A new one is one entry here; every reader of the core formula picks it up.
+
+`x`, `y` and `theta` read a coordinate of an object and have no entry: they are the leaves of the core formula.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from scenegen.primitives import interval as iv
+from scenegen.primitives.interval import Interval
+from scenegen.primitives.namespace import Namespace
+from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, over, times
+
+TWO_PI = 2.0 * math.pi
+
+Shape = Literal["number", "place"]
+"""What an argument is in the language; a place (an object or a point) reaches the primitive as two numbers, x and y."""
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """One scalar function of the language.
+
+    evaluate(ns, *numbers) computes it over the namespace `ns`; interval(*intervals) bounds it; unit(*units) gives the
+    result's unit from one unit per argument or raises UnitMismatch. `operator` is set for those written infix.
+    """
+
+    name: str
+    params: tuple[Shape, ...]
+    evaluate: Callable[..., Any]
+    interval: Callable[..., Interval]
+    unit: Callable[..., Unit]
+    doc: str
+    variadic: bool = False
+    operator: str = ""
+
+
+def _wrap(ns: Namespace, a: Any) -> Any:
+    return a - TWO_PI * ns.ceil((a - math.pi) / TWO_PI)
+
+
+def _dist(ns: Namespace, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+    return ns.hypot(ax - bx, ay - by)
+
+
+def _fold(function: str) -> Callable[..., Any]:
+    def evaluate(ns: Namespace, first: Any, *rest: Any) -> Any:
+        step = getattr(ns, function)
+        for value in rest:
+            first = step(first, value)
+        return first
+
+    return evaluate
+
+
+def _angle_in(result: Unit) -> Callable[[Unit], Unit]:
+    def unit(argument: Unit) -> Unit:
+        agree(argument, ANGLE)
+        return result
+
+    return unit
+
+
+PRIMITIVES: dict[str, Primitive] = {
+    primitive.name: primitive
+    for primitive in (
+        Primitive("add", ("number", "number"), lambda ns, a, b: a + b, iv.add, agree, "a + b", operator="+"),
+        Primitive("sub", ("number", "number"), lambda ns, a, b: a - b, iv.sub, agree, "a - b", operator="-"),
+        Primitive("mul", ("number", "number"), lambda ns, a, b: a * b, iv.mul, times, "a * b", operator="*"),
+        Primitive("div", ("number", "number"), lambda ns, a, b: a / b, iv.div, over, "a / constant", operator="/"),
+        Primitive("neg", ("number",), lambda ns, a: -a, iv.neg, lambda u: u, "-a", operator="-"),
+        Primitive(
+            "dist",
+            ("place", "place"),
+            _dist,
+            lambda ax, ay, bx, by: iv.hypot(iv.sub(ax, bx), iv.sub(ay, by)),
+            lambda a, b: LENGTH,
+            "Euclidean distance between two centres or points, in metres",
+        ),
+        Primitive("wrap", ("number",), _wrap, iv.wrap, _angle_in(ANGLE), "an angle brought to (-pi, pi]"),
+        Primitive("abs", ("number",), lambda ns, a: ns.absolute(a), iv.absolute, lambda u: u, "absolute value"),
+        Primitive("min", ("number",), _fold("minimum"), iv.minimum, agree, "the smallest argument", variadic=True),
+        Primitive("max", ("number",), _fold("maximum"), iv.maximum, agree, "the largest argument", variadic=True),
+        Primitive("sin", ("number",), lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle"),
+        Primitive("cos", ("number",), lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle"),
+    )
+}

@@ -1,0 +1,83 @@
+"""Units of scalar expressions, as powers of metre and radian.
+
+A bare number takes its unit from its place (design.md, section 3), so `BARE` agrees with every unit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+# unit suffix of a quantity -> (multiplier, divisor) to metres or radians, whether it is an angle. Dividing by 100, not
+# multiplying by 0.01, makes `7 cm` the same number as `0.07`.
+_UNITS: dict[str, tuple[float, float, bool]] = {
+    "m": (1.0, 1.0, False),
+    "cm": (1.0, 100.0, False),
+    "mm": (1.0, 1000.0, False),
+    "rad": (1.0, 1.0, True),
+    "deg": (math.pi, 180.0, True),
+    "turn": (2.0 * math.pi, 1.0, True),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """metre^length * radian^angle."""
+
+    length: int = 0
+    angle: int = 0
+
+    def __str__(self) -> str:
+        parts = [
+            name if power == 1 else f"{name}^{power}"
+            for name, power in (("m", self.length), ("rad", self.angle))
+            if power
+        ]
+        return " ".join(parts)
+
+    @property
+    def words(self) -> str:
+        """The unit as people say it."""
+        known = {LENGTH: "a length", ANGLE: "an angle", BARE: "a plain number", Unit(2, 0): "an area"}
+        return known.get(self, f"a quantity in {self}")
+
+
+BARE = Unit()
+LENGTH = Unit(length=1)
+ANGLE = Unit(angle=1)
+
+
+class UnitMismatch(Exception):  # noqa: N818 - a signal between primitives and the checker, which words the diagnostic
+    """Two units that cannot be added or compared."""
+
+    def __init__(self, left: Unit, right: Unit) -> None:
+        super().__init__(left, right)
+        self.left, self.right = left, right
+
+
+def agree(*units: Unit) -> Unit:
+    """The common unit of numbers that are added or compared. Raises UnitMismatch where there is none."""
+    result = BARE
+    for unit in units:
+        if unit == BARE:
+            continue
+        if result not in (BARE, unit):
+            raise UnitMismatch(result, unit)
+        result = unit
+    return result
+
+
+def times(left: Unit, right: Unit) -> Unit:
+    return Unit(left.length + right.length, left.angle + right.angle)
+
+
+def over(left: Unit, right: Unit) -> Unit:
+    return Unit(left.length - right.length, left.angle - right.angle)
+
+
+def quantity(number: str, suffix: str) -> tuple[float, Unit]:
+    """The value in metres or radians and the unit of a number as written, e.g. ("25", "cm") -> (0.25, LENGTH)."""
+    if not suffix:
+        return float(number), BARE
+    multiplier, divisor, is_angle = _UNITS[suffix]
+    return float(number) * multiplier / divisor, ANGLE if is_angle else LENGTH

@@ -1,0 +1,1 @@
+"""Where scenes live: the workspace, and the pydantic models of scene files."""

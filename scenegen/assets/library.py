@@ -1,0 +1,131 @@
+"""The asset library: real sizes in metres, one row per object.
+
+The name of an object picks its row; an array element `block[3]` and a numbered name `block3` or `fork_2` pick the row
+of their stem. A name that the library does not know gets a block in a colour of its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from scenegen.assets import flat, vessels
+from scenegen.assets.palette import RGB, shade, stable
+from scenegen.assets.parts import Part
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A round footprint; `radius` in metres. A handle counts: the circle is the one that it sweeps."""
+
+    radius: float
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Size along and across the heading, in metres."""
+        return 2.0 * self.radius, 2.0 * self.radius
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangular footprint: `length` along the heading, `width` across it, in metres."""
+
+    length: float
+    width: float
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Size along and across the heading, in metres."""
+        return self.length, self.width
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """One kind of object: its footprint, height in metres, main colour (RGB in 0..1) and how its parts are made."""
+
+    name: str
+    footprint: Circle | Box
+    height: float
+    color: RGB
+    build: Callable[[RGB], tuple[Part, ...]]
+
+    def parts(self, color: RGB | None = None) -> tuple[Part, ...]:
+        """Coloured closed meshes in the object's frame: centre of the footprint at the origin, z = 0 the table, heading
+        along +x. `color` takes the place of the main colour. Made anew on every call."""
+        return self.build(color or self.color)
+
+
+UNKNOWN = "block"
+
+ASSETS: dict[str, Asset] = {
+    asset.name: asset
+    for asset in (
+        Asset("plate", Circle(0.125), 0.022, (0.95, 0.95, 0.94), vessels.plate),
+        Asset("bowl", Circle(0.080), 0.060, (0.30, 0.53, 0.72), vessels.bowl),
+        Asset("mug", Circle(0.062), 0.095, (0.80, 0.25, 0.20), vessels.mug),
+        Asset("cup", Circle(0.060), 0.075, (0.93, 0.72, 0.22), vessels.cup),
+        Asset("glass", Circle(0.035), 0.125, (0.66, 0.83, 0.90), vessels.glass),
+        Asset("bottle", Circle(0.036), 0.230, (0.15, 0.42, 0.27), vessels.bottle),
+        Asset("can", Circle(0.033), 0.115, (0.76, 0.13, 0.20), vessels.can),
+        Asset("jar", Circle(0.040), 0.120, (0.84, 0.50, 0.14), vessels.jar),
+        Asset("apple", Circle(0.037), 0.072, (0.76, 0.14, 0.13), vessels.apple),
+        Asset("fork", Box(0.190, 0.028), 0.010, (0.52, 0.55, 0.61), flat.fork),
+        Asset("knife", Box(0.220, 0.022), 0.010, (0.62, 0.65, 0.70), flat.knife),
+        Asset("spoon", Box(0.180, 0.038), 0.012, (0.54, 0.57, 0.63), flat.spoon),
+        Asset("napkin", Box(0.150, 0.150), 0.004, (0.40, 0.62, 0.55), flat.napkin),
+        Asset("crackerbox", Box(0.160, 0.060), 0.210, (0.76, 0.19, 0.15), flat.crackerbox),
+        Asset("book", Box(0.210, 0.150), 0.025, (0.22, 0.36, 0.60), flat.book),
+        Asset("block", Box(0.050, 0.050), 0.050, (0.88, 0.38, 0.16), flat.block),
+    )
+}
+
+
+def stem(name: str) -> str:
+    """`block` for `block[3]`, `block3` and `block_3`; other names are their own stem."""
+    return re.sub(r"(\[\d+\]|_?\d+)$", "", name)
+
+
+def _known(name: str) -> str | None:
+    return next((word for word in (name, stem(name), stem(name).lower().replace("_", "")) if word in ASSETS), None)
+
+
+def asset_of(name: str) -> Asset:
+    """The asset an object's name picks; the `block` of the library where the name is not in it."""
+    return ASSETS[_known(name) or UNKNOWN]
+
+
+def shape_of(name: str) -> dict[str, object]:
+    """The `shape` of an object of that name as scene files hold it: asset, footprint and height in metres."""
+    asset = asset_of(name)
+    match asset.footprint:
+        case Circle(radius):
+            footprint: dict[str, object] = {"kind": "circle", "radius": radius}
+        case Box(length, width):
+            footprint = {"kind": "box", "length": length, "width": width}
+    return {"asset": asset.name, "footprint": footprint, "height": asset.height}
+
+
+def colors_of(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
+    """The main colour of every object of a scene, given as (name, asset), in the order given.
+
+    An object whose name is its asset's has the asset's own colour; further objects of that asset get shades that can be
+    told apart. A name that the library does not know gets a colour of its own. No two objects of an asset share one.
+    """
+    counts: dict[str, int] = {}
+    for name, asset in objects:
+        if _known(name) == asset:
+            counts[asset] = counts.get(asset, 0) + 1
+    seen: dict[str, int] = {}
+    taken: dict[str, list[RGB]] = {}
+    colors: list[RGB] = []
+    for name, asset in objects:
+        used = taken.setdefault(asset, [])
+        if _known(name) == asset:
+            color = shade(ASSETS[asset].color, seen.get(asset, 0), counts[asset])
+            seen[asset] = seen.get(asset, 0) + 1
+        else:
+            color = stable(name, used)
+        used.append(color)
+        colors.append(color)
+    return tuple(colors)

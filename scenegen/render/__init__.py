@@ -1,0 +1,20 @@
+"""Headless pictures of scenes. Importing this loads neither pybullet nor Pillow; names are looked up at first use."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__all__ = ["VIEWS", "Rendered", "render_scenes"]
+
+if TYPE_CHECKING:
+    from scenegen.render.camera import VIEWS
+    from scenegen.render.scenes import Rendered, render_scenes
+
+_HOMES = {"VIEWS": "camera", "Rendered": "scenes", "render_scenes": "scenes"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'scenegen.render' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"scenegen.render.{_HOMES[name]}"), name)

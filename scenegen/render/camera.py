@@ -1,0 +1,140 @@
+"""Cameras: view and projection matrices, and where a point of the table falls in a picture.
+
+World: metres, x to the right, y away from the viewer, z up. Pictures: (0, 0) is the upper left corner, x grows to the
+right and y downwards, in pixels. Nothing else in scenegen turns one into the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+VIEWS = ("top", "perspective")
+
+FIELD = math.radians(32.0)  # height of the perspective picture, as an angle
+SLOPE = math.radians(50.0)  # how far the perspective camera looks down from the horizontal
+ROOM = {"top": 0.955, "perspective": 0.955}  # share of the picture that what is framed may fill
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """`view` (4, 4) takes world to eye coordinates, `projection` (4, 4) those to clip coordinates; size in pixels."""
+
+    view: Floats
+    projection: Floats
+    size: tuple[int, int]
+
+    def project(self, points: npt.ArrayLike) -> Floats:
+        """(P, 3) points in metres -> (P, 2) pixels, columns then rows, continuous, from the upper left corner."""
+        world = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        clip = np.column_stack([world, np.ones(len(world))]) @ (self.projection @ self.view).T
+        ndc = clip[:, :2] / clip[:, 3:]
+        return np.column_stack([(ndc[:, 0] + 1.0) / 2.0 * self.size[0], (1.0 - ndc[:, 1]) / 2.0 * self.size[1]])
+
+    @property
+    def orthographic(self) -> bool:
+        return bool(self.projection[3, 3] == 1.0)
+
+    def resized(self, size: tuple[int, int]) -> Camera:
+        """The same view with another number of pixels."""
+        return Camera(self.view, self.projection, size)
+
+    def rays(self, columns: npt.ArrayLike, rows: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Origins and directions, (..., 3) each, of the lines seen at pixels; depth 1 is one direction further on."""
+        ndc_x = 2.0 * np.asarray(columns, dtype=np.float64) / self.size[0] - 1.0
+        ndc_y = 1.0 - 2.0 * np.asarray(rows, dtype=np.float64) / self.size[1]
+        right, up, back = self.view[:3, :3]
+        eye = -np.linalg.solve(self.view[:3, :3], self.view[:3, 3])
+        across, along = ndc_x / self.projection[0, 0], ndc_y / self.projection[1, 1]
+        slope = across[..., None] * right + along[..., None] * up
+        if self.orthographic:
+            return eye + slope, np.broadcast_to(-back, slope.shape)
+        return np.broadcast_to(eye, slope.shape), slope - back
+
+    def depth(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Distance along the view direction, in metres, of pybullet's depth buffer, which it fills by the formula for
+        perspective whatever the projection is."""
+        scale, offset = float(self.projection[2, 2]), float(self.projection[2, 3])
+        near, far = (scale - 1.0) / offset, (scale + 1.0) / offset  # reciprocals of the planes
+        return np.asarray(1.0 / (near - buffer * np.float32(near - far)), dtype=np.float32)
+
+
+def _orthographic(half_width: float, half_height: float, near: float, far: float) -> Floats:
+    return np.array(
+        [
+            [1.0 / half_width, 0.0, 0.0, 0.0],
+            [0.0, 1.0 / half_height, 0.0, 0.0],
+            # pybullet reads the planes from this row by the formula for perspective, whatever the last row says.
+            [0.0, 0.0, -(far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def _perspective(tan_x: float, tan_y: float, near: float, far: float) -> Floats:
+    return np.array(
+        [
+            [1.0 / tan_x, 0.0, 0.0, 0.0],
+            [0.0, 1.0 / tan_y, 0.0, 0.0],
+            [0.0, 0.0, -(far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
+
+
+def _view(eye: Floats, right: Floats, up: Floats, forward: Floats) -> Floats:
+    view = np.eye(4)
+    view[:3, :3] = np.stack([right, up, -forward])
+    view[:3, 3] = -view[:3, :3] @ eye
+    return view
+
+
+def downwards(low: Sequence[float], high: Sequence[float], size: tuple[int, int], shear: Sequence[float]) -> Camera:
+    """Straight down on the rectangle from (x, y) `low` to `high`, x to the right and y up.
+
+    `shear` slides what is at height z by z * shear, as a slanting light slides shadows. It sees heights from minus one
+    to plus three times the rectangle's longer side.
+    """
+    width, height = high[0] - low[0], high[1] - low[1]
+    longer = max(width, height)
+    eye = np.array([(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, 4.0 * longer])
+    view = _view(eye, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, -1.0]))
+    slide = np.eye(4)
+    slide[:2, 2] = shear
+    return Camera(view @ slide, _orthographic(width / 2.0, height / 2.0, longer, 5.0 * longer), size)
+
+
+def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
+    """The camera of a view that shows all of (P, 3) `points` as large as the picture allows."""
+    aspect = size[0] / size[1]
+    low, high = points.min(axis=0), points.max(axis=0)
+    if view == "top":
+        centre = (low[:2] + high[:2]) / 2.0
+        half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / ROOM[view]
+        reach = np.array([half * aspect, half])
+        return downwards(list(centre - reach), list(centre + reach), size, (0.0, 0.0))
+    forward = np.array([0.0, math.cos(SLOPE), -math.sin(SLOPE)])
+    right = np.array([1.0, 0.0, 0.0])
+    up = np.cross(right, forward)
+    tan_y = math.tan(FIELD / 2.0)
+    tan_x = tan_y * aspect
+    ahead = points @ forward
+
+    def fit(axis: Floats, tangent: float) -> tuple[float, float]:
+        # Every point inside the view's two planes on this axis: how far back the eye must be, and where along the axis.
+        along = points @ axis
+        above, below = float((along - tangent * ahead).max()), float((-along - tangent * ahead).max())
+        return -(above + below) / (2.0 * tangent), (above - below) / 2.0
+
+    back_x, at_x = fit(right, tan_x * ROOM[view])
+    back_y, at_y = fit(up, tan_y * ROOM[view])
+    back = min(back_x, back_y)
+    eye = at_x * right + at_y * up + back * forward
+    near, far = float(ahead.min()) - back, float(ahead.max()) - back
+    return Camera(_view(eye, right, up, forward), _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)

@@ -1,0 +1,93 @@
+"""Names pick assets, sizes hold, colours tell objects apart."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from scenegen.assets import ASSETS, Box, Circle, asset_of, colors_of, shape_of, stem
+from scenegen.scene.data import ShapeData
+
+
+@pytest.mark.parametrize(
+    ("name", "asset"),
+    [
+        ("mug", "mug"), ("block[3]", "block"), ("fork_2", "fork"), ("knife7", "knife"), ("Cracker_Box", "crackerbox"),
+        ("gizmo", "block"), ("mugs", "block"), ("", "block"),
+    ],
+)  # fmt: skip
+def test_a_name_picks_its_asset(name, asset):
+    assert asset_of(name).name == asset
+
+
+def test_the_stem_drops_numbers_only_at_the_end():
+    assert [stem(name) for name in ("block[12]", "block_3", "a1b", "x")] == ["block", "block", "a1b", "x"]
+
+
+@pytest.mark.parametrize("asset", ASSETS.values(), ids=lambda asset: asset.name)
+def test_meshes_are_closed_and_stay_within_footprint_and_height(asset):
+    parts = asset.parts()
+    assert len(parts) >= 2  # one colour alone is not recognisable
+    vertices = np.concatenate([part.mesh.vertices for part in parts])
+    assert np.isfinite(vertices).all()
+    for part in parts:
+        assert part.mesh.closed
+        assert part.mesh.volume > 0.0  # triangles face outwards
+        assert all(0.0 <= channel <= 1.0 for channel in part.color)
+        assert len(part.mesh.faces) * 3 < 8192  # pybullet's limit for meshes in memory on some systems
+    match asset.footprint:
+        case Circle(radius):
+            reach = np.hypot(vertices[:, 0], vertices[:, 1]) / radius
+        case Box(length, width):
+            reach = np.maximum(np.abs(vertices[:, 0]) * 2 / length, np.abs(vertices[:, 1]) * 2 / width)
+    assert 0.97 < reach.max() < 1.0 + 1e-9
+    assert abs(vertices[:, 2].min()) < 1e-12
+    assert 0.97 * asset.height < vertices[:, 2].max() < asset.height + 1e-9
+
+
+@pytest.mark.parametrize("asset", ASSETS.values(), ids=lambda asset: asset.name)
+def test_every_asset_shows_its_heading(asset):
+    """Turned by a half, an asset does not look the same."""
+
+    def corners(vertices, sign):
+        return {tuple(row) for row in (vertices * (sign, sign, 1)).round(5).tolist()}
+
+    assert any(corners(part.mesh.vertices, 1) != corners(part.mesh.vertices, -1) for part in asset.parts())
+
+
+def test_shapes_are_what_scene_files_hold():
+    for name in ("plate", "fork", "nobody knows"):
+        shape = ShapeData.model_validate(shape_of(name))
+        assert (shape.asset, shape.height) == (asset_of(name).name, asset_of(name).height)
+
+
+def test_the_main_color_can_be_chosen():
+    for asset in ASSETS.values():
+        own, other = asset.parts(), asset.parts((0.1, 0.8, 0.3))
+        assert sum(a.color != b.color for a, b in zip(own, other, strict=True)) >= 1, asset.name
+        assert [part.color for part in asset.parts(asset.color)] == [part.color for part in own]
+
+
+def test_an_unknown_name_keeps_its_color():
+    alone = colors_of([("gizmo", "block")])
+    assert alone == colors_of([("gizmo", "block"), ("mug", "mug")])[:1]
+    assert alone != colors_of([("lamp", "block")])
+
+
+@pytest.mark.parametrize(
+    "objects",
+    [
+        [(f"block[{k}]", "block") for k in range(1, 8)],
+        [(f"thing{k}", "block") for k in range(12)],
+        [("fork", "fork"), ("fork_2", "fork"), ("fork_3", "fork")],
+        [("block", "block"), ("gizmo", "block"), ("wrench", "block"), ("block2", "block")],
+    ],
+)
+def test_objects_of_one_asset_can_be_told_apart(objects):
+    for a, b in itertools.combinations(colors_of(objects), 2):
+        assert np.abs(np.subtract(a, b)).max() > 0.08
+
+
+def test_thirty_objects_of_one_asset_all_differ():
+    for objects in ([(f"thing{k}", "block") for k in range(30)], [(f"mug{k}", "mug") for k in range(30)]):
+        assert len(set(colors_of(objects))) == 30

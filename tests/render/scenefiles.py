@@ -1,0 +1,33 @@
+"""Scene files for the tests of this folder."""
+
+import hashlib
+
+from scenegen.assets import shape_of
+from scenegen.scene.data import (
+    ObjectData,
+    Pose,
+    RequestData,
+    SceneData,
+    SceneFile,
+    ShapeData,
+    SpecRef,
+    WorkspaceData,
+)
+
+
+def scene_file(names, poses, x=(0.0, 1.0), y=(0.0, 1.0), phi=None, source="leftOf(mug, plate)\n", asked=None):
+    """`poses`: for every scene, one (x, y, theta) per name."""
+    return SceneFile(
+        spec=SpecRef(source=source, sha256=hashlib.sha256(source.encode()).hexdigest()),
+        workspace=WorkspaceData(x=x, y=y),
+        objects=[ObjectData(name=name, shape=ShapeData.model_validate(shape_of(name))) for name in names],
+        sampler={"method": "rejection", "seed": 0},
+        request=RequestData(phi=asked or {"task": (0.05, 0.2), "safe": (0.0, None)}, n=max(1, len(poses))),
+        scenes=[
+            SceneData(
+                poses={name: Pose(x=x, y=y, theta=t) for name, (x, y, t) in zip(names, rows, strict=True)},
+                phi=phi or {"task": 0.12, "safe": -0.31},
+            )
+            for rows in poses
+        ],
+    )

@@ -1,0 +1,171 @@
+"""render_scenes: files, names, order, the same bytes from any number of workers, and nothing left after a failure."""
+
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenegen.assets import ASSETS
+from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
+from scenegen.render import pool, render_scenes, scenes
+
+from .scenefiles import scene_file
+
+SIZE = (96, 72)
+NAMES = ("mug", "plate")
+THREE = [[(0.2, 0.3, 0.1), (0.7, 0.6, 0.0)], [(0.4, 0.4, 0.1), (0.7, 0.2, 0.0)], [(0.9, 0.9, 1.0), (0.1, 0.1, 0.0)]]
+
+
+def test_names_order_sizes_and_progress(tmp_path):
+    seen = []
+    done = render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE, progress=lambda *at: seen.append(at))
+    names = [f"scene_{number:04d}_{view}.png" for number in (1, 2, 3) for view in ("top", "perspective")]
+    assert [path.name for path in done.pictures] == names
+    assert done.sheet == tmp_path / "out" / "contact_sheet.png"
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted([*names, "contact_sheet.png"])
+    for path in done.pictures:
+        with Image.open(path) as picture:
+            assert (picture.size, picture.mode, picture.format) == (SIZE, "RGB", "PNG")
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_one_worker_and_two_give_the_same_bytes(tmp_path):
+    file = scene_file(NAMES, THREE)
+    one = render_scenes(file, tmp_path / "one", size=SIZE, workers=1)
+    two = render_scenes(file, tmp_path / "two", size=SIZE, workers=2)
+    for a, b in zip((*one.pictures, one.sheet), (*two.pictures, two.sheet), strict=True):
+        assert a.read_bytes() == b.read_bytes()
+    assert len({path.read_bytes() for path in one.pictures}) == 6  # and they are six pictures, not one
+
+
+def test_every_asset_shows_up_in_its_colors(tmp_path):
+    """A scene with one asset differs from the bare table where the asset stands, in both views."""
+    names = list(ASSETS)
+    aside = 60.0  # far off the table
+    rows = [
+        [(0.1, 0.1, 0.5) if k == shown else (aside, aside, 0.0) for k in range(len(names))]
+        for shown in range(len(names))
+    ]
+    rows.append([(aside, aside, 0.0)] * len(names))
+    done = render_scenes(scene_file(names, rows, x=(0.0, 0.2), y=(0.0, 0.2)), tmp_path, size=SIZE)
+    pictures = [np.asarray(Image.open(path)).astype(int) for path in done.pictures]
+    for k, name in enumerate(names):
+        for view in (0, 1):
+            changed = np.abs(pictures[2 * k + view] - pictures[-2 + view]).max(axis=2) > 12
+            assert changed.sum() > 30, name
+
+
+@pytest.mark.parametrize("count", [1, 30])
+@pytest.mark.parametrize(("x", "y"), [((-0.5, 0.5), (-0.3, 0.9)), ((0.0, 20.0), (0.0, 10.0))])
+def test_any_number_of_objects_on_any_workspace(tmp_path, count, x, y):
+    spots = np.linspace(0.0, 1.2, count)  # the last ones stand off the workspace
+    row = [(x[0] + s * (x[1] - x[0]), y[0] + s * (y[1] - y[0]), 6.0 * s) for s in spots]
+    done = render_scenes(scene_file([f"obj{k}" for k in range(count)], [row], x=x, y=y), tmp_path, size=SIZE)
+    for path in done.pictures:
+        assert np.asarray(Image.open(path)).std() > 5
+
+
+def test_poses_beyond_all_measure_are_drawn_without_harm(tmp_path):
+    done = render_scenes(scene_file(NAMES, [[(1e300, -1e300, 1e9), (0.5, 0.5, 0.0)]]), tmp_path, size=SIZE)
+    assert len(done.pictures) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"views": ("Top",)}, "did you mean `top`?"),
+        ({"views": ("perspectve",)}, "did you mean `perspective`?"),
+        ({"views": ("zzz",)}, "`top` and `perspective`"),
+        ({"views": ()}, "no view"),
+        ({"size": (15, 480)}, "16 to 4096"),
+        ({"size": (640, 4097)}, "16 to 4096"),
+        ({"workers": 0}, "0 workers"),
+    ],
+)
+def test_bad_requests_are_refused_before_anything_is_written(tmp_path, options, words):
+    with pytest.raises(RequestError, match=words):
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_data_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(DataError, match="no scenes"):
+        render_scenes(scene_file(NAMES, []), tmp_path / "out")
+    with pytest.raises(DataError, match="workspace is empty"):
+        render_scenes(scene_file(NAMES, THREE, x=(1.0, 1.0)), tmp_path / "out")
+    data = scene_file(NAMES, THREE).model_dump()
+    del data["scenes"][1]["poses"]["plate"]
+    with pytest.raises(DataError, match="scene 2 has no pose for `plate`"):
+        render_scenes(type(scene_file(NAMES, THREE)).model_validate(data), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    with pytest.raises(OutputError, match="does not exist"):
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "no" / "such")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError):
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "file")
+
+
+@pytest.mark.parametrize("after", [3, 6])
+def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
+    """`after` = 6 is the contact sheet."""
+    real, written = scenes.write_whole, []
+
+    def full(path, data):
+        if len(written) == after:
+            raise OutputError(Diagnostic(f"cannot write {path}: no space left on device"))
+        real(path, data)
+        written.append(path)
+
+    monkeypatch.setattr(scenes, "write_whole", full)
+    with pytest.raises(OutputError, match="no space"):
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE)
+    assert len(written) == after
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_failure_leaves_other_files_alone(tmp_path, monkeypatch):
+    (tmp_path / "notes.txt").write_text("mine")
+
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render_scenes(scene_file(NAMES, THREE), tmp_path, size=SIZE, progress=stop)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_worker_that_dies_is_a_diagnostic(tmp_path, monkeypatch):
+    monkeypatch.setattr(pool, "_PROGRAM", "import sys; sys.exit('out of paint')")
+    with pytest.raises(ScenegenError, match="out of paint"):
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE)
+    assert not (tmp_path / "out").exists()
+
+
+def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path):
+    """No banner of pybullet, no pybullet in the caller, and no need for `if __name__ == "__main__"`."""
+    (tmp_path / "file.json").write_text(scene_file(NAMES, THREE).model_dump_json())
+    (tmp_path / "script.py").write_text(
+        textwrap.dedent(
+            """
+            import sys
+            import scenegen.render
+            assert not {"pybullet", "PIL"} & set(sys.modules)
+            import torch
+            from pathlib import Path
+            from scenegen.scene.data import SceneFile
+            torch.ones(200, 200) @ torch.ones(200, 200)
+            file = SceneFile.model_validate_json(Path("file.json").read_text())
+            done = scenegen.render.render_scenes(file, Path("out"), size=(32, 24), workers=2)
+            assert "pybullet" not in sys.modules
+            print(len(done.pictures))
+            """
+        )
+    )
+    ran = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "6\n", "")

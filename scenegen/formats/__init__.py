@@ -1,0 +1,1 @@
+"""Scene files: one module per format, one line in the table."""

@@ -1,0 +1,108 @@
+"""Reading and writing files so that they appear whole or not at all, with a diagnostic for whatever goes wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from scenegen.errors import DataError, Diagnostic, OutputError
+
+_WRITE_HELP = {
+    errno.ENOENT: "the folder does not exist; create it first, or name one that is there",
+    errno.ENOTDIR: "a part of the path is a file, not a folder",
+    errno.EISDIR: "this is a folder; name a file in it",
+    errno.EACCES: "you may not write there; choose another folder",
+    errno.EPERM: "you may not write there; choose another folder",
+    errno.EROFS: "that file system is read-only; choose another folder",
+    errno.ENOSPC: "the disk is full; nothing was left behind",
+    errno.EDQUOT: "your quota on that disk is used up; nothing was left behind",
+}
+
+
+def output_error(path: Path, error: OSError) -> OutputError:
+    """The diagnostic for a path that could not be written."""
+    reason = (error.strerror or str(error)).lower()
+    return OutputError(
+        Diagnostic(f"cannot write {path}: {reason}", help=_WRITE_HELP.get(error.errno or 0, "choose another place"))
+    )
+
+
+def check_writable(path: Path) -> None:
+    """Refuse, before any work is done, an output file whose folder is missing or read-only. Raises OutputError."""
+    if path.is_dir():
+        raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
+    # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
+    with _reported(path), tempfile.TemporaryFile(dir=path.parent):
+        pass
+
+
+def ensure_folder(path: Path) -> None:
+    """Make an output folder (its parent must be there) and check that it can be written to. Raises OutputError."""
+    with _reported(path):
+        path.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+
+
+@contextlib.contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
+    with _reported(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(temporary).chmod(0o666 & ~_umask())
+            Path(temporary).replace(path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                Path(temporary).unlink()
+            raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
+    """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"). Raises DataError."""
+    try:
+        if path.exists() and not path.is_file():
+            kind = "a folder" if path.is_dir() else "not a regular file"
+            raise DataError(Diagnostic(f"cannot read {path}: it is {kind}", help=f"name {what} instead"))
+        size = path.stat().st_size
+        if limit is not None and size > limit:
+            raise DataError(Diagnostic(f"cannot read {path}: {size:,} bytes; the limit is {limit:,}"))
+        return path.read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DataError(Diagnostic(f"cannot read {path}: {reason}", help=missing_help(path, what))) from error
+
+
+def missing_help(path: Path, what: str) -> str:
+    """A neighbour with a similar name, where there is one."""
+    import difflib
+
+    with contextlib.suppress(OSError):
+        siblings = [sibling.name for sibling in path.parent.iterdir() if sibling.is_file()]
+        close = difflib.get_close_matches(path.name, siblings, n=1, cutoff=0.6)
+        if close and close[0] != path.name:
+            return f"did you mean `{path.parent / close[0]}`?"
+    return f"check the path; {what} was expected there"

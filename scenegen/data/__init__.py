@@ -1,0 +1,1 @@
+"""Data sets: scenes labelled with phi, for training. `table` lists them and imports no torch."""

@@ -1,0 +1,37 @@
+"""The table of data sets. A new one is one file and one line here."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Protocol
+
+from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+
+if TYPE_CHECKING:
+    import torch
+
+    from scenegen.data.dataset import Dataset
+    from scenegen.lang.spec import CheckedSpec
+
+
+class DatasetMaker(Protocol):
+    """Makes `scenes` labelled scenes for a spec; the generator (a CPU one) alone decides the outcome."""
+
+    def __call__(self, spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset: ...
+
+
+# Text, not functions: `scenegen train --help` lists them without importing torch.
+DATASETS: dict[str, str] = {
+    "uniform": "scenegen.data.uniform:uniform",
+    "boosted": "scenegen.data.boosted:boosted",
+}
+
+
+def dataset_maker(name: str) -> DatasetMaker:
+    """The function of a data set by name. Raises RequestError, with the nearest name, for one not in DATASETS."""
+    if name not in DATASETS:
+        otherwise = f"the data sets are {quoted(DATASETS)}"
+        raise RequestError(Diagnostic(f"unknown data set `{name}`", help=suggest(name, DATASETS, otherwise)))
+    module, _, attribute = DATASETS[name].partition(":")
+    maker: DatasetMaker = getattr(importlib.import_module(module), attribute)
+    return maker

@@ -1,0 +1,139 @@
+"""What every model is: the contract that one test runs over the whole table."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import torch
+from pydantic import BaseModel, ConfigDict
+from torch import Tensor, nn
+
+from scenegen.errors import DataError, Diagnostic
+from scenegen.models.mlp import Mlp
+
+
+class Hyper(BaseModel):
+    """A model's own settings; subclasses add fields with defaults and bounds."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class SceneModel(nn.Module, ABC):
+    """A conditional sampler of scenes: labels phi (B, L) -> unit coordinates x (B, 3N).
+
+    x is what models see (scenegen.models.codec): positions as shares of the workspace, theta in turns, all in [0, 1],
+    N objects in storage order. phi is the vector of labels as the spec gives it, in metres and radians.
+
+    A new instance holds no weights: call `initialise` or `load_weights`. Call `start` before the first `update`. All
+    randomness comes from the generators passed in, which live on the model's device.
+    """
+
+    hyper_class: ClassVar[type[Hyper]]
+    TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()
+    """Submodules that `sample` does not need; model files leave them out."""
+
+    label_lowest: Tensor
+    label_highest: Tensor
+
+    def __init__(self, objects: int, labels: int, hyper: Hyper) -> None:
+        super().__init__()
+        self.objects = objects
+        self.labels = labels
+        self.hyper = hyper
+        self.optimisers: dict[str, torch.optim.Optimizer] = {}
+        self.register_buffer("label_lowest", torch.empty(labels, device="meta"))
+        self.register_buffer("label_highest", torch.empty(labels, device="meta"))
+
+    @property
+    def width(self) -> int:
+        """Coordinates of a scene, 3N."""
+        return 3 * self.objects
+
+    def initialise(self, generator: torch.Generator, phi: Tensor) -> None:
+        """Fresh weights from `generator`; the label range is that of the training data's phi (M, L)."""
+        self.label_lowest, self.label_highest = phi.amin(0), phi.amax(0)
+        for module in self.modules():
+            if isinstance(module, Mlp):
+                module.initialise(generator)
+
+    @abstractmethod
+    def start(self, lr: float) -> None:
+        """Make the optimisers with this learning rate and whatever else `update` needs, on the model's device."""
+
+    @abstractmethod
+    def update(self, x: Tensor, phi: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
+        """One training step on x (B, 3N) with labels phi (B, L), any B >= 1. Returns the losses by name, in a fixed
+        order, as numbers on the device (reading one would wait for it)."""
+
+    @abstractmethod
+    def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
+        """n scenes x (n, 3N) in [0, 1] for the labels phi, (n, L) or (L,). Evaluates no phi and holds no scenes."""
+
+    def drop_training_parts(self) -> None:
+        """Leave only what `sample` needs."""
+        for name in self.TRAINING_ONLY:
+            delattr(self, name)
+
+    def sampler_state(self) -> dict[str, Tensor]:
+        """Copies of the weights that `sample` needs, by name."""
+        return {
+            name: tensor.detach().clone()
+            for name, tensor in self.state_dict().items()
+            if name.partition(".")[0] not in self.TRAINING_ONLY
+        }
+
+    def training_state(self) -> dict[str, Tensor]:
+        """Copies of all weights (`model.*`) and of the optimisers' moments (`optimiser.*`)."""
+        state = {f"model.{name}": tensor.detach().clone() for name, tensor in self.state_dict().items()}
+        for name, optimiser in self.optimisers.items():
+            for index, slots in optimiser.state_dict()["state"].items():
+                state |= {f"optimiser.{name}.{index}.{slot}": value.clone() for slot, value in slots.items()}
+        return state
+
+    def load_weights(self, weights: Mapping[str, Tensor]) -> None:
+        """Take the tensors as the model's weights. Raises DataError where they are not this model's."""
+        check_tensors(self, weights)
+        self.load_state_dict(weights, assign=True)
+
+    def restore(self, state: Mapping[str, Tensor], lr: float, device: torch.device) -> None:
+        """Take up the state of `training_state` and `start`. Raises DataError where it is not this model's."""
+        self.load_weights({name[6:]: tensor for name, tensor in state.items() if name.startswith("model.")})
+        self.to(device)
+        self.start(lr)
+        for name, optimiser in self.optimisers.items():
+            parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
+            slots: dict[int, dict[str, Any]] = {}
+            for key, tensor in state.items():
+                kind, _, rest = key.partition(".")
+                owner, _, rest = rest.partition(".")
+                index, _, slot = rest.partition(".")
+                if kind != "optimiser" or owner != name:
+                    continue
+                fits = index.isdecimal() and int(index) < len(parameters)
+                if not fits or (tensor.ndim and tensor.shape != parameters[int(index)].shape) or not _finite(tensor):
+                    raise DataError(Diagnostic(f"`{key}` of the training state does not fit the model"))
+                slots.setdefault(int(index), {})[slot] = tensor
+            optimiser.load_state_dict({"state": slots, "param_groups": optimiser.state_dict()["param_groups"]})
+
+
+def check_tensors(model: nn.Module, tensors: Mapping[str, Tensor]) -> None:
+    """Raises DataError unless `tensors` are exactly the model's weights: names, shapes, types, all finite."""
+    expected = model.state_dict()
+    for name, parameter in expected.items():
+        if name not in tensors:
+            raise DataError(Diagnostic(f"the weights `{name}` are missing"))
+        tensor = tensors[name]
+        if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:
+            have, want = tuple(tensor.shape), tuple(parameter.shape)
+            raise DataError(Diagnostic(f"the weights `{name}` have shape {have}, {tensor.dtype}; expected {want}"))
+        if not _finite(tensor):
+            raise DataError(Diagnostic(f"the weights `{name}` are not all finite"))
+    extra = sorted(set(tensors) - set(expected))
+    if extra:
+        raise DataError(Diagnostic(f"the weights `{extra[0]}` belong to no part of the model"))
+
+
+def _finite(tensor: Tensor) -> bool:
+    return bool(torch.isfinite(tensor).all())

@@ -1,0 +1,85 @@
+"""The metadata of a model file, as pydantic models: what the model is, what it was trained on, and how."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+from scenegen.lang.spec import CheckedSpec
+from scenegen.scene.data import WorkspaceData
+from scenegen.scene.workspace import Workspace
+
+FORMAT = "scenegen/model"
+
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
+Setting = bool | int | FiniteFloat | str
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SpecData(_Strict):
+    """The spec a model was trained on: where it was read from, its canonical text, the SHA-256 of that text."""
+
+    name: str
+    source: str
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if hashlib.sha256(self.source.encode()).hexdigest() != self.sha256:
+            raise ValueError("the spec's text does not have the checksum beside it")
+        return self
+
+
+class LabelData(_Strict):
+    """A label and the range of its phi in the training data, in metres and radians."""
+
+    name: Name
+    lowest: FiniteFloat
+    highest: FiniteFloat
+
+
+class LossData(_Strict):
+    """Mean losses of some epochs, evenly chosen, the last one among them (epochs count from 1)."""
+
+    epochs: list[int] = Field(max_length=1000)
+    means: dict[Name, list[FiniteFloat]]
+
+
+class ModelCard(_Strict):
+    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's."""
+
+    scenegen: str
+    model: Name
+    hyper: dict[Name, Setting]
+    spec: SpecData
+    workspace: WorkspaceData
+    objects: list[Name] = Field(min_length=1, max_length=10_000)
+    labels: list[LabelData] = Field(min_length=1, max_length=10_000)
+    training: dict[Name, Setting | dict[Name, Setting]]
+    epochs_done: int = Field(ge=0)
+    losses: LossData
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        labels = [label.name for label in self.labels]
+        if len(set(labels)) != len(labels) or len(set(self.objects)) != len(self.objects):
+            raise ValueError("a name occurs twice")
+        if any(label.lowest > label.highest for label in self.labels):
+            raise ValueError("a label's range is reversed")
+        if not (self.workspace.x[0] < self.workspace.x[1] and self.workspace.y[0] < self.workspace.y[1]):
+            raise ValueError("the workspace is empty")
+        return self
+
+    @property
+    def area(self) -> Workspace:
+        """The workspace, as everything else takes it."""
+        return Workspace(x=self.workspace.x, y=self.workspace.y)
+
+
+def spec_data(spec: CheckedSpec) -> SpecData:
+    return SpecData(name=spec.name, source=spec.source, sha256=spec.sha256)

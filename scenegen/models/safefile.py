@@ -1,0 +1,126 @@
+"""Tensors and text in one safetensors file, read with distrust.
+
+The text (a JSON card) travels in safetensors' own metadata, in an envelope with the format's name, its version and a
+SHA-256 over text and tensors: a damaged file is told from a good one before anything in it is believed. Nothing is ever
+unpickled, and nothing larger than the file itself is allocated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import safetensors.torch
+import torch
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import from_json
+from torch import Tensor
+
+from scenegen.errors import DataError, Diagnostic
+from scenegen.formats.files import read_bytes
+
+KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
+Card = TypeVar("Card", bound=BaseModel)
+
+LIMIT = 512 * 2**20  # bytes of a file that is read at all
+_TYPES = {torch.float32, torch.float64, torch.int64, torch.uint8}
+
+
+class _Envelope(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    format: str
+    version: Literal[1]
+    sha256: str
+    card: str
+
+
+def pack(format_name: str, card: str, tensors: Mapping[str, Tensor]) -> bytes:
+    """The bytes of a file. The same card and tensors give the same bytes."""
+    cpu = {name: tensor.detach().cpu().contiguous() for name, tensor in sorted(tensors.items())}
+    envelope = _Envelope(format=format_name, version=1, sha256=_digest(card, cpu), card=card)
+    return safetensors.torch.save(cpu, {KEY: envelope.model_dump_json()})
+
+
+def unpack(path: Path, format_name: str, what: str) -> tuple[str, dict[str, Tensor]]:
+    """The card and the tensors of a file written by `pack`; `what` names its role ("a model file").
+
+    Raises DataError for a file that is missing, damaged, not of this format or of another version of it.
+    """
+    data = read_bytes(path, what, limit=LIMIT)
+    text = _metadata(data, path, what)
+    _check_format(text, path, format_name, what)
+    try:
+        envelope = _Envelope.model_validate_json(text)
+        tensors = safetensors.torch.load(data)
+        intact = all(tensor.dtype in _TYPES for tensor in tensors.values())
+        intact = intact and _digest(envelope.card, tensors) == envelope.sha256
+    except Exception as error:  # whatever a parser says to a hostile file, the answer is the same
+        raise _damaged(path, what) from error
+    if not intact:
+        raise _damaged(path, what)
+    return envelope.card, tensors
+
+
+def _metadata(data: bytes, path: Path, what: str) -> str:
+    """The envelope's text, read from the safetensors header: its length (8 bytes, little-endian), then JSON."""
+    foreign = Diagnostic(f"{path} is not {what}", help="name a file that `scenegen train` wrote")
+    length = int.from_bytes(data[:8], "little")
+    if len(data) < 10 or length > len(data) - 8 or data[8:9] != b"{":
+        # The start of one of ours, cut short, is damage rather than a foreign file.
+        raise _damaged(path, what) if f'"{KEY}"'.encode() in data[8:64] else DataError(foreign)
+    try:
+        header: Any = from_json(data[8 : 8 + length])
+    except ValueError as error:
+        raise DataError(foreign) from error
+    extra = header.get("__metadata__") if isinstance(header, dict) else None
+    text = extra.get(KEY) if isinstance(extra, dict) else None
+    if not isinstance(text, str):
+        raise DataError(foreign)
+    return text
+
+
+def _check_format(text: str, path: Path, format_name: str, what: str) -> None:
+    try:
+        envelope: Any = from_json(text)
+    except ValueError as error:
+        raise _damaged(path, what) from error
+    if not isinstance(envelope, dict) or envelope.get("format") != format_name:
+        raise DataError(Diagnostic(f"{path} is not {what}", help="name a file that `scenegen train` wrote"))
+    version = envelope.get("version")
+    if isinstance(version, int) and version != 1:
+        raise DataError(
+            Diagnostic(
+                f"{path} is of version {version} of the format {format_name}; this scenegen reads version 1",
+                help="update scenegen, or train the model again",
+            )
+        )
+
+
+def read_card(kind: type[Card], text: str, path: Path, what: str) -> Card:
+    """The card as a pydantic model. Raises DataError with the first thing that is wrong with it."""
+    try:
+        return kind.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the card"
+        raise DataError(
+            Diagnostic(f"{path} is not {what} that can be used: {place}: {first['msg'].lower()}", help=_HELP)
+        ) from error
+
+
+_HELP = "copy it again from where it came from, or train the model again"
+
+
+def _damaged(path: Path, what: str) -> DataError:
+    return DataError(Diagnostic(f"{path} is damaged; it is not {what} that can be used", help=_HELP))
+
+
+def _digest(card: str, tensors: Mapping[str, Tensor]) -> str:
+    digest = hashlib.sha256(card.encode())
+    for name, tensor in sorted(tensors.items()):
+        digest.update(f"\0{name}\0{tensor.dtype}\0{tuple(tensor.shape)}\0".encode())
+        digest.update(tensor.numpy().tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,56 @@
+"""A trained model with everything needed to use it: what sampling takes as a proposer of scenes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from scenegen.errors import DataError, Diagnostic
+from scenegen.models.base import SceneModel
+from scenegen.models.card import ModelCard
+from scenegen.models.codec import Codec
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedModel:
+    """The network, the map to poses, and the model file's metadata."""
+
+    model: SceneModel
+    codec: Codec
+    card: ModelCard
+
+    @property
+    def name(self) -> str:
+        """The model's name in MODELS."""
+        return self.card.model
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        return tuple(self.card.objects)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(label.name for label in self.card.labels)
+
+    @property
+    def label_ranges(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest phi of each label in the training data: what the model has seen."""
+        return {label.name: (label.lowest, label.highest) for label in self.card.labels}
+
+    @torch.no_grad()
+    def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+        """One scene per column of `phi` (L, n), labels in order, in metres and radians -> rows (3N, n) float32.
+
+        Centres lie in the workspace, theta in [0, 2 pi), phi only roughly where it was wanted. Labels outside
+        `label_ranges` reach the network as they are; what it makes of them is extrapolation. `generator` lives on the
+        model's device, and alone decides the outcome.
+        """
+        if phi.ndim != 2 or phi.shape[0] != len(self.card.labels):
+            raise DataError(
+                Diagnostic(
+                    f"phi has the shape {tuple(phi.shape)}; expected ({len(self.card.labels)}, n), one row a label"
+                )
+            )
+        return self.codec.decode(self.model.sample(phi.shape[1], phi.T, generator))

@@ -1,0 +1,80 @@
+"""Progress of a training run on standard error: a bar with losses and ETA in a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from scenegen.training.loop import EpochReport
+
+LINES = 10  # plain lines of a run
+
+
+class TrainingProgress:
+    """`with TrainingProgress(50, "gan") as progress: train(..., on_epoch=progress, on_note=progress.note)`."""
+
+    def __init__(self, epochs: int, title: str, console: Console | None = None) -> None:
+        self._console = console or Console(file=sys.stderr)
+        self._epochs = epochs
+        self._title = title
+        self._seconds: list[float] = []
+        self._bar: Progress | None = None
+        if self._console.is_terminal:
+            self._bar = Progress(
+                SpinnerColumn(),
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TextColumn("epochs"),
+                TextColumn("{task.fields[losses]}"),
+                TimeElapsedColumn(),
+                TextColumn("left"),
+                TimeRemainingColumn(elapsed_when_finished=False),
+                console=self._console,
+                # The loop runs on one core; redrawing more often would take time from it.
+                refresh_per_second=4,
+            )
+            self._task = self._bar.add_task(title, total=epochs, losses="")
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, report: EpochReport) -> None:
+        """An epoch is done."""
+        self._seconds.append(report.seconds)
+        losses = "  ".join(f"{name} {value:.4f}" for name, value in report.losses.items())
+        if self._bar is not None:
+            self._bar.update(self._task, completed=report.epoch, total=report.epochs, losses=losses)
+            return
+        first, last = len(self._seconds) == 1, report.epoch == report.epochs
+        if first or last or report.epoch * LINES // report.epochs > (report.epoch - 1) * LINES // report.epochs:
+            pace = sum(self._seconds) / len(self._seconds)
+            left = (report.epochs - report.epoch) * pace
+            self._print(f"epoch {report.epoch}/{report.epochs}  {losses}  {pace:.2f} s/epoch, {left:.0f} s left")
+
+    def note(self, text: str) -> None:
+        """Something worth saying."""
+        self._print(text)
+
+    def _print(self, text: str) -> None:
+        self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)

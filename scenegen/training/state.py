@@ -1,0 +1,116 @@
+"""The training state: all that is needed to go on as if nothing had happened, in `NAME.safetensors.train`.
+
+It holds all weights (the model file has the sampler's only), the optimisers' moments, the noise generator, the epoch,
+the step within it and the losses so far. The order of an epoch's scenes and the data follow from the seed; a checksum
+tells whether they still do. The file stands on its own: a crash between writing it and the model file harms neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+from pydantic import BaseModel, ConfigDict, Field
+from torch import Tensor
+
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.formats.files import write_whole
+from scenegen.lang.spec import CheckedSpec
+from scenegen.models.card import SpecData, spec_data
+from scenegen.models.safefile import pack, read_card, unpack
+from scenegen.training.config import TrainConfig
+
+FORMAT = "scenegen/training"
+WHAT = "a training state"
+
+
+class _Card(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    spec: SpecData
+    config: dict[str, Any]
+    data_sha256: str
+    epoch: Annotated[int, Field(ge=0)]
+    step: Annotated[int, Field(ge=0)]
+    losses: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingState:
+    """`epoch` epochs are done and `step` steps of the next. `history` (epochs, K) holds the mean of each loss, `sums`
+    (K,) the sums of the epoch under way, both float64; `noise` is a generator's state; `tensors` is the model's."""
+
+    config: TrainConfig
+    data_sha256: str
+    epoch: int
+    step: int
+    losses: tuple[str, ...]
+    history: Tensor
+    sums: Tensor
+    noise: Tensor
+    tensors: Mapping[str, Tensor]
+
+
+def state_path(out: Path) -> Path:
+    """Where the training state of a model file lies."""
+    return out.with_name(f"{out.name}.train")
+
+
+def save_state(path: Path, spec: CheckedSpec, state: TrainingState) -> None:
+    """Write a training state, whole or not at all. Raises OutputError."""
+    card = _Card(
+        spec=spec_data(spec),
+        config=asdict(state.config),
+        data_sha256=state.data_sha256,
+        epoch=state.epoch,
+        step=state.step,
+        losses=list(state.losses),
+    )
+    extra = {"run.history": state.history, "run.sums": state.sums, "run.noise": state.noise}
+    write_whole(path, pack(FORMAT, card.model_dump_json(), {**state.tensors, **extra}))
+
+
+def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingState:
+    """Read the state that a run with `config` on `spec` is to go on from.
+
+    Raises DataError for a file that is missing, damaged or of another spec; RequestError where the options differ
+    (only --epochs may).
+    """
+    if not path.exists():
+        title = f"nothing to resume: there is no training state {path}"
+        raise DataError(
+            Diagnostic(title, help="name the --out of the earlier run, or leave --resume out to start anew")
+        )
+    text, tensors = unpack(path, FORMAT, WHAT)
+    card = read_card(_Card, text, path, WHAT)
+    if card.spec.sha256 != spec.sha256:
+        title = f"{path} is of another spec: `{card.spec.name}`, not `{spec.name}`"
+        raise DataError(Diagnostic(title, help="resume with the same spec, or leave --resume out to start anew"))
+    try:
+        before = TrainConfig(**card.config)
+        history, sums, noise = (tensors.pop(f"run.{name}") for name in ("history", "sums", "noise"))
+    except (TypeError, KeyError, RequestError) as error:
+        raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew")) from error
+    _check_same(before, config)
+    width = len(card.losses)
+    shapes_fit = history.shape == (card.epoch, width) and sums.shape == (width,)
+    if not (shapes_fit and history.dtype == sums.dtype == torch.float64 and noise.dtype == torch.uint8):
+        raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew"))
+    return TrainingState(
+        before, card.data_sha256, card.epoch, card.step, tuple(card.losses), history, sums, noise, tensors
+    )
+
+
+def _check_same(before: TrainConfig, now: TrainConfig) -> None:
+    found = [
+        Diagnostic(
+            f"--{name.replace('_', '-')} was {was!r} in the run to resume, not {asked!r}",
+            help="give the same options again (only --epochs may change), or leave --resume out to start anew",
+        )
+        for name, was, asked in before.differences(now)
+    ]
+    if found:
+        raise RequestError(*found)

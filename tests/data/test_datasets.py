@@ -1,0 +1,111 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from scenegen.data.boosted import boosted
+from scenegen.data.table import DATASETS, dataset_maker
+from scenegen.data.uniform import uniform
+from scenegen.errors import RequestError
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core
+from scenegen.lang.spec import CheckedSpec
+from scenegen.primitives import ANGLE, LENGTH
+from scenegen.scene.workspace import Workspace
+
+SPACE = Workspace(x=(-0.3, 0.1), y=(0.7, 2.0))
+
+
+def seeded(seed=0):
+    return torch.Generator().manual_seed(seed)
+
+
+def numpy_phi(rows):
+    """Experiment 1's labels, written out here."""
+    mx, my, _, px, py, _ = rows.double().numpy()
+    return np.stack([np.minimum(px - mx, my - py), np.hypot(mx - px, my - py) - 0.25])
+
+
+def narrow(limit, axis=0):
+    """One object whose x (or theta) must be at most `limit`: as rare as one likes."""
+    nodes = (Const(limit), Coord(0, axis), Apply("sub", (0, 1)), Atom(2, "atom", (LENGTH, ANGLE)[axis // 2], ()))
+    return CheckedSpec("narrow.spec", f"task: {limit} {axis}\n", Workspace(), Core(nodes, {"task": 3}, ("mug",)))
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_every_data_set(name, make_exp1):
+    spec = make_exp1(SPACE)
+    data = dataset_maker(name)(spec, 500, seeded())
+    assert data.rows.shape == (6, 500) and data.phi.shape == (2, 500) and len(data) == 500
+    assert data.rows.dtype == data.phi.dtype == torch.float32
+    assert (data.objects, data.labels) == (("mug", "plate"), ("task", "safe"))
+    assert SPACE.contains(data.rows.double().numpy()).all()
+    np.testing.assert_allclose(data.phi.numpy(), numpy_phi(data.rows), atol=1e-6)
+    again, other = (dataset_maker(name)(spec, 500, seeded(seed)) for seed in (0, 1))
+    assert torch.equal(again.rows, data.rows) and again.sha256 == data.sha256 != other.sha256
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        data.rows = data.rows
+
+
+def test_uniform_rates_of_experiment_1(exp1):
+    data = uniform(exp1, 20_000, seeded())
+    # reference.md: P(task) = 25 % exactly, P(both) = 21.1 %; 4 standard errors are 1.2 %.
+    assert float((data.phi[0] >= 0.0).float().mean()) == pytest.approx(0.25, abs=0.012)
+    assert data.positives == pytest.approx(0.211, abs=0.012)
+    means = data.rows.mean(dim=1).tolist()
+    assert means == pytest.approx([0.5, 0.5, np.pi] * 2, abs=0.06)
+
+
+def test_boosting_reaches_its_share_and_keeps_the_rest_uniform(exp1):
+    data = boosted(exp1, 4000, seeded(), positives=0.56)
+    assert data.positives == pytest.approx(0.56, abs=1e-3)
+    good = (data.phi >= 0.0).all(dim=0)
+    # Positives stand in random places, not in one block that batches would see at once.
+    assert float(good[:2000].float().mean()) == pytest.approx(0.56, abs=0.04)
+    assert torch.unique(data.rows, dim=1).shape[1] == 4000
+
+
+def test_nothing_is_perturbed_where_the_share_is_there(exp1):
+    plain, same = uniform(exp1, 1000, seeded()), boosted(exp1, 1000, seeded(), positives=0.1)
+    assert torch.equal(plain.rows, same.rows)
+
+
+def test_rare_positives_are_searched_for_and_stay_inside():
+    spec = narrow(1e-4)
+    data = boosted(spec, 300, seeded(), positives=0.5)
+    assert data.positives == pytest.approx(0.5, abs=0.01)
+    assert spec.workspace.contains(data.rows.double().numpy()).all()
+
+
+def test_theta_is_wrapped_when_moved():
+    data = boosted(narrow(0.02, axis=2), 300, seeded(), positives=0.9, noise=0.3)
+    assert data.positives >= 0.9
+    assert SPACE.contains(data.rows.double().numpy()).dtype == bool
+    assert bool(((data.rows[2] >= 0.0) & (data.rows[2].double() < 2.0 * np.pi)).all())
+
+
+def test_no_positives_is_a_diagnostic():
+    with pytest.raises(RequestError, match="none of 70,000 uniform scenes"):
+        boosted(narrow(-1.0), 100, seeded(), draws=70_000)
+
+
+def test_positives_on_a_knifes_edge_are_repeated():
+    # abs(x - c) <= 0 for the c of one drawn scene: no move keeps it.
+    spec = narrow(1.0)
+    x = float(uniform(spec, 50, seeded()).rows[0, 0])
+    nodes = (
+        Const(x),
+        Coord(0, 0),
+        Apply("sub", (0, 1)),
+        Apply("abs", (2,)),
+        Const(0.0),
+        Apply("sub", (4, 3)),
+        Atom(5, "edge", LENGTH, ()),
+    )
+    edge = CheckedSpec("edge.spec", "edge", Workspace(), Core(nodes, {"task": 6}, ("mug",)))
+    assert boosted(edge, 50, seeded(), positives=0.5).positives == 0.5
+
+
+def test_unknown_data_set():
+    with pytest.raises(RequestError, match="did you mean `uniform`"):
+        dataset_maker("unifrom")

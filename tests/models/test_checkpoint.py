@@ -1,0 +1,205 @@
+"""Model files: what is written comes back, and nothing but a diagnostic comes of a bad file."""
+
+import errno
+import json
+import os
+import random
+import resource
+
+import pytest
+import safetensors.torch
+import torch
+
+from scenegen.errors import DataError, OutputError
+from scenegen.models.card import FORMAT
+from scenegen.models.checkpoint import load_model, save_model
+from scenegen.models.safefile import KEY, pack
+
+
+def rewritten(path, model, changes):
+    """A well-formed file (checksum and all) whose card differs from the good one."""
+    card = json.loads(envelope(path)["card"]) | changes
+    path.write_bytes(pack(FORMAT, json.dumps(card), model.sampler_state()))
+
+
+def envelope(path):
+    with safetensors.safe_open(path, "pt") as file:
+        return json.loads(file.metadata()[KEY])
+
+
+def same(path, model):
+    loaded = load_model(path).model
+    state = model.sampler_state()
+    return all(torch.equal(state[key], tensor) for key, tensor in loaded.state_dict().items())
+
+
+@pytest.mark.parametrize("name", ["gan", "aae"])
+def test_what_is_written_comes_back(name, tmp_path, exp1, make_model, make_card):
+    model = make_model(name)
+    card = make_card(name, model, exp1)
+    path = tmp_path / "m.safetensors"
+    save_model(path, model, card)
+    first = path.read_bytes()
+    save_model(path, model, card)
+    assert path.read_bytes() == first
+    assert path.stat().st_size < 600_000
+    loaded = load_model(path, exp1)
+    assert loaded.card == card
+    assert (loaded.name, loaded.objects, loaded.labels) == (name, ("mug", "plate"), ("task", "safe"))
+    assert loaded.label_ranges == {"task": (-1.0, 1.0), "safe": (-1.0, 1.0)}
+    phi = torch.zeros(2)
+    one, two = (m.sample(7, phi, torch.Generator().manual_seed(1)) for m in (model, loaded.model))
+    assert torch.equal(one, two)
+
+
+def test_proposals_are_scenes(model_file):
+    trained = load_model(model_file[0])
+    rows = trained.propose(torch.zeros(2, 11), torch.Generator().manual_seed(0))
+    assert rows.shape == (6, 11) and rows.is_contiguous()
+    assert trained.card.area.contains(rows.double().numpy()).all()
+    again = trained.propose(torch.zeros(2, 11), torch.Generator().manual_seed(0))
+    assert torch.equal(rows, again)
+    far = trained.propose(torch.full((2, 11), 50.0), torch.Generator().manual_seed(0))
+    assert not torch.equal(rows, far)  # labels outside the training range reach the network as they are
+    with pytest.raises(DataError, match=r"expected \(2, n\)"):
+        trained.propose(torch.zeros(3, 11), torch.Generator())
+
+
+def test_another_spec_is_refused_and_both_are_named(model_file, make_exp1):
+    load_model(model_file[0], make_exp1(name="elsewhere.spec"))  # the same text under another name is the same spec
+    with pytest.raises(DataError, match=r"`exp1.spec`, not `other.spec`"):
+        load_model(model_file[0], make_exp1(closeness=0.3, name="other.spec"))
+
+
+def test_missing_folder_empty_and_garbage(tmp_path):
+    (tmp_path / "empty").write_bytes(b"")
+    (tmp_path / "garbage").write_bytes(random.Random(0).randbytes(5000))
+    (tmp_path / "text").write_text('{"format": "scenegen/model"}')
+    (tmp_path / "pickle").write_bytes(b"\x80\x04\x95\x0b\x00\x00\x00\x00\x00\x00\x00\x8c\x02os\x94.")
+    (tmp_path / "deep").write_bytes((200_000).to_bytes(8, "little") + b"{" * 200_000)
+    (tmp_path / "claims").write_bytes((2**63).to_bytes(8, "little") + b"{}")
+    for name in ("missing", ".", "empty", "garbage", "text", "pickle", "deep", "claims"):
+        with pytest.raises(DataError):
+            load_model(tmp_path / name)
+
+
+def test_a_foreign_safetensors_file(tmp_path):
+    path = tmp_path / "llm.safetensors"
+    for metadata in (None, {"format": "pt"}, {KEY: "not json"}, {KEY: "[]"}, {KEY: '{"format": "else", "version": 1}'}):
+        path.write_bytes(safetensors.torch.save({"w": torch.zeros(3)}, metadata))
+        with pytest.raises(DataError, match=r"llm\.safetensors"):
+            load_model(path)
+
+
+def test_another_format_version_says_so(model_file):
+    path, model = model_file
+    later = json.dumps(envelope(path) | {"version": 2, "news": True})
+    path.write_bytes(safetensors.torch.save(model.sampler_state(), {KEY: later}))
+    with pytest.raises(DataError, match="version 2"):
+        load_model(path)
+
+
+def test_truncated_at_any_length(model_file):
+    path, _ = model_file
+    whole = path.read_bytes()
+    for length in [*range(0, 60, 3), *range(60, len(whole), len(whole) // 150), len(whole) - 1]:
+        path.write_bytes(whole[:length])
+        with pytest.raises(DataError):
+            load_model(path)
+    path.write_bytes(whole + b"\0")
+    with pytest.raises(DataError):
+        load_model(path)
+
+
+def test_flipped_bytes_never_pass_unnoticed(model_file):
+    path, model = model_file
+    whole, card = path.read_bytes(), load_model(path).card
+    header = int.from_bytes(whole[:8], "little") + 8
+    rng = random.Random(0)
+    for trial in range(400):
+        data = bytearray(whole)
+        for _ in range(rng.choice([1, 1, 4])):
+            data[rng.randrange(header if trial % 4 else len(whole))] ^= rng.randrange(1, 256)
+        path.write_bytes(data)
+        try:
+            # A space of the header's padding may turn into another white space: then nothing is lost.
+            assert same(path, model) and load_model(path).card == card
+        except DataError as error:
+            assert "Traceback" not in str(error)
+
+
+@pytest.mark.parametrize("kind", ["missing", "shape", "dtype", "nan", "extra"])
+def test_weights_that_do_not_fit(kind, model_file):
+    path, model = model_file
+    state = model.sampler_state()
+    name = "decoder.layers.0.weight"
+    if kind == "missing":
+        del state[name]
+    elif kind == "extra":
+        state["stranger"] = torch.zeros(2)
+    else:
+        bad = {"shape": state[name][:-1], "dtype": state[name].double(), "nan": torch.full_like(state[name], torch.nan)}
+        state[name] = bad[kind]
+    path.write_bytes(pack(FORMAT, envelope(path)["card"], state))
+    with pytest.raises(DataError, match="stranger" if kind == "extra" else name):
+        load_model(path)
+
+
+def test_absurd_sizes_cost_nothing(model_file):
+    path, model = model_file
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for changes in (
+        {"hyper": {"latent": 10**15}},
+        {"hyper": {"latent": 65_536}},
+        {"hyper": {"latent": -1}},
+        {"hyper": {"latent": "x"}},
+        {"hyper": {"layers": 3}},
+        {"objects": [f"o{index}" for index in range(10_000)]},
+        {"objects": [f"o{index}" for index in range(10_001)]},
+        {"objects": []},
+        {"labels": []},
+        {"labels": [{"name": "a", "lowest": 1.0, "highest": 0.0}]},
+        {"labels": [{"name": "a", "lowest": 0.0, "highest": 1e999}]},
+        {"workspace": {"x": [1.0, 1.0], "y": [0.0, 1.0]}},
+        {"model": "os:system"},
+        {"model": "transformer"},
+        {"epochs_done": -1},
+        {"surprise": 1},
+        {"spec": {"name": "a", "source": "b", "sha256": "0" * 64}},
+    ):
+        good = path.read_bytes()
+        rewritten(path, model, changes)
+        with pytest.raises(DataError):
+            load_model(path)
+        path.write_bytes(good)
+    # The process's high-water mark in KiB; a code of 10^15 numbers would need petabytes.
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
+    assert same(path, model)
+
+
+def test_a_full_disk_leaves_the_old_model(model_file, exp1, make_model, make_card, monkeypatch):
+    path, old = model_file
+    new = make_model("aae", seed=9, latent=4)
+    real = os.fdopen
+
+    def full(*args, **kwargs):
+        file = real(*args, **kwargs)
+
+        class Full:
+            def __enter__(self):
+                return self
+
+            def __exit__(self, *error):
+                file.close()
+
+            def write(self, data):
+                file.write(data[: len(data) // 2])
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        return Full()
+
+    monkeypatch.setattr(os, "fdopen", full)
+    with pytest.raises(OutputError, match="no space left"):
+        save_model(path, new, make_card("aae", new, exp1))
+    assert same(path, old)
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]

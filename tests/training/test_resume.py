@@ -1,0 +1,212 @@
+"""Stopping and going on: the result must not show it, bit for bit."""
+
+import dataclasses
+import errno
+import os
+import signal
+
+import pytest
+import torch
+
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.models.aae import AAE
+from scenegen.models.checkpoint import load_model
+from scenegen.models.gan import GAN
+from scenegen.training import session
+from scenegen.training.config import TrainConfig
+from scenegen.training.interrupt import Interrupted
+from scenegen.training.loop import train
+from scenegen.training.state import state_path
+
+CONFIG = TrainConfig("gan", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
+
+
+def signal_at_step(monkeypatch, cls, number, step):
+    """Send this process a signal while step `step` (from 1, over all epochs) is under way."""
+    update, calls = cls.update, []
+
+    def sending(self, x, phi, generator):
+        calls.append(1)
+        if len(calls) == step:
+            os.kill(os.getpid(), number)
+        return update(self, x, phi, generator)
+
+    monkeypatch.setattr(cls, "update", sending)
+
+
+def files(out):
+    return out.read_bytes(), state_path(out).read_bytes()
+
+
+@pytest.mark.parametrize("step", [1, 5, 6, 8, 19])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monkeypatch):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    train(exp1, CONFIG, whole)
+    handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with monkeypatch.context() as patch:
+        signal_at_step(patch, GAN, number, step)
+        with pytest.raises(Interrupted) as caught:
+            train(exp1, CONFIG, broken)
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
+    assert (caught.value.epochs_done, caught.value.epochs, caught.value.path) == (step // 5, 4, broken)
+    usable = load_model(broken, exp1)
+    assert usable.card.epochs_done == step // 5
+    assert usable.propose(torch.zeros(2, 3), torch.Generator().manual_seed(0)).shape == (6, 3)
+    train(exp1, CONFIG, broken, resume=True)
+    assert files(broken) == files(whole)
+
+
+def test_interrupted_many_times(tmp_path, exp1, monkeypatch):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    config = dataclasses.replace(CONFIG, model="aae", hyper={"latent": 4})
+    train(exp1, config, whole)
+    times = 0
+    while True:
+        try:
+            with monkeypatch.context() as patch:
+                signal_at_step(patch, AAE, signal.SIGINT, 3)
+                train(exp1, config, broken, resume=times > 0)
+            break
+        except Interrupted as stop:
+            assert stop.epochs_done == 3 * (times + 1) // 5
+            times += 1
+    assert times == 6  # 20 steps by threes; the last two end the run
+    assert files(broken) == files(whole)
+
+
+def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
+    out, whole = tmp_path / "m", tmp_path / "whole"
+    train(exp1, CONFIG, whole)
+    with monkeypatch.context() as patch:
+        signal_at_step(patch, GAN, signal.SIGTERM, 20)
+        with pytest.raises(Interrupted) as caught:
+            train(exp1, CONFIG, out)
+    assert caught.value.epochs_done == 4
+    assert files(out) == files(whole)
+
+
+def test_a_second_signal_does_not_wait(tmp_path, exp1, monkeypatch):
+    update = GAN.update
+
+    def twice(self, x, phi, generator):
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        return update(self, x, phi, generator)
+
+    monkeypatch.setattr(GAN, "update", twice)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        train(exp1, CONFIG, tmp_path / "m")
+    assert not isinstance(caught.value, Interrupted)
+    assert signal.getsignal(signal.SIGINT) == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_more_epochs_than_planned_at_first(tmp_path, exp1):
+    whole, longer = tmp_path / "whole", tmp_path / "longer"
+    train(exp1, CONFIG, whole)
+    train(exp1, dataclasses.replace(CONFIG, epochs=2), longer)
+    train(exp1, CONFIG, longer, resume=True)
+    assert files(longer) == files(whole)
+
+
+def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
+    out = tmp_path / "m"
+    train(exp1, CONFIG, out)
+    before, notes = files(out), []
+    for epochs in (4, 2):
+        config = dataclasses.replace(CONFIG, epochs=epochs)
+        trained = train(exp1, config, out, resume=True, on_epoch=pytest.fail, on_note=notes.append)
+        assert trained.card.epochs_done == 4
+    assert files(out) == before
+    assert len(notes) == 2 and "4 epochs are already done" in notes[0]
+    out.unlink()
+    assert train(exp1, CONFIG, out, resume=True).card.epochs_done == 4
+    assert files(out) == before
+
+
+def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
+    whole, often = tmp_path / "whole", tmp_path / "often"
+    train(exp1, CONFIG, whole)
+    monkeypatch.setattr(session, "SAVE_EVERY", 0.0)
+    monkeypatch.setattr(session, "SAVE_SHARE", 1e9)
+    seen = []
+    train(exp1, CONFIG, often, on_epoch=lambda report: seen.append(often.exists()))
+    assert seen == [False, True, True, True]
+    assert files(often) == files(whole)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"seed": 1}, "--seed was 0"),
+        ({"batch_size": 32}, "--batch-size was 64"),
+        ({"scenes": 301}, "--scenes was 300"),
+        ({"lr": 0.01}, "--lr was 0.001"),
+        ({"data": "boosted"}, "--data was 'uniform'"),
+        ({"model": "aae"}, "--model was 'gan'"),
+        ({"hyper": {"latent": 3}}, "--hyper was {}"),
+    ],
+)
+def test_other_options_are_refused_by_name(change, named, tmp_path, exp1):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    before = files(out)
+    with pytest.raises(RequestError, match=named):
+        train(exp1, dataclasses.replace(CONFIG, **change), out, resume=True)
+    assert files(out) == before
+
+
+def test_another_spec_is_refused(tmp_path, exp1, make_exp1):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    with pytest.raises(DataError, match=r"`exp1.spec`, not `other.spec`"):
+        train(make_exp1(closeness=0.3, name="other.spec"), CONFIG, out, resume=True)
+
+
+def test_nothing_to_resume(tmp_path, exp1):
+    with pytest.raises(DataError, match="nothing to resume"):
+        train(exp1, CONFIG, tmp_path / "m", resume=True)
+
+
+def test_other_data_is_noticed(tmp_path, exp1, monkeypatch):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    monkeypatch.setattr("scenegen.data.dataset.Dataset.sha256", property(lambda self: "0" * 64))
+    with pytest.raises(DataError, match="cannot be rebuilt"):
+        train(exp1, CONFIG, out, resume=True)
+
+
+def test_a_damaged_state_is_a_diagnostic(tmp_path, exp1):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    state = state_path(out)
+    whole = state.read_bytes()
+    for length in (0, 4, 100, 3000, len(whole) // 2, len(whole) - 1):
+        state.write_bytes(whole[:length])
+        with pytest.raises(DataError):
+            train(exp1, CONFIG, out, resume=True)
+    for place in range(9, len(whole), len(whole) // 60):
+        state.write_bytes(whole[:place] + bytes([whole[place] ^ 0x5A]) + whole[place + 1 :])
+        with pytest.raises(DataError):
+            train(exp1, CONFIG, out, resume=True)
+    state.write_bytes(out.read_bytes())  # a model file is not a training state
+    with pytest.raises(DataError, match="is not a training state"):
+        train(exp1, CONFIG, out, resume=True)
+
+
+def test_a_full_disk_keeps_the_earlier_run(tmp_path, exp1, monkeypatch):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    before = files(out)
+
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(OutputError, match="no space left"):
+            train(exp1, CONFIG, out, resume=True)
+    assert files(out) == before
+    assert len(list(tmp_path.iterdir())) == 2

@@ -1,0 +1,41 @@
+"""The base distribution: every free object's centre uniform over the workspace, its heading over the circle."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenegen.scene.workspace import TWO_PI, Workspace
+
+PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
+
+
+def piece_generator(seed: int, piece: int, stream: int = 0) -> torch.Generator:
+    """The random numbers of piece k. `stream` parts uses that must not share them."""
+    state = np.random.SeedSequence([seed, stream, piece]).generate_state(1, np.uint64)
+    return torch.Generator().manual_seed(int(state[0] >> np.uint64(1)))
+
+
+def draw(workspace: Workspace, objects: int, count: int, generator: torch.Generator) -> Tensor:
+    """`count` scenes from the base distribution as (3N, count) float64 storage."""
+    rows = torch.rand(3 * objects, count, generator=generator, dtype=torch.float64)
+    rows[0::3].mul_(workspace.width).add_(workspace.x[0]).clamp_(max=workspace.x[1])
+    rows[1::3].mul_(workspace.height).add_(workspace.y[0]).clamp_(max=workspace.y[1])
+    rows[2::3] = wrap_heading(rows[2::3].mul_(TWO_PI))
+    return rows
+
+
+def wrap_heading(theta: Tensor) -> Tensor:
+    """Headings brought to [0, 2 pi); rounding can land on 2 pi itself, which is 0."""
+    theta = torch.remainder(theta, TWO_PI)
+    return torch.where(theta >= TWO_PI, torch.zeros_like(theta), theta)
+
+
+def clamp_to(workspace: Workspace, rows: Tensor) -> Tensor:
+    """Scenes with every centre moved to the nearest point of the workspace and headings in [0, 2 pi)."""
+    out = rows.clone()
+    out[0::3].clamp_(*workspace.x)
+    out[1::3].clamp_(*workspace.y)
+    out[2::3] = wrap_heading(out[2::3])
+    return out

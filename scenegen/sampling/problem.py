@@ -1,0 +1,75 @@
+"""A spec and a request, made ready for the samplers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from scenegen.bounds import workspace_bounds
+from scenegen.lang.spec import CheckedSpec
+from scenegen.robustness import Robustness
+from scenegen.sampling.base import PIECE, draw, piece_generator
+from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.collect import Collector
+from scenegen.sampling.request import Range, Request, check_request
+
+Array = npt.NDArray[np.float64]
+Progress = Callable[[int, int, int], None]
+"""Told after each piece: scenes found, scenes wanted, candidates looked at."""
+
+SHUFFLE, PILOT, GUIDED = 1, 2, 3  # random streams beside the base draws' (stream 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """When to stop looking. Time only ever cuts a run short; what it hands out until then does not depend on it."""
+
+    seconds: float = 60.0
+    started: float = field(default_factory=time.monotonic)
+
+    @property
+    def spent(self) -> bool:
+        return time.monotonic() - self.started >= self.seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    spec: CheckedSpec
+    request: Request
+    robustness: Robustness
+    cells: Cells
+    possible: frozenset[int]
+
+    def collector(self) -> Collector:
+        seed = np.random.SeedSequence([self.request.seed, SHUFFLE])
+        return Collector(self.cells, self.request.n, self.possible, np.random.default_rng(seed))
+
+    def score(self, rows: Tensor) -> Array:
+        """Exact phi of float64 rows, (3N, B) -> (L, B)."""
+        with torch.no_grad():
+            return np.asarray(self.robustness.rows(rows, check=False).numpy())
+
+    def base(self, piece: int, *, stream: int = 0, count: int = PIECE) -> Tensor:
+        """Piece k of the base distribution, (3N, count)."""
+        generator = piece_generator(self.request.seed, piece, stream)
+        return draw(self.spec.workspace, len(self.spec.objects), count, generator)
+
+
+def pose(spec: CheckedSpec, ranges: Mapping[str, Range], *, n: int, seed: int = 0, spread: str = "flat") -> Problem:
+    """Check a request against its spec. Raises RequestError, also where interval bounds rule the whole range out."""
+    bounds = workspace_bounds(spec.core, spec.workspace)
+    request = check_request(ranges, n, seed, spread, bounds)
+    cells = cut(request, spec.labels)
+    lowest, highest = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
+    possible = []
+    for cell in range(cells.count):
+        low, high = cells.limits(cell)
+        if ((low <= highest) & (high >= lowest)).all():
+            possible.append(cell)
+    return Problem(spec, request, Robustness(spec.core), cells, frozenset(possible))

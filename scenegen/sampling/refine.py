@@ -1,0 +1,70 @@
+"""Moving scenes onto their target by Newton steps along the gradient of phi.
+
+The step for labels with residual r and Jacobian J (one row per label) is the shortest that closes the gap to first
+order, J^T (J J^T)^-1 r; with one label that is (target - phi) g / |g|^2 (design.md, section 5). The first steps follow
+the straight-through gradient, which moves every object that matters instead of the deciding pair alone; the last ones
+the exact gradient, which converges.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from scenegen.robustness import Robustness
+from scenegen.sampling.base import clamp_to
+from scenegen.scene.workspace import Workspace
+
+SOFT_STEPS = 10
+HARD_STEPS = 20
+BETA = 10.0
+LONGEST = 0.25  # metres or radians that one coordinate may move in one step: far from the target J is of little use
+DAMPING = 1e-9
+
+
+def refine(
+    robustness: Robustness, workspace: Workspace, rows: Tensor, target: Tensor, low: Tensor, high: Tensor
+) -> Tensor:
+    """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, where it can be done.
+
+    `target` (L, B) is where a label that is out of its range is headed; labels within their range are held where they
+    are. Scenes that arrive stop moving; positions stay in the workspace. Scenes that do not arrive are returned as
+    they are: the caller verifies.
+    """
+    rows = clamp_to(workspace, rows)
+    active = torch.arange(rows.shape[1])
+    for step in range(SOFT_STEPS + HARD_STEPS):
+        part = rows[:, active].detach().requires_grad_(True)
+        phi = robustness.rows(part, beta=BETA if step < SOFT_STEPS else None, check=False)
+        value = phi.detach()
+        off = (value < low[:, active]) | (value > high[:, active])
+        moving = off.any(dim=0)
+        if not bool(moving.any()):
+            break
+        jacobian = _jacobian(phi, part)[:, :, moving]
+        residual = torch.where(off, target[:, active] - value, torch.zeros_like(value))[:, moving]
+        active = active[moving]
+        moved = part.detach()[:, moving] + _newton(jacobian, residual)
+        rows[:, active] = clamp_to(workspace, moved)
+    return rows
+
+
+def _jacobian(phi: Tensor, rows: Tensor) -> Tensor:
+    """(L, 3N, B): the gradient of each label; scenes do not influence one another, so one sweep per label is enough."""
+    sweeps = [
+        torch.autograd.grad(phi[label].sum(), rows, retain_graph=label + 1 < phi.shape[0])[0]
+        for label in range(phi.shape[0])
+    ]
+    return torch.stack(sweeps)
+
+
+def _newton(jacobian: Tensor, residual: Tensor) -> Tensor:
+    """The shortest step (3N, B) that closes the residual (L, B) to first order, with bounded coordinates."""
+    gram = torch.einsum("ldb,mdb->blm", jacobian, jacobian)
+    # Labels with equal or vanishing gradients make the matrix singular; a little damping makes the step merely shorter.
+    scale = gram.diagonal(dim1=1, dim2=2).amax(dim=1).clamp_min(1e-12)
+    gram = gram + (DAMPING * scale)[:, None, None] * torch.eye(gram.shape[1], dtype=gram.dtype)
+    weights = torch.linalg.solve(gram, residual.T[:, :, None])[:, :, 0]
+    step = torch.einsum("ldb,bl->db", jacobian, weights)
+    longest = step.abs().amax(dim=0).clamp_min(1e-300)
+    return step * (LONGEST / longest).clamp_max(1.0)

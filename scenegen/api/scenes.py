@@ -1,0 +1,135 @@
+"""Sets of scenes: arrays in memory, scene files on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.assets import shape_of
+from scenegen.errors import DataError, Diagnostic, RequestError, quoted
+from scenegen.formats import table
+from scenegen.lang.interpret import phi as score
+from scenegen.lang.spec import CheckedSpec
+from scenegen.primitives import NUMPY
+from scenegen.scene.data import (
+    ObjectData,
+    Pose,
+    RequestData,
+    SceneData,
+    SceneFile,
+    ShapeData,
+    SpecRef,
+    WorkspaceData,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSet:
+    """Scenes of one spec.
+
+    `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
+    to (n,) values in float64. `header` is the scene file without its scenes.
+    """
+
+    poses: Array
+    phi: Mapping[str, Array]
+    header: SceneFile
+    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+
+    def __len__(self) -> int:
+        return int(self.poses.shape[0])
+
+    def __repr__(self) -> str:
+        spans = [
+            f"{name} {values.min():.3g}..{values.max():.3g}" if len(values) else name
+            for name, values in self.phi.items()
+        ]
+        return f"<SceneSet: {len(self)} scenes of {', '.join(self.objects)}; phi {', '.join(spans)}>"
+
+    def __getitem__(self, index: int) -> SceneData:
+        poses = {
+            name: Pose(x=float(x), y=float(y), theta=float(theta))
+            for name, (x, y, theta) in zip(self.objects, self.poses[index], strict=True)
+        }
+        return SceneData(poses=poses, phi={name: float(values[index]) for name, values in self.phi.items()})
+
+    def __iter__(self) -> Iterator[SceneData]:
+        return (self[index] for index in range(len(self)))
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.header.objects)
+
+    def file(self) -> SceneFile:
+        """The scene file: validated data, ready to be written."""
+        return self.header.model_copy(update={"scenes": list(self)})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the scenes in the format of the path's ending; the file appears whole or not at all."""
+        path = Path(path)
+        table.write_scenes(path, self.file())
+        return path
+
+    def render(self, out: str | Path, **options: Any) -> Any:
+        """Draw every scene into a folder; see `scenegen.render`."""
+        from scenegen.api.render import render
+
+        return render(self, out, **options)
+
+
+def read_scenes(path: str | Path) -> SceneSet:
+    """Read a scene file. Raises DataError."""
+    return from_file(table.read_scenes(Path(path)))
+
+
+def from_file(file: SceneFile) -> SceneSet:
+    """The arrays of a scene file."""
+    names = [one.name for one in file.objects]
+    poses = np.array(
+        [[[pose.x, pose.y, pose.theta] for pose in (scene.poses[name] for name in names)] for scene in file.scenes]
+    ).reshape(len(file.scenes), len(names), 3)
+    labels = list(file.scenes[0].phi) if file.scenes else []
+    phi = {label: np.array([scene.phi[label] for scene in file.scenes]) for label in labels}
+    return SceneSet(poses, phi, file.model_copy(update={"scenes": []}))
+
+
+def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:
+    """A scene file without scenes."""
+    return SceneFile(
+        spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
+        workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
+        objects=[ObjectData(name=name, shape=ShapeData.model_validate(shape_of(name))) for name in spec.objects],
+        sampler=dict(sampler),
+        request=request,
+        scenes=[],
+    )
+
+
+def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
+    """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
+    if set(scenes.objects) != set(spec.objects):
+        missing = sorted(set(spec.objects) - set(scenes.objects))
+        extra = sorted(set(scenes.objects) - set(spec.objects))
+        parts = [f"the scenes lack {quoted(missing)}"] if missing else []
+        parts += [f"the spec does not know {quoted(extra)}"] if extra else []
+        help_ = f"the spec is about {quoted(spec.objects)}, the scenes are about {quoted(scenes.objects)}"
+        raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
+    order = [scenes.objects.index(name) for name in spec.objects]
+    rows = scenes.poses[:, order].reshape(len(scenes), -1).T
+    return {
+        name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
+        for name, value in score(spec.core, list(rows), NUMPY).items()
+    }
+
+
+def check_count(scenes: SceneSet) -> None:
+    """Refuse an empty set where there is nothing to do with it. Raises RequestError."""
+    if not len(scenes):
+        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))

@@ -1,0 +1,73 @@
+"""Specs: load one, look at it, compile it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenegen.formats.files import read_bytes
+from scenegen.lang.check import check_file, check_text
+from scenegen.lang.spec import CheckedSpec
+from scenegen.scene.workspace import Workspace
+
+if TYPE_CHECKING:
+    from scenegen.robustness import Robustness
+
+MAX_BYTES = 64_000_000
+
+
+class Spec:
+    """A checked spec.
+
+    >>> spec = scenegen.parse("leftOf(mug, plate)")
+    >>> spec.objects, spec.labels
+    (('mug', 'plate'), ('task',))
+    """
+
+    def __init__(self, checked: CheckedSpec) -> None:
+        self.checked = checked
+
+    def __repr__(self) -> str:
+        return f"<Spec {self.checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The names of the N objects, in the order of every array of poses."""
+        return self.checked.objects
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The names of the L formulas, in the order of every array of phi."""
+        return self.checked.labels
+
+    @property
+    def workspace(self) -> Workspace:
+        return self.checked.workspace
+
+    @property
+    def source(self) -> str:
+        """The canonical text."""
+        return self.checked.source
+
+    def robustness(self) -> Robustness:
+        """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity."""
+        from scenegen.robustness import Robustness
+
+        return Robustness(self.checked.core)
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """What phi of each label can be at most, anywhere in the workspace (interval bounds: never too narrow)."""
+        from scenegen.bounds import workspace_bounds
+
+        return workspace_bounds(self.checked.core, self.checked.workspace)
+
+
+def parse(text: str, name: str = "<spec>") -> Spec:
+    """Check a spec's text. Raises SpecError; `name` is what its diagnostics call the text."""
+    return Spec(check_text(text, name))
+
+
+def load(path: str | Path) -> Spec:
+    """Read and check a spec file. Raises SpecError, and DataError where the file cannot be read."""
+    path = Path(path)
+    return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES)))

@@ -1,0 +1,61 @@
+"""Trained models: fit one to a spec, load one from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenegen.api.spec import Spec
+from scenegen.lang.check import check_text
+
+if TYPE_CHECKING:
+    from scenegen.models.trained import TrainedModel
+    from scenegen.training.loop import EpochReport
+
+
+class Model:
+    """A trained model together with the spec that it was trained on (the model file carries both)."""
+
+    def __init__(self, trained: TrainedModel) -> None:
+        self.trained = trained
+        self.spec = Spec(check_text(trained.card.spec.source, trained.card.spec.name))
+
+    def __repr__(self) -> str:
+        card = self.trained.card
+        return f"<Model {card.model} of {card.spec.name}, {card.epochs_done} epochs>"
+
+    @property
+    def name(self) -> str:
+        """What kind of model it is, e.g. "gan"."""
+        return self.trained.name
+
+
+def load_model(path: str | Path, spec: Spec | None = None) -> Model:
+    """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
+    from scenegen.models.checkpoint import load_model as load
+
+    return Model(load(Path(path), None if spec is None else spec.checked))
+
+
+def train(
+    spec: Spec,
+    model: str = "gan",
+    *,
+    out: str | Path,
+    resume: bool = False,
+    on_epoch: Callable[[EpochReport], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Model:
+    """Train a model of the table (gan, aae) on a spec and write it to `out`.
+
+    `options` are the fields of `scenegen.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data,
+    device, hyper. `resume` goes on from the state that an earlier run left in `out`.train, to the same result as one
+    run without a break. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
+    """
+    from scenegen.training.config import TrainConfig
+    from scenegen.training.loop import train as run
+
+    config = TrainConfig(model=model, **options)
+    return Model(run(spec.checked, config, Path(out), resume=resume, on_epoch=on_epoch, on_note=on_note))

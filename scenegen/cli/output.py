@@ -1,0 +1,35 @@
+"""Words and tables for people: standard error, colours only on a terminal."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, render_all
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def use_color() -> bool:
+    """Whether standard error takes colours."""
+    return sys.stderr.isatty() and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
+
+
+def print_error(text: str) -> None:
+    """Text on standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def complain(*diagnostics: Diagnostic) -> None:
+    """Diagnostics on standard error."""
+    if diagnostics:
+        print_error(render_all(diagnostics, color=use_color()))
+
+
+def console() -> Console:
+    """A rich console on standard error."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, soft_wrap=True)

@@ -1,0 +1,180 @@
+"""`scenegen sample`: scenes for a range of phi."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
+    from scenegen.api.spec import Spec
+    from scenegen.api.train import Model
+
+
+def sample(
+    source: Annotated[
+        Path, typer.Argument(help="A spec file or a model file.", metavar="SPEC|MODEL", show_default=False)
+    ],
+    phi: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--phi",
+            help="Wanted phi: LO:HI, LO: or :HI; NAME=LO:HI names a label.",
+            metavar="[NAME=]LO:HI",
+            show_default=False,
+        ),
+    ] = None,
+    n: Annotated[int, typer.Option("-n", help="How many scenes.")] = 16,
+    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="The scenes file; default: standard output.", metavar="FILE", show_default=False),
+    ] = None,
+    method: Annotated[str, typer.Option("--method", help="auto, rejection (a spec), model (a model file).")] = "auto",
+    spread: Annotated[
+        str, typer.Option("--spread", help="flat: evenly over the range of phi; base: as they occur.")
+    ] = "flat",
+    timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
+    keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
+    spec: Annotated[
+        Path | None,
+        typer.Option(
+            "--spec", help="Refuse a model that was trained on another spec.", metavar="SPEC", show_default=False
+        ),
+    ] = None,
+    render: Annotated[
+        Path | None,
+        typer.Option("--render", help="Draw the scenes into this folder, too.", metavar="DIR", show_default=False),
+    ] = None,
+) -> None:
+    """Draw scenes whose phi lies in the wanted ranges; every scene handed out is re-scored by the exact spec.
+
+    \b
+      scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
+      scenegen sample specs/mug_left_of_plate.spec --phi task=0.05:0.2 --phi safe=0: --out s.json --render pictures
+      scenegen sample model.safetensors --phi task=-0.3:-0.1 -n 1000 --seed 7 --out hard.json
+
+    LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
+    free. If fewer than -n scenes are found in time, nothing is written and the exit status is 1, unless --keep-partial.
+    """
+    from scenegen.api.sample import sample as draw_scenes
+    from scenegen.cli.output import complain
+    from scenegen.cli.render import draw
+    from scenegen.formats.files import check_writable, ensure_folder
+    from scenegen.formats.table import format_of
+
+    if out is not None:
+        format_of(out)
+        check_writable(out)
+    subject = _load(source, spec)
+    from scenegen.api.train import Model
+    from scenegen.sampling.request import parse_ranges
+
+    labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
+    ranges = parse_ranges(phi or [], labels)
+    if render is not None:
+        ensure_folder(render)
+    import torch
+
+    torch.set_num_threads(1)  # a piece is drawn on one thread, so that its bytes do not depend on the machine's load
+    with _Bar() as bar:
+        scenes = draw_scenes(
+            subject,
+            ranges,
+            n,
+            seed=seed,
+            method=method,
+            spread=spread,
+            timeout=timeout,
+            raw=raw,
+            keep_partial=keep_partial,
+            progress=bar,
+        )
+    complain(*scenes.warnings)
+    if out is not None:
+        scenes.save(out)
+    else:
+        from scenegen.formats.scenes_json import dump
+
+        sys.stdout.write(dump(scenes.file()).decode())
+    _summary(scenes, out)
+    if render is not None:
+        draw(scenes, render)
+
+
+def _load(source: Path, expected: Path | None) -> Spec | Model:
+    """A model if the file is one, else a spec."""
+    from scenegen.api.spec import load
+    from scenegen.api.train import load_model
+    from scenegen.errors import Diagnostic, RequestError
+
+    if looks_like_model(source):
+        return load_model(source, None if expected is None else load(expected))
+    if expected is not None:
+        title = "--spec says which spec a model must be of, and this is no model"
+        raise RequestError(Diagnostic(title, help="name a model file, or leave --spec out"))
+    return load(source)
+
+
+def looks_like_model(path: Path) -> bool:
+    """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header."""
+    if path.suffix == ".safetensors":
+        return True
+    if path.suffix == ".spec" or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            start = file.read(9)
+    except OSError:
+        return False
+    return len(start) == 9 and start[8:] == b"{" and b"\0" in start[:8]
+
+
+class _Bar:
+    """A progress bar that appears only when sampling takes a while."""
+
+    def __enter__(self) -> _Bar:
+        from rich.progress import Progress
+
+        from scenegen.cli.output import console
+
+        self._progress = Progress(console=console(), transient=True)
+        self._task = self._progress.add_task("sampling", total=None)
+        self._calls = 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def __call__(self, found: int, wanted: int, candidates: int) -> None:
+        self._calls += 1
+        if self._calls == 2:
+            self._progress.start()
+        text = f"sampling: {found:,} of {wanted:,} in {candidates:,} candidates"
+        self._progress.update(self._task, description=text, completed=found, total=wanted)
+
+
+def _summary(scenes: SceneSet, out: Path | None) -> None:
+    """What was asked for beside what came out."""
+    from rich.table import Table
+
+    from scenegen.cli.output import console, print_error
+
+    info = scenes.header.sampler
+    tried = f"{info['draws']:,} draws" if "draws" in info else f"{info['candidates']:,} candidates"
+    kind = "raw output of the model" if info.get("raw") else f"{info['method']}, {tried}"
+    print_error(f"{len(scenes)} scenes ({kind})" + (f" in {out}" if out is not None else ""))
+    table = Table("label", "asked phi", "lowest", "mean", "highest", box=None, header_style="bold")
+    for label, values in scenes.phi.items():
+        low, high = scenes.header.request.phi.get(label, (None, None))
+        asked = "any" if low is None and high is None else f"{_end(low)}:{_end(high)}"
+        table.add_row(label, asked, *(f"{value:+.4f}" for value in (values.min(), values.mean(), values.max())))
+    console().print(table)
+
+
+def _end(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"

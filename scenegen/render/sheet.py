@@ -103,7 +103,8 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title
-    heading = f"{title} ({shown})" if title else shown[0].upper() + shown[1:]
+    heading = title.rstrip(".") or shown[0].upper() + shown[1:]
+    facts = [shown, *facts] if title else facts
     head = _flow([(word, INK) for word in heading.split()], title_font, inner, " ")[:3]
     note = _flow([(word, QUIET) for word in "  |  ".join(facts).split()], font, inner, " ")[:6]
 

@@ -68,7 +68,7 @@ def cut(request: Request, labels: Sequence[str]) -> Cells:
     return Cells(tuple(labels), bounded, edges, low, high)
 
 
-def shares(n: int, cells: Sequence[int], order: Sequence[int]) -> Mapping[int, int]:
+def shares(n: int, cells: Sequence[int], order: Sequence[float]) -> Mapping[int, int]:
     """n scenes over the reachable cells, as evenly as whole numbers allow; `order` ranks who gets one more."""
     if not cells:
         return {}

@@ -13,6 +13,8 @@ from scenegen.sampling.cells import Cells, shares
 
 Array = npt.NDArray[np.float64]
 
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
@@ -45,10 +47,12 @@ class Collector:
     _phi: dict[int, list[Array]] = field(default_factory=dict)
     _count: dict[int, int] = field(default_factory=dict)
     _dead: set[int] = field(default_factory=set)
-    _order: list[int] = field(init=False)
+    _order: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._order = [int(rank) for rank in self.generator.permutation(self.cells.count)]
+        # Who gets one scene more, or the only one: multiples of the golden ratio leave even gaps however many are taken.
+        shift = self.generator.random()
+        self._order = [(cell * GOLDEN + shift) % 1.0 for cell in range(self.cells.count)]
 
     def offer(self, rows: Array, phi: Array) -> npt.NDArray[np.intp]:
         """Keep what is needed of B scenes, (3N, B) with phi (L, B); returns the cell of each, -1 for out of range."""

@@ -48,8 +48,9 @@ def main() -> None:
         baseline = best(lambda text=text, lark=lark: lark.parse(text))
         parsed = best(lambda source=source: parse(source))
         checked = best(lambda text=text: check_text(text))
-        printed = best(lambda module=parse(source): print_module(module))
-        compiled = best(lambda core=check_text(text).core: Robustness(core))
+        module, core = parse(source), check_text(text).core
+        printed = best(lambda module=module: print_module(module))
+        compiled = best(lambda core=core: Robustness(core))
         whole = checked + printed + compiled
         print(
             f"{name}: Lark's own tree {baseline:.2f} s (baseline), our tree {parsed:.2f} s, "

@@ -26,11 +26,10 @@ from torch.nn.functional import binary_cross_entropy as bce
 from torch.utils.data import DataLoader, TensorDataset
 
 from scenegen.data.uniform import uniform
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node
+from scenegen.lang.check import check_file
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
-from scenegen.primitives import LENGTH
-from scenegen.scene.workspace import Workspace
+from scenegen.resources import shipped_specs
 from scenegen.training.config import TrainConfig
 from scenegen.training.loop import train
 
@@ -45,21 +44,8 @@ def judge_widths(inputs: int) -> tuple[int, ...]:
 
 
 def exp1() -> CheckedSpec:
-    """Experiment 1's core, built by hand so that the benchmark needs no front end."""
-    nodes: tuple[Node, ...] = (
-        *(Coord(index, axis) for axis in (0, 1) for index in (0, 1)),
-        Apply("sub", (1, 0)),
-        Atom(4, "leftOf(mug, plate)", LENGTH, ()),
-        Apply("sub", (2, 3)),
-        Atom(6, "aboveOf(mug, plate)", LENGTH, ()),
-        Junction("min", (5, 7)),
-        Apply("dist", (0, 2, 1, 3)),
-        Const(0.25),
-        Apply("sub", (9, 10)),
-        Atom(11, "!closeTo(mug, plate)", LENGTH, ()),
-    )
-    source = "task: leftOf(mug, plate) & aboveOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)\n"
-    return CheckedSpec("exp1", source, Workspace(), Core(nodes, {"task": 8, "safe": 12}, ("mug", "plate")))
+    path = shipped_specs()["mug_left_of_plate"]
+    return check_file(path, path.read_bytes())
 
 
 def network(widths: tuple[int, ...], act: Callable[[], nn.Module]) -> nn.Sequential:

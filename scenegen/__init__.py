@@ -25,7 +25,6 @@ _PUBLIC = {
     "train": "train",
     "Model": "train",
     "load_model": "train",
-    "render": "render",
 }
 _ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
 
@@ -44,13 +43,11 @@ __all__ = [
     "load_model",
     "parse",
     "read_scenes",
-    "render",
     "sample",
     "train",
 ]
 
 if TYPE_CHECKING:
-    from scenegen.api.render import render
     from scenegen.api.sample import sample
     from scenegen.api.scenes import SceneSet, read_scenes
     from scenegen.api.spec import Spec, load, parse

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from scenegen.lang.check import check_text
+from scenegen.lang.spec import CheckedSpec
+from scenegen.scene.workspace import Workspace
+
 ROOT = Path(__file__).resolve().parent.parent
 GOLDEN = ROOT / "tests" / "golden"
 
@@ -35,3 +39,22 @@ def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
 def root() -> Path:
     """The repository."""
     return ROOT
+
+
+def exp1_spec(workspace: Workspace | None = None, closeness: float = 0.25, name: str = "exp1.spec") -> CheckedSpec:
+    """Experiment 1, in another workspace or with another tolerance if wanted."""
+    lines = ["task: leftOf(mug, plate) & aboveOf(mug, plate)", f"safe: !closeTo(mug, plate, {closeness})"]
+    if workspace is not None:
+        (left, right), (bottom, top) = workspace.x, workspace.y
+        lines.insert(0, f"workspace [{left!r}, {right!r}] x [{bottom!r}, {top!r}]")
+    return check_text("\n".join(lines), name)
+
+
+@pytest.fixture
+def exp1() -> CheckedSpec:
+    return exp1_spec()
+
+
+@pytest.fixture
+def make_exp1() -> Callable[..., CheckedSpec]:
+    return exp1_spec

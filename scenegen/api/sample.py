@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,13 +53,14 @@ def sample(
     request that is wrong or out of reach, and where fewer than n scenes were found in time, unless `keep_partial`.
     """
     from scenegen.sampling.problem import Budget, pose
-    from scenegen.sampling.request import Range
 
     spec = source.spec if isinstance(source, Model) else source
     method = _method(method, source, raw)
     if not (math.isfinite(timeout) and timeout > 0):
-        raise RequestError(Diagnostic(f"a timeout of {timeout} s", help="give it a positive number of seconds"))
-    ranges = {label: ends if isinstance(ends, Range) else Range(*ends) for label, ends in (phi or {}).items()}
+        raise RequestError(
+            Diagnostic(f"the timeout cannot be {timeout:g} s", help="give it a positive number of seconds")
+        )
+    ranges = {label: _range(label, ends) for label, ends in (phi or {}).items()}
     problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread)
     budget = Budget(timeout)
     if method == "model":
@@ -69,6 +71,23 @@ def sample(
 
         sampled = rejection(problem, budget, progress)
     return _hand_out(problem, sampled, raw, keep_partial)
+
+
+def _range(label: str, ends: object) -> Range:
+    """A range as people write it in Python. Raises RequestError for anything but two ends."""
+    from scenegen.sampling.request import Range
+
+    if isinstance(ends, Range):
+        return ends
+    if (
+        not isinstance(ends, tuple | list)
+        or len(ends) != 2
+        or not all(end is None or isinstance(end, Real) for end in ends)
+    ):
+        help_ = "write (lowest, highest), with None for an open end"
+        raise RequestError(Diagnostic(f"phi of `{label}` is asked for as {ends!r}", help=help_))
+    low, high = ends
+    return Range(None if low is None else float(low), None if high is None else float(high))
 
 
 def _method(method: str, source: Spec | Model, raw: bool) -> str:
@@ -117,13 +136,13 @@ def _hand_out(problem: Problem, sampled: Sampled, raw: bool, keep_partial: bool)
 
 
 def _verify(problem: Problem, sampled: Sampled, phi: Mapping[str, npt.NDArray[np.float64]], raw: bool) -> None:
-    """torch made the choice; numpy, node by node, must agree. What fails here is a bug of ours, never handed out."""
+    """A second look at what is handed out. What fails here is a bug of ours, and is never handed out."""
     again = np.array(list(phi.values())).reshape(sampled.phi.shape)
     if not np.allclose(again, sampled.phi, rtol=0.0, atol=1e-9):
         raise AssertionError("two evaluators of the same spec disagree about phi")
     if raw:
         return
     workspace: Workspace = problem.spec.workspace
-    low, high = problem.cells.low[:, None] - 1e-9, problem.cells.high[:, None] + 1e-9
-    if not (workspace.contains(sampled.rows).all() and ((again >= low) & (again <= high)).all()):
+    inside = (again >= problem.cells.low[:, None]) & (again <= problem.cells.high[:, None])
+    if not (workspace.contains(sampled.rows).all() and inside.all()):
         raise AssertionError("a sampler handed out a scene that was not asked for")

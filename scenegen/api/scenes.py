@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ from scenegen.scene.data import (
     SpecRef,
     WorkspaceData,
 )
+
+if TYPE_CHECKING:
+    from scenegen.render import Rendered
 
 Array = npt.NDArray[np.float64]
 
@@ -77,11 +80,23 @@ class SceneSet:
         table.write_scenes(path, self.file())
         return path
 
-    def render(self, out: str | Path, **options: Any) -> Any:
-        """Draw every scene into a folder; see `scenegen.render`."""
-        from scenegen.api.render import render
+    def render(
+        self,
+        out: str | Path,
+        *,
+        views: tuple[str, ...] = ("top", "perspective"),
+        size: tuple[int, int] = (640, 480),
+        workers: int | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Rendered:
+        """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        return render(self, out, **options)
+        The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's. Needs no display and no
+        GPU. `progress` is told how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
+        """
+        from scenegen.render import render_scenes
+
+        return render_scenes(self.file(), Path(out), views=views, size=size, workers=workers, progress=progress)
 
 
 def read_scenes(path: str | Path) -> SceneSet:
@@ -122,7 +137,7 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
         help_ = f"the spec is about {quoted(spec.objects)}, the scenes are about {quoted(scenes.objects)}"
         raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
     order = [scenes.objects.index(name) for name in spec.objects]
-    rows = scenes.poses[:, order].reshape(len(scenes), -1).T
+    rows = scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
     return {
         name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
         for name, value in score(spec.core, list(rows), NUMPY).items()

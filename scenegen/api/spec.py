@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenegen.errors import Diagnostic, SpecError
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
@@ -26,9 +28,19 @@ class Spec:
 
     def __init__(self, checked: CheckedSpec) -> None:
         self.checked = checked
+        self._refuse_overflow()
 
     def __repr__(self) -> str:
         return f"<Spec {self.checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+
+    def _refuse_overflow(self) -> None:
+        """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
+        for label, bounds in self.bounds().items():
+            if not all(map(math.isfinite, bounds)):
+                title = f"phi of `{label}` can be larger than a computer's numbers"
+                raise SpecError(
+                    Diagnostic(f"{self.checked.name}: {title}", help="use smaller constants or fewer products")
+                )
 
     @property
     def objects(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,9 @@ class Model:
 
     def __init__(self, trained: TrainedModel) -> None:
         self.trained = trained
-        self.spec = Spec(check_text(trained.card.spec.source, trained.card.spec.name))
+        made_from = trained.card.spec
+        # the canonical text has no comments, so the title comes from the card
+        self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
 
     def __repr__(self) -> str:
         card = self.trained.card

@@ -49,7 +49,8 @@ def label_bounds(core: Core, lowest: Array, highest: Array) -> tuple[Array, Arra
 
 def workspace_bounds(core: Core, workspace: Workspace) -> dict[str, tuple[float, float]]:
     """What phi of each label can be at most, anywhere in the workspace."""
-    lo, hi = label_bounds(core, *workspace.box(len(core.objects)))
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
+        lo, hi = label_bounds(core, *workspace.box(len(core.objects)))
     return {name: (float(low), float(high)) for name, low, high in zip(core.labels, lo, hi, strict=True)}
 
 

@@ -1,5 +1,15 @@
 """The command line: one verb per file."""
 
-from scenegen.cli.app import main
+import sys
 
-__all__ = ["main"]
+
+def main() -> None:
+    """The program `scenegen`: run it and exit with its status."""
+    try:
+        # Loading takes a moment, in which Ctrl-C must not show a traceback either.
+        from scenegen.cli.app import run
+
+        status = run(sys.argv[1:])
+    except KeyboardInterrupt:
+        status = 130
+    sys.exit(status)

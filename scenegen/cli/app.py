@@ -6,25 +6,33 @@ after an interrupt. Data goes to standard output or --out, everything else to st
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import importlib
-import os
+import inspect
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import typer
-from click import exceptions
 
 from scenegen.cli import check, eval, render, sample, train
 from scenegen.cli.output import complain, print_error
+from scenegen.cli.streams import give_up_output, prepare
 from scenegen.errors import Diagnostic, ScenegenError
+
+# click's exceptions, wherever they live: typer brought its own copy of click along from some version on
+exceptions: Any = sys.modules[typer.BadParameter.__module__]
 
 HELP = """Table-top scenes from a spatial specification, at the difficulty you ask for.
 
 \b
-  scenegen check my.spec                                   what the spec means, and what phi can be
-  scenegen sample my.spec --phi 0:0.2 -n 16 --render out   scenes whose phi lies in 0..0.2, as JSON and pictures
-  scenegen train my.spec --model gan --out my.safetensors  a model that draws such scenes in no time
+  # what the spec means, and what phi can be
+  scenegen check my.spec
+  # scenes whose phi lies in 0..0.2, as JSON and as pictures
+  scenegen sample my.spec --phi 0:0.2 -n 16 --out s.json --render out
+  # a model that draws such scenes in no time
+  scenegen train my.spec --model gan --out my.safetensors
 
 phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is >= 0, and the
 lower, the harder. Specs that ship with scenegen are in the folder `specs`.
@@ -56,25 +64,45 @@ def _global_options(
 def build() -> typer.Typer:
     """The program, commands in the order of the table."""
     app = typer.Typer(
-        help=HELP, no_args_is_help=True, add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False
+        help=_paragraphs(HELP), add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False
     )
     app.callback()(_global_options)
     for name, command in COMMANDS.items():
-        app.command(name, no_args_is_help=True)(command)
+        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_audible(command))
     return app
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the program and exit with its status."""
-    words = sys.argv[1:] if arguments is None else arguments
-    sys.exit(run(words))
+def _paragraphs(text: str) -> str:
+    """A help text with each paragraph on one line, for the terminal to wrap; examples (after \\b) stay as they are."""
+    parts = text.strip().split("\n\n")
+    return "\n\n".join(part if part.startswith("\b") else part.replace("\n", " ") for part in parts)
+
+
+class _Interrupted(Exception):  # noqa: N818 - no error
+    """Ctrl-C on its way past typer, which would swallow what it says."""
+
+
+def _audible(command: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(command)
+    def run_command(*args: Any, **options: Any) -> Any:
+        try:
+            return command(*args, **options)
+        except KeyboardInterrupt as error:
+            raise _Interrupted(str(error)) from error
+
+    return run_command
 
 
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
+    prepare()
     debug = "--debug" in words
     # --debug may stand anywhere: whoever sees an error adds it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
+    if not words or (len(words) == 1 and words[0] in COMMANDS):
+        with contextlib.redirect_stdout(sys.stderr):  # help that nobody asked for is no output
+            build()([*words, "--help"], prog_name="scenegen", standalone_mode=False)
+        return 2
     try:
         result: Any = build()(words, prog_name="scenegen", standalone_mode=False)
         sys.stdout.flush()
@@ -83,28 +111,34 @@ def run(words: list[str]) -> int:
             raise
         complain(*error.diagnostics)
         return 1
-    except exceptions.NoArgsIsHelpError as error:
-        print_error(error.format_message())
-        return 2
     except exceptions.UsageError as error:
         return _usage(error)
-    except (KeyboardInterrupt, exceptions.Abort) as error:
+    except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
         print_error(str(error) or "interrupted")
         return 130
     except BrokenPipeError:
-        # Whoever read our output has gone; Python would complain again when it closes the stream.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        give_up_output()
+        return 1
+    except MemoryError:
+        if debug:
+            raise
+        complain(Diagnostic("there is not enough memory for this", help="ask for fewer scenes at a time"))
         return 1
     except Exception as error:
         if debug:
             raise
+        if isinstance(error, OSError) and error.filename is None:
+            give_up_output()
+            reason = (error.strerror or str(error)).lower()
+            complain(Diagnostic(f"cannot write to standard output: {reason}", help="name a file with --out"))
+            return 1
         title = f"scenegen itself failed: {type(error).__name__}: {error}"
         complain(Diagnostic(title, help="this is a bug; please report it with the traceback that --debug shows"))
         return 1
     return result if isinstance(result, int) else 0
 
 
-def _usage(error: exceptions.UsageError) -> int:
+def _usage(error: Any) -> int:
     """A value out of its range is the request's fault (1); an option or argument wrong or missing is usage (2)."""
     bad_value = isinstance(error, exceptions.BadParameter) and not isinstance(error, exceptions.MissingParameter)
     command = error.ctx.command_path if error.ctx is not None else "scenegen"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check(
-    specs: Annotated[list[Path], typer.Argument(help="Spec files.", metavar="SPEC...", show_default=False)],
+    specs: Annotated[list[Path], typer.Argument(help="Spec files.", metavar="SPEC", show_default=False)],
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document instead, for editors and scripts.")
     ] = False,

@@ -70,6 +70,10 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
         print_error(f"note: {path} was made from another spec; its stored phi was not compared")
         return 0
     phi = score(spec.checked, scenes)
+    unknown = sorted(set(scenes.phi) - set(phi))
+    if unknown:
+        complain(Diagnostic(f"{path} stores phi of `{unknown[0]}`, a label that its spec does not have"))
+        return 1
     for label, values in phi.items():
         if label not in scenes.phi:
             complain(Diagnostic(f"{path} stores no phi of `{label}`", help="sample the scenes anew"))

@@ -10,6 +10,10 @@ from scenegen.errors import Diagnostic, render_all
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
+
+
+NARROWEST = 72  # columns; a table cropped to fewer says nothing any more
 
 
 def use_color() -> bool:
@@ -32,4 +36,14 @@ def console() -> Console:
     """A rich console on standard error."""
     from rich.console import Console
 
-    return Console(stderr=True, highlight=False, soft_wrap=True)
+    screen = Console(stderr=True, highlight=False, soft_wrap=True)
+    screen.width = max(screen.width, NARROWEST)
+    return screen
+
+
+def progress_bar() -> Progress:
+    """A bar that goes away when it is done; nothing at all where standard error is no terminal."""
+    from rich.progress import Progress
+
+    screen = console()
+    return Progress(console=screen, transient=True, disable=not screen.is_interactive)

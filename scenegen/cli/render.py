@@ -42,7 +42,7 @@ def parse_size(text: str) -> tuple[int, int]:
     """`640x480` -> (640, 480). Raises RequestError."""
     from scenegen.errors import Diagnostic, RequestError, Source, Span
 
-    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text)
+    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text, re.ASCII)
     if match is None:
         here = Span(Source("--size", text), 0, len(text))
         raise RequestError(Diagnostic("a size is written WIDTHxHEIGHT", here, "", "for instance: --size 640x480"))
@@ -51,14 +51,11 @@ def parse_size(text: str) -> tuple[int, int]:
 
 def draw(scenes: SceneSet, out: Path, size: tuple[int, int] = (640, 480), workers: int | None = None) -> None:
     """Draw with a progress bar, and say where the pictures are."""
-    from rich.progress import Progress
+    from scenegen.cli.output import print_error, progress_bar
 
-    from scenegen.api.render import render as draw_scenes
-    from scenegen.cli.output import console, print_error
-
-    with Progress(console=console(), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("drawing", total=len(scenes))
-        drawn = draw_scenes(
-            scenes, out, size=size, workers=workers, progress=lambda done, total: bar.update(task, completed=done)
+        drawn = scenes.render(
+            out, size=size, workers=workers, progress=lambda done, total: bar.update(task, completed=done)
         )
     print_error(f"drew {len(drawn.pictures)} pictures in {out}; contact sheet: {drawn.sheet}")

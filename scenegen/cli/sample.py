@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,8 +54,8 @@ def sample(
 
     \b
       scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
-      scenegen sample specs/mug_left_of_plate.spec --phi task=0.05:0.2 --phi safe=0: --out s.json --render pictures
-      scenegen sample model.safetensors --phi task=-0.3:-0.1 -n 1000 --seed 7 --out hard.json
+      scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
+      scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
     free. If fewer than -n scenes are found in time, nothing is written and the exit status is 1, unless --keep-partial.
@@ -64,12 +63,12 @@ def sample(
     from scenegen.api.sample import sample as draw_scenes
     from scenegen.cli.output import complain
     from scenegen.cli.render import draw
-    from scenegen.formats.files import check_writable, ensure_folder
+    from scenegen.formats.files import check_folder, check_writable
     from scenegen.formats.table import format_of
 
     if out is not None:
         format_of(out)
-        check_writable(out)
+        check_writable(out, source)
     subject = _load(source, spec)
     from scenegen.api.train import Model
     from scenegen.sampling.request import parse_ranges
@@ -77,7 +76,7 @@ def sample(
     labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
     ranges = parse_ranges(phi or [], labels)
     if render is not None:
-        ensure_folder(render)
+        check_folder(render, out)
     import torch
 
     torch.set_num_threads(1)  # a piece is drawn on one thread, so that its bytes do not depend on the machine's load
@@ -98,9 +97,10 @@ def sample(
     if out is not None:
         scenes.save(out)
     else:
+        from scenegen.cli.streams import write_data
         from scenegen.formats.scenes_json import dump
 
-        sys.stdout.write(dump(scenes.file()).decode())
+        write_data(dump(scenes.file()))
     _summary(scenes, out)
     if render is not None:
         draw(scenes, render)
@@ -138,11 +138,9 @@ class _Bar:
     """A progress bar that appears only when sampling takes a while."""
 
     def __enter__(self) -> _Bar:
-        from rich.progress import Progress
+        from scenegen.cli.output import progress_bar
 
-        from scenegen.cli.output import console
-
-        self._progress = Progress(console=console(), transient=True)
+        self._progress = progress_bar()
         self._task = self._progress.add_task("sampling", total=None)
         self._calls = 0
         return self

@@ -28,9 +28,9 @@ def train(
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
     \b
-      scenegen train specs/first.spec --model gan --out first.safetensors
-      scenegen train specs/first.spec --model gan --out first.safetensors --epochs 100 --resume
-      scenegen sample first.safetensors --phi 0:0.2 -n 100 --out scenes.json
+      scenegen train specs/first.spec --model gan --out m.safetensors
+      scenegen train specs/first.spec --model gan --out m.safetensors --resume
+      scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
 
     The defaults are the paper's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an unbroken
     run (it reads FILE.train, which lies beside the model and may be deleted when you are done).
@@ -38,9 +38,11 @@ def train(
     from scenegen.api.spec import load
     from scenegen.api.train import train as run
     from scenegen.cli.output import console, print_error
+    from scenegen.formats.files import check_writable
     from scenegen.training.config import TrainConfig
     from scenegen.training.progress import TrainingProgress
 
+    check_writable(out, spec)
     checked = load(spec)
     options = {"epochs": epochs, "batch_size": batch_size, "lr": lr, "scenes": scenes, "data": data, "seed": seed}
     TrainConfig(model=model, device=device, **options)  # type: ignore[arg-type]  # refused before the bar appears

@@ -31,12 +31,34 @@ def output_error(path: Path, error: OSError) -> OutputError:
     )
 
 
-def check_writable(path: Path) -> None:
-    """Refuse, before any work is done, an output file whose folder is missing or read-only. Raises OutputError."""
-    if path.is_dir():
-        raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
+def check_writable(path: Path, *inputs: Path) -> None:
+    """Refuse, before any work is done, an output file whose folder is missing or read-only, one that is not a regular
+    file, and one that is also an input. Raises OutputError."""
+    _refuse_special(path)
+    for given in inputs:
+        if path.exists() and given.exists() and path.samefile(given):
+            raise OutputError(
+                Diagnostic(f"{path} would overwrite what it is made from", help="name another output file")
+            )
     # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
     with _reported(path), tempfile.TemporaryFile(dir=path.parent):
+        pass
+
+
+def _refuse_special(path: Path) -> None:
+    """Folders, devices, pipes and sockets are not replaced by a file."""
+    if path.is_dir():
+        raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
+    if path.exists() and not path.is_file():
+        raise OutputError(Diagnostic(f"cannot write {path}: it is not a regular file", help="name a file"))
+
+
+def check_folder(path: Path, file: Path | None = None) -> None:
+    """Refuse, before any work is done, an output folder that can neither be written to nor made, and one that is to be
+    the output `file` as well. Raises OutputError."""
+    if file is not None and path.absolute() == file.absolute():
+        raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
+    with _reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
         pass
 
 
@@ -59,8 +81,8 @@ def _reported(path: Path) -> Iterator[None]:
 def write_whole(path: Path, data: bytes) -> None:
     """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
     with _reported(path):
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        _refuse_special(path)
+        path = path.resolve() if path.is_symlink() else path  # the link stays, what it points to is written
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -89,7 +111,9 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
             raise DataError(Diagnostic(f"cannot read {path}: it is {kind}", help=f"name {what} instead"))
         size = path.stat().st_size
         if limit is not None and size > limit:
-            raise DataError(Diagnostic(f"cannot read {path}: {size:,} bytes; the limit is {limit:,}"))
+            raise DataError(
+                Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=f"the limit is {limit:,}")
+            )
         return path.read_bytes()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()

@@ -15,7 +15,7 @@ from scenegen.primitives.units import Unit
 TRUE = -1
 FALSE = -2
 
-MAX_NODES = 2_000_000
+MAX_NODES = 1_000_000
 
 
 class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
@@ -59,8 +59,12 @@ class CoreBuilder:
         values = [self.value(arg) for arg in args]
         if primitive == "mul" and 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
             return args[1 - values.index(1.0)]
+        if primitive == "mul" and 0.0 in values:
+            return self.const(0.0)
         if primitive == "sub" and values[1] == 0.0:
             return args[0]
+        if (primitive == "sub" and args[0] == args[1]) or (primitive == "dist" and args[:2] == args[2:]):
+            return self.const(0.0)  # a thing beside itself: the same in every scene, and the checker says so
         known = [value for value in values if value is not None]
         if len(known) == len(values):
             result = float(PRIMITIVES[primitive].evaluate(MATH, *known))

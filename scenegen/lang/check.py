@@ -9,22 +9,25 @@ from scenegen.lang import ast
 from scenegen.lang.builder import MAX_NODES, CoreBuilder, TooLarge
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.lower import Frame, Lowering
-from scenegen.lang.parse import parse
-from scenegen.lang.print import print_module
+from scenegen.lang.parse import parse, plain_breaks
+from scenegen.lang.print import print_expr, print_module
 from scenegen.lang.resolve import resolve
-from scenegen.lang.scope import LABEL, Scope, collect
+from scenegen.lang.scope import LABEL, Declared, Scope, collect, prelude
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.trampoline import run
-from scenegen.lang.values import AnyValue
-from scenegen.primitives.units import BARE, LENGTH
+from scenegen.lang.values import AnyValue, NumberValue, Value
+from scenegen.primitives.units import ANGLE, BARE, LENGTH
 from scenegen.scene.workspace import Workspace
+
+FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
+NARROWEST = 1e-9  # least width of the workspace, relative to its distance from the origin
 
 MOST_ERRORS = 20  # diagnostics of one run; whoever has more has one mistake that causes the others
 
 
 def check_text(text: str, name: str = "<spec>") -> CheckedSpec:
     """Parse and check a spec's text. Raises SpecError with every mistake found; `name` is what they call the file."""
-    return check(Source(name, text))
+    return check(Source(name, plain_breaks(text)))
 
 
 def check(source: Source) -> CheckedSpec:
@@ -38,8 +41,8 @@ def check(source: Source) -> CheckedSpec:
     lowering = Lowering(scope, builder)
     try:
         workspace = _workspace(module, lowering, problems)
-        labels = _labels(module, lowering, problems)
         _constants(scope, lowering, problems)
+        labels = {} if problems else _labels(module, lowering, problems)
         _unused_definitions(scope, lowering, problems)
     except TooLarge:
         raise SpecError(_too_large(source)) from None
@@ -94,6 +97,13 @@ def _interval(interval: ast.Interval, axis: str, lowering: Lowering, module: ast
             raise SpecError(Diagnostic(title, expr.span(module.source)))
         ends.append(value)
     lowest, highest = ends
+    if max(abs(lowest), abs(highest)) > FARTHEST:
+        here = interval.span(module.source)
+        raise SpecError(Diagnostic(f"this interval of {axis} is too far out", here, f"the limit is {FARTHEST:,.0f} m"))
+    if 0.0 < highest - lowest < NARROWEST * max(1.0, abs(lowest), abs(highest)):
+        here = interval.span(module.source)
+        label = "numbers of a computer are too coarse for it"
+        raise SpecError(Diagnostic(f"this interval of {axis} is too narrow", here, label, "give it some width"))
     if not lowest < highest:
         here = interval.span(module.source)
         help_ = f"write [{highest:g}, {lowest:g}]" if lowest > highest else "give it some width"
@@ -159,9 +169,34 @@ def _constants(scope: Scope, lowering: Lowering, problems: list[Diagnostic]) -> 
         if declared.source is scope.source:
             (expr,) = ast.expressions(declared.statement)
             try:
-                run(lowering.lower(expr, {}, Frame(declared.source)))
+                value = run(lowering.lower(expr, {}, Frame(declared.source)))
+                problems.extend(_bad_override(declared, value, lowering))
             except SpecError as error:
                 problems.extend(error.diagnostics)
+
+
+def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[Diagnostic]:
+    """A constant of the prelude may be given another value, but not one that turns its relations upside down."""
+    name = declared.name.id
+    if name not in ("ANGLE_SCALE", "EPS_CLOSE", "EPS_FAR", "EPS_ANGLE"):
+        return []
+    wanted = {"ANGLE_SCALE": BARE, "EPS_ANGLE": ANGLE}.get(name, LENGTH)
+    (expr,) = ast.expressions(declared.statement)
+    here = expr.span(declared.source)
+    if not isinstance(value, NumberValue) or value.unit not in (BARE, wanted):
+        what = value.unit.words if isinstance(value, NumberValue) else value.kind
+        return [
+            Diagnostic(f"`{name}` must be {wanted.words}, not {what}", here, "", f"the prelude's is {_default(name)}")
+        ]
+    amount = lowering.builder.value(value.node)
+    if amount is not None and (amount < 0.0 or (amount == 0.0 and name == "ANGLE_SCALE")):
+        return [Diagnostic(f"`{name}` must be positive", here, "", f"the prelude's is {_default(name)}")]
+    return []
+
+
+def _default(name: str) -> str:
+    found = next(one for one in prelude().statements if isinstance(one, ast.Constant) and one.name.id == name)
+    return print_expr(found.value)
 
 
 def _unused_definitions(scope: Scope, lowering: Lowering, problems: list[Diagnostic]) -> None:

@@ -29,10 +29,14 @@ from scenegen.lang.values import (
     wrong_kind,
 )
 from scenegen.primitives import PRIMITIVES, UnitMismatch
-from scenegen.primitives.units import ANGLE, LENGTH, Unit, agree, quantity
-from scenegen.scene.workspace import AXES
+from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
+from scenegen.scene.workspace import AXES, TWO_PI
 
 Environment = Mapping[str, Value]
+
+MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
+_ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
+_UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -64,7 +68,7 @@ class Lowering:
         """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
         spans = (node.span(frame.source), *frame.calls)
         own = tuple(span for span in spans if span.source is not self.scope.prelude)
-        return own or spans
+        return (own or spans)[:MOST_CALLS]
 
     def _error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
         spans = self._spans(node, frame)
@@ -84,8 +88,15 @@ class Lowering:
         if signature is not None:
             return SpecError(Diagnostic(f"`{name}` needs its arguments", value.origin, "", f"write {signature.usage}"))
         known = self.scope.constants if wanted == "a number" else {**self.scope.labels, **self.scope.definitions}
-        help_ = suggest(name, known, wrong_kind(value, wanted, place).diagnostics[0].help)
-        return SpecError(Diagnostic(f"unknown name `{name}`", value.origin, f"{wanted} is needed here", help_))
+        close = suggest(name, known)
+        if close:
+            return SpecError(Diagnostic(f"unknown name `{name}`", value.origin, f"{wanted} is needed here", close))
+        (problem,) = wrong_kind(value, wanted, place).diagnostics
+        if place == "what `-` works on" and not value.role:
+            help_ = f"{problem.help};\nif `-` is part of a name, write `_` instead"
+            problem = dataclasses.replace(problem, help=help_)
+        label = "taken for an object: nothing else is called so"
+        return SpecError(dataclasses.replace(problem, label=label))
 
     def formula(self, value: Value, place: str) -> int:
         if isinstance(value, FormulaValue):
@@ -98,7 +109,7 @@ class Lowering:
         if isinstance(value, NumberValue):
             return value
         if isinstance(value, AnyValue):
-            return NumberValue(self.builder.const(1.0), origin=value.origin)
+            return NumberValue(self.builder.const(_ANY), origin=value.origin)
         raise self._wrong_kind(value, "a number", place)
 
     def place(self, value: Value, place: str) -> tuple[int, int]:
@@ -108,7 +119,7 @@ class Lowering:
         if isinstance(value, PointValue):
             return value.x, value.y
         if isinstance(value, AnyValue):
-            return self.builder.const(0.0), self.builder.const(0.0)
+            return self.builder.const(_ANY), self.builder.const(_ANY)
         raise self._wrong_kind(value, "an object or a point", place)
 
     # ---- expressions
@@ -197,6 +208,8 @@ class Lowering:
         for part in parts:
             value = yield self.lower(part, env, frame)
             numbers.append(self.number(value, f"what `{symbol}` works on"))
+        if symbol in ("+", "-"):
+            self._refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
             divisor = self.builder.value(numbers[1].node)
@@ -215,6 +228,9 @@ class Lowering:
             unit = PRIMITIVES[name].unit(*units)
             result = self.builder.apply(name, args)
         except UnitMismatch as mismatch:
+            if len(numbers) == 1:
+                title = f"`{name}` takes {mismatch.right.words}, not {mismatch.left.words}"
+                raise self._error(title, node, frame, help=_UNITS_HELP) from None
             raise self._mismatch(mismatch, "combined with", node, frame) from None
         except OverflowError:
             raise self._error("this number is too large", node, frame) from None
@@ -222,7 +238,18 @@ class Lowering:
 
     def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: Frame) -> SpecError:
         title = f"{mismatch.left.words} is {verb} {mismatch.right.words}"
-        return self._error(title, node, frame, help="lengths are in m, cm or mm; angles in rad, deg or turn")
+        return self._error(title, node, frame, help=_UNITS_HELP)
+
+    def _refuse_degrees(self, numbers: list[NumberValue]) -> None:
+        """A bare number beside an angle counts in radians; one beyond a turn was meant in degrees."""
+        if not any(number.unit == ANGLE for number in numbers):
+            return
+        for number in numbers:
+            amount = self.builder.value(number.node) if number.unit == BARE else None
+            if amount is not None and abs(amount) > TWO_PI:
+                title = f"{amount:g} radians are more than a turn"
+                help_ = f"write {amount:g} deg, or {amount:g} rad if you mean it"
+                raise SpecError(Diagnostic(title, number.origin, "a bare number beside an angle is in radians", help_))
 
     def _agree(self, node: ast.Node, frame: Frame, verb: str, *units: Unit) -> Unit:
         try:
@@ -235,6 +262,7 @@ class Lowering:
         for operand in node.operands:
             value = yield self.lower(operand, env, frame)
             numbers.append(self.number(value, "each side of a comparison"))
+        self._refuse_degrees(numbers)
         atoms = []
         spans = self._spans(node, frame)
         named = frame.text if node is frame.body else ""
@@ -279,7 +307,7 @@ class Lowering:
             if isinstance(value, ObjectValue):
                 return NumberValue(self.builder.coord(value.index, axis), ANGLE, origin=origin)
             if isinstance(value, AnyValue):
-                return NumberValue(self.builder.const(0.0), ANGLE, origin=origin)
+                return NumberValue(self.builder.const(_ANY), ANGLE, origin=origin)
             raise self._wrong_kind(value, "an object (nothing else has a heading)", what)
         if PRIMITIVES[name].params[0] == "place":
             args = [coordinate for value in values for coordinate in self.place(value, what)]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from typing import Any
 
+from lark import Lark
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang import ast, tables
 from scenegen.lang.build import Builder
 from scenegen.lang.syntax_errors import explain
+
+_ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
 
 MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
@@ -23,6 +28,14 @@ def parse(source: Source) -> ast.Module:
         raise SpecError(Diagnostic(f"{source.name} is too long: {size}"))
     if "\0" in text:
         raise SpecError(Diagnostic(f"{source.name} is a binary file", help="a spec is a text file in UTF-8"))
+    odd = _ODD_BREAKS.search(text)
+    if odd is not None:
+        # Some editors show a new line here, the comment rule of the grammar does not see one: better to ask.
+        here = Span(source, odd.start(), odd.end())
+        title = f"character U+{ord(odd[0]):04X} cannot stand in a spec"
+        raise SpecError(
+            Diagnostic(title, here, "some programs take it for a line break", "put a plain line break here")
+        )
     if not _has_content(text):
         raise SpecError(
             Diagnostic(
@@ -32,9 +45,8 @@ def parse(source: Source) -> ast.Module:
                 "write one, for instance: leftOf(mug, plate)",
             )
         )
-    lark = tables.parser(Builder())
     try:
-        tree: Any = lark.parse(text)
+        tree: Any = _parser().parse(text)
     except (UnexpectedToken, UnexpectedCharacters) as error:
         raise SpecError(explain(source, error)) from None
     except UnexpectedInput as error:  # Lark has no other kind today
@@ -42,6 +54,11 @@ def parse(source: Source) -> ast.Module:
     module = ast.Module(source, tuple(tree), None) if isinstance(tree, list) else ast.Module(source, (), tree)
     _limit_nesting(module)
     return module
+
+
+@cache
+def _parser() -> Lark:
+    return tables.parser(Builder())
 
 
 def _has_content(text: str) -> bool:
@@ -67,12 +84,17 @@ def _limit_nesting(module: ast.Module) -> None:
         )
 
 
+def plain_breaks(text: str) -> str:
+    """Line breaks of Windows and of old Macs become plain ones: a comment must end where people see it end."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def read_source(name: str, data: bytes) -> Source:
     """A spec file's bytes as text. Raises SpecError for binary data and for what is not UTF-8."""
     if b"\0" in data[:8192] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise SpecError(Diagnostic(f"{name} is a binary file", help="a spec is a text file in UTF-8"))
     try:
-        return Source(name, data.decode("utf-8-sig"))
+        return Source(name, plain_breaks(data.decode("utf-8-sig")))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = f"byte 0x{data[error.start]:02x} in line {line}"

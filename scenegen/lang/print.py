@@ -82,7 +82,8 @@ def _pieces(node: ast.Expr | ast.Argument) -> Iterator[_Item]:
             yield base, _POSTFIX
             yield f".{member.id}"
         case ast.Index(base, index):
-            yield base, _POSTFIX
+            # `workspace [` opens a statement
+            yield base, _POSTFIX + (base == ast.Name("workspace"))
             yield "["
             yield index, _SUM
             yield "]"
@@ -122,10 +123,10 @@ def _pieces(node: ast.Expr | ast.Argument) -> Iterator[_Item]:
             yield body, 0
 
 
-def print_expr(expr: ast.Expr) -> str:
-    """The canonical text of an expression, on one line."""
+def print_expr(expr: ast.Expr, strength: int = 0) -> str:
+    """The canonical text of an expression, on one line; in parentheses where it binds more loosely than `strength`."""
     out: list[str] = []
-    stack: list[_Item] = [(expr, 0)]
+    stack: list[_Item] = [(expr, strength)]
     while stack:
         item = stack.pop()
         if isinstance(item, str):
@@ -153,18 +154,18 @@ def _formula(head: str, expr: ast.Expr) -> str:
 
 
 def _interval(interval: ast.Interval) -> str:
-    return f"[{print_expr(interval.lowest)}, {print_expr(interval.highest)}]"
+    return f"[{print_expr(interval.lowest, _SUM)}, {print_expr(interval.highest, _SUM)}]"
 
 
 def _declaration(one: ast.Declaration) -> str:
-    count = f"[{print_expr(one.count)}]" if one.count is not None else ""
-    shape = f" = {print_expr(one.shape)}" if one.shape is not None else ""
-    pose = f" at {print_expr(one.pose)}" if one.pose is not None else ""
+    count = f"[{print_expr(one.count, _SUM)}]" if one.count is not None else ""
+    shape = f" = {print_expr(one.shape, _POSTFIX)}" if one.shape is not None else ""
+    pose = f" at {print_expr(one.pose, _POSTFIX)}" if one.pose is not None else ""
     return f"{one.name.id}{count}{shape}{pose}"
 
 
 def _parameter(one: ast.Parameter) -> str:
-    return one.name.id if one.default is None else f"{one.name.id} = {print_expr(one.default)}"
+    return one.name.id if one.default is None else f"{one.name.id} = {print_expr(one.default, _SUM)}"
 
 
 def print_statement(statement: ast.Statement) -> str:
@@ -175,9 +176,9 @@ def print_statement(statement: ast.Statement) -> str:
         case ast.Objects(declarations):
             return f"object {', '.join(_declaration(one) for one in declarations)}"
         case ast.Region(name, shape):
-            return f"region {name.id} = {print_expr(shape)}"
+            return f"region {name.id} = {print_expr(shape, _POSTFIX)}"
         case ast.Constant(name, value):
-            return f"const {name.id} = {print_expr(value)}"
+            return f"const {name.id} = {print_expr(value, _SUM)}"
         case ast.Definition(name, parameters, body):
             return _formula(f"def {name.id}({', '.join(map(_parameter, parameters))}) =", body)
         case ast.Require(formula):

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
-from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature
+from scenegen.lang.print import print_expr
+from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature, signatures
+from scenegen.scene.workspace import AXES
 
 LATER = "the grammar knows it, this version cannot give it a meaning yet"
 
@@ -16,7 +18,10 @@ def resolve(module: ast.Module, scope: Scope) -> list[Diagnostic]:
     """The problems of a module's names, in the order of the text."""
     problems: list[Diagnostic] = []
     for statement in module.statements:
-        problems.extend(_unsupported_statement(statement, module.source))
+        unsupported = list(_unsupported_statement(statement, module.source))
+        if unsupported:
+            problems.extend(unsupported)
+            continue
         bound: set[str] = set()
         if isinstance(statement, ast.Definition):
             problems.extend(_parameters(statement, module.source))
@@ -85,6 +90,11 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
     while stack:
         node = stack.pop()
         what = _unsupported(node)
+        if isinstance(node, ast.Member) and node.member.id in AXES:
+            inner = print_expr(node.base)
+            help_ = f"write {node.member.id}({inner})"
+            yield Diagnostic("a coordinate is not written with a dot", node.span(source), "", help_)
+            continue
         if what:
             yield _later(what, node.span(source))
             continue
@@ -105,7 +115,12 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
         if scope.knows(node.id):
             yield Diagnostic(f"`{node.id}` is not a constant", here, "only numbers and constants can stand here")
         else:
-            yield Diagnostic(f"unknown constant `{node.id}`", here, "", suggest(node.id, scope.constants))
+            yield Diagnostic(
+                f"unknown constant `{node.id}`",
+                here,
+                "",
+                suggest(node.id, scope.constants, f"define it: const {node.id} = 1"),
+            )
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
@@ -131,7 +146,7 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
             yield Diagnostic(f"`{name}` is not a relation", here, "it cannot be called")
             return
         close = suggest(name, scope.functions())
-        relations = f"the relations are {quoted(scope.definitions)}"
+        relations = f"the relations are {quoted(scope.definitions)};\nthe functions are {quoted(signatures())}"
         yield Diagnostic(f"unknown relation `{name}`", here, "no relation or function is called so", close or relations)
         return
     problem = bind(node, signature, source)

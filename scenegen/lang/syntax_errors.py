@@ -11,6 +11,7 @@ import re
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
+from scenegen.lang.habits import explain_habit
 
 KEYWORDS = tuple(
     "workspace object region const def require import forall exists in at and or not implies true false".split()
@@ -31,7 +32,7 @@ _FOREIGN = {
     "~": ("`~` is not an operator here", "write `!` (or `not`)"),
     ";": ("statements are not parted by `;`", "start the next statement on a new line"),
     "%": ("`%` is not an operator here", "to bring an angle to one turn write wrap(a)"),
-    "'": ("texts stand in double quotes", 'write "like this"'),
+    "'": ("names stand without quotes", 'write leftOf(mug, plate); file names stand in "double quotes"'),
     "{": ("braces mean nothing here", "group with ( ), list with [ ]"),
     "}": ("braces mean nothing here", "group with ( ), list with [ ]"),
     "//": ("`//` opens no comment here", "comments start with `#`"),
@@ -74,8 +75,10 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
     else:
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
-        _foreign(source, start)
+        explain_habit(source, start, end, len(_open_brackets(text, start)[0]), accepts)
+        or _foreign(source, start)
         or _bracket(source, start)
+        or _statement(source, start, end, accepts)
         or _two_operands(source, start, end, accepts)
         or _keyword(source, start, end, accepts)
         or _number(source, start, accepts)
@@ -121,6 +124,9 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
     if text[start] == '"' and '"' not in source.line(start)[source.position(start)[1] :]:
         return Diagnostic("this text is never closed", Span(source, start, start + 1), "", 'add `"` where it ends')
     line = text[text.rfind("\n", 0, start) + 1 : start].strip()
+    if text[start] == "=" and re.fullmatch(r"def\s+\w+", line):
+        help_ = f"write {line}(a, b) = ..., or {line}() = ... if it has none; for a number write const"
+        return Diagnostic("a definition needs its parameters", Span(source, start, start + 1), "expected `(`", help_)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
         return Diagnostic("a formula is named with `:`", Span(source, start, start + 1), "", f"write `{line}: ...`")
     # `&&` is noticed at its second character: look one back as well.
@@ -173,30 +179,33 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         return Diagnostic(f"unknown word `{word}`", here, "", f"keywords are lower case: `{word.lower()}`")
     if "COLON" in accepts:
         return Diagnostic("missing `:`", here, "expected `:` before the formula", "write forall i in 1..6: formula")
+    if previous == "workspace":
+        help_ = "write workspace [0, 1] x [0, 1]"
+        return Diagnostic(f"unexpected {_shown(word)}", here, "expected an interval such as [0, 1]", help_)
+    stack, _ = _open_brackets(text, start)
     opening = nearest(previous, _STATEMENTS) if previous not in KEYWORDS else None
     if opening is not None and before[: len(before) - len(previous)].rstrip()[-1:] in ("", "\n", ")", "]"):
         place = Span(source, len(before) - len(previous), len(before))
         return Diagnostic(f"unknown statement `{previous}`", place, "", f"did you mean `{opening}`?")
-    close = nearest(word, ("and", "or", "implies", *_STATEMENTS)) if word.isidentifier() else None
+    known = [one for one in ("and", "or", "implies") if f"_{one.upper()}" in accepts]
+    if text[end : end + 1] != "(":
+        known += [one for one in _STATEMENTS if one.upper() in accepts]
+    close = nearest(word, known) if word.isidentifier() else None
     if close is not None and len(word) > 2 and word not in KEYWORDS:
         return Diagnostic(f"unexpected `{word}`", here, "", f"did you mean `{close}`?")
     if not accepts & {"_AND", "_OR", "PLUS"}:
         return _unnamed_formula(here, accepts)
-    if previous[:1].isdigit() and word.isidentifier():
+    between = text[len(before) : start]
+    if previous[:1].isdigit() and word.isidentifier() and word not in KEYWORDS and "\n" not in between:
         return Diagnostic(f"unknown unit `{word}`", here, "", "units are m, cm, mm, rad, deg and turn")
-    stack, _ = _open_brackets(text, start)
     join = "join the two parts with `&` (and), `|` (or) or `->` (implies)"
     label = f"expected an operator before {_shown(word)}"
     if stack and "COMMA" in accepts:
-        return Diagnostic("missing `,` or operator", here, label.replace("an operator", "`,` or an operator"), join)
-    if (
-        previous.isidentifier()
-        and previous not in KEYWORDS
-        and word.isidentifier()
-        and "\n" not in text[len(before) : start]
-    ):
+        help_ = "part arguments by `,`; join formulas with `&` (and), `|` (or) or `->` (implies)"
+        return Diagnostic("missing `,` or operator", here, label.replace("an operator", "`,` or an operator"), help_)
+    if previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between:
         join = f"arguments stand in parentheses: {previous}({word}, ...)"
-    elif not stack and "\n" in text[len(before) : start]:
+    elif not stack and "\n" in between:
         join += ",\nor give every formula a name: `task: ...` and `safe: ...`"
     elif word == "(":
         join += "; only a name can be called"
@@ -211,9 +220,10 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
         if rest.startswith("("):
             help_ = f"a formula among statements needs a name: `task: {word}(...)`"
             return Diagnostic("a formula without a name", here, "expected a statement", help_)
-        return Diagnostic(
-            f"unexpected `{word}`", here, f"expected {_expected(accepts)}", "names in a list are parted by `,`"
-        )
+        if re.match(r"[A-Za-z_]\w*\s*\(", rest):
+            return Diagnostic("a formula is named with `:`", here, "", f"write `{word}: ...`")
+        label = "expected `,` or a statement" if "COMMA" in accepts else f"expected {_expected(accepts)}"
+        return Diagnostic(f"unexpected `{word}`", here, label, "names in a list are parted by `,`")
     return Diagnostic(f"unexpected {_shown(word)}", here, f"expected {_expected(accepts)}")
 
 
@@ -234,6 +244,21 @@ def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
     )
 
 
+def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+    """A statement that opens where a bracket is open, or after a formula without a name."""
+    text, word = source.text, source.text[start:end]
+    named = word.isidentifier() and re.match(r"\s*:", text[end:]) is not None
+    if not (named or word in _STATEMENTS) or accepts & {"NAME", "IN", "COLON"}:
+        return None
+    stack, _ = _open_brackets(text, start)
+    if stack:
+        return _unclosed(source, stack)
+    if "$END" not in accepts or "LABEL" in accepts or re.search(r"\bworkspace\s*$", text[:start]):
+        return None
+    help_ = "give the formula before it a name: `task: ...`"
+    return Diagnostic(f"unexpected `{word}`", Span(source, start, end), "an unnamed formula stands alone", help_)
+
+
 def _colon(source: Source, start: int) -> Diagnostic:
     found = re.search(r"\w+$", source.text[:start].rstrip())
     if found is not None and found[0] in KEYWORDS:
@@ -243,14 +268,19 @@ def _colon(source: Source, start: int) -> Diagnostic:
             "it cannot name a formula",
             "choose another name",
         )
-    help_ = "finish the formula before it"
+    opens = found.start() if found is not None else start
     return Diagnostic(
-        "a name with `:` opens a statement", Span(source, start, start + 1), "it cannot stand inside a formula", help_
+        "a name with `:` opens a statement",
+        Span(source, opens, start + 1),
+        "it cannot stand inside a formula",
+        "finish the formula before it",
     )
 
 
 def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
     text = source.text
+    if re.search(r"\d\.$", text[:start]) and "NAME" in accepts:
+        return _dot(source, start)
     if text[start] != ".":
         return None
     if re.match(r"\.\d", text[start:]) and "NAME" in accepts:
@@ -262,20 +292,33 @@ def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
     return None
 
 
+def _dot(source: Source, end: int) -> Diagnostic:
+    """A number such as `5.` that ends just before `end`."""
+    found = re.search(r"\d+\.$", source.text[:end])
+    assert found is not None
+    return Diagnostic("a number ends with a digit", Span(source, found.start(), end), "", f"write {found[0]}0")
+
+
+def _unclosed(source: Source, stack: list[int]) -> Diagnostic:
+    opened = source.text[stack[-1]]
+    closing = {"(": ")", "[": "]"}[opened]
+    return Diagnostic(
+        f"this `{opened}` is never closed",
+        Span(source, stack[-1], stack[-1] + 1),
+        f"`{closing}` is missing" + (f" ({len(stack)} brackets are open)" if len(stack) > 1 else ""),
+        f"add `{closing}` where it ends",
+    )
+
+
 def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
     text = source.text
     stop = len(text.rstrip())
     stack, _ = _open_brackets(text, len(text))
     if stack and accepts & {"RPAR", "RSQB"}:
-        opened = text[stack[-1]]
-        closing = {"(": ")", "[": "]"}[opened]
-        return Diagnostic(
-            f"this `{opened}` is never closed",
-            Span(source, stack[-1], stack[-1] + 1),
-            f"`{closing}` is missing" + (f" ({len(stack)} brackets are open)" if len(stack) > 1 else ""),
-            f"add `{closing}` where it ends",
-        )
-    word = re.search(r"[A-Za-z_]\w*$|->|<=|>=|[^\w\s]$", _without_comments(text).rstrip())
+        return _unclosed(source, stack)
+    if re.search(r"\d\.$", text[:stop]):
+        return _dot(source, stop)
+    word = re.search(r"(?:[A-Za-z_]\w*|->|<=|>=|[^\w\s])$", _without_comments(text).rstrip())
     after = f" after `{word[0]}`" if word else ""
     return Diagnostic(
         f"the text ends{after}", Span(source, stop, stop), f"expected {_expected(accepts)}", "finish the formula"

@@ -37,8 +37,41 @@ def serialize(text: str) -> str:
     from lark.lexer import TerminalDef
 
     data, memo = build(text).memo_serialize([TerminalDef, Rule])
+    data["parser"]["parser"] = _numbered(data["parser"]["parser"])
     tables = {"fingerprint": fingerprint(text), "data": data, "memo": memo}
     return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
+
+
+def _numbered(table: dict[str, Any]) -> dict[str, Any]:
+    """The parse table with tokens in alphabetical order and states as they are met from the start.
+
+    Lark numbers both as sets happen to be ordered, which differs from run to run.
+    """
+    names = table["tokens"]
+    moves = {
+        state: sorted(((names[token], action) for token, action in row.items()), key=lambda move: str(move[0]))
+        for state, row in table["states"].items()
+    }
+    order = dict.fromkeys(table["start_states"].values())
+    queue = list(order)
+    for state in queue:
+        for _, (kind, argument) in moves[state]:
+            if kind == 0 and argument not in order:  # a shift or goto, to that state
+                order[argument] = None
+                queue.append(argument)
+    number = {state: index for index, state in enumerate(order)}
+    token = {name: index for index, name in enumerate(sorted(names.values()))}
+    return table | {
+        "tokens": {index: name for name, index in token.items()},
+        "states": {
+            number[state]: {
+                token[name]: (kind, argument if kind else number[argument]) for name, (kind, argument) in moves[state]
+            }
+            for state in order
+        },
+        "start_states": {name: number[state] for name, state in table["start_states"].items()},
+        "end_states": {name: number[state] for name, state in table["end_states"].items()},
+    }
 
 
 def _whole_number_keys(pairs: dict[str, Any]) -> dict[Any, Any]:
@@ -57,7 +90,7 @@ def _finished() -> Any:
         raw = grammar_file(TABLES).read_text(encoding="utf-8")
         tables = json.loads(raw, object_hook=_whole_number_keys)
         return tables if tables["fingerprint"] == fingerprint(_text()) else None
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
 
 

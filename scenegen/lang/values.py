@@ -62,6 +62,8 @@ def _remedy(value: Value, wanted: str) -> str:
         return "compare it with something: ... <= 0.25"
     if wanted == "a formula" and isinstance(value, ObjectValue):
         return f"say something about it: leftOf({value.origin.text}, plate)"
+    if "`heading`" in value.role:
+        return "a heading is an angle: NORTH, 90 deg, theta(plate)"
     if wanted == "a number" and isinstance(value, ObjectValue):
         return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
     if "object" in wanted and isinstance(value, NumberValue):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from scenegen.lang.spec import CheckedSpec
-from scenegen.scene.data import WorkspaceData
+from scenegen.scene.data import SpecRef, WorkspaceData
 from scenegen.scene.workspace import Workspace
 
 FORMAT = "scenegen/model"
@@ -21,18 +20,10 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class SpecData(_Strict):
-    """The spec a model was trained on: where it was read from, its canonical text, the SHA-256 of that text."""
+class SpecData(SpecRef):
+    """The spec a model was trained on: as in scene files, and where it was read from."""
 
     name: str
-    source: str
-    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-
-    @model_validator(mode="after")
-    def _agree(self) -> Self:
-        if hashlib.sha256(self.source.encode()).hexdigest() != self.sha256:
-            raise ValueError("the spec's text does not have the checksum beside it")
-        return self
 
 
 class LabelData(_Strict):
@@ -82,4 +73,4 @@ class ModelCard(_Strict):
 
 
 def spec_data(spec: CheckedSpec) -> SpecData:
-    return SpecData(name=spec.name, source=spec.source, sha256=spec.sha256)
+    return SpecData(name=spec.name, title=spec.title, source=spec.source, sha256=spec.sha256)

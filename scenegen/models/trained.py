@@ -53,4 +53,9 @@ class TrainedModel:
                     f"phi has the shape {tuple(phi.shape)}; expected ({len(self.card.labels)}, n), one row a label"
                 )
             )
-        return self.codec.decode(self.model.sample(phi.shape[1], phi.T, generator))
+        rows = self.codec.decode(self.model.sample(phi.shape[1], phi.T, generator))
+        if not bool(torch.isfinite(rows.sum())):
+            raise DataError(
+                Diagnostic("the model's output is not finite", help="the model file is damaged; train anew")
+            )
+        return rows

@@ -1,7 +1,8 @@
 """The functions a primitive may use, for plain floats and for numpy arrays (torch's are in scenegen.robustness).
 
-All three round alike, operation by operation, so that the scalar interpreter, numpy and torch give the same bits (but
-for sin and cos, whose last bit is the library's).
+All three round alike, operation by operation, so that the scalar interpreter and numpy give the same bits but for sin
+and cos, whose last bit is the library's. So does torch, but for its sqrt as well: on large batches it may be off by one
+unit in the last place.
 """
 
 from __future__ import annotations

@@ -5,20 +5,23 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
 
-from scenegen.errors import DataError, Diagnostic, RequestError, quoted, suggest
-from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, quoted, suggest
+from scenegen.formats.files import ensure_folder, output_error, write_whole
 from scenegen.render.camera import VIEWS
 from scenegen.render.pool import draw
 from scenegen.render.sheet import SHOWN, contact_sheet, thumbnail_size
 from scenegen.render.stage import poses_of, stage_of
 from scenegen.scene.data import SceneFile
 
+SHEET = "contact_sheet.png"
 SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
 
 
@@ -59,32 +62,51 @@ def render_scenes(
     shown_view = "perspective" if "perspective" in views else views[0]
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
-    written: list[Path] = []
+    names: list[str] = []
     made = not out.exists()
     ensure_folder(out)
+    # Pictures wait in a folder of their own until all are there: a run that fails leaves earlier pictures alone.
+    waiting = Path(tempfile.mkdtemp(dir=out, prefix=".pictures.", suffix=".part"))
     try:
         with contextlib.closing(draw(stage, poses, views, size, min(workers or _cores(), total))) as scenes:
             for number, pictures in enumerate(scenes, start=1):
                 for view in views:
-                    path = out / f"scene_{number:0{digits}d}_{view}.png"
-                    write_whole(path, pictures[view])
-                    written.append(path)
+                    name = f"scene_{number:0{digits}d}_{view}.png"
+                    _write(waiting / name, pictures[view], out / name)
+                    names.append(name)
                 if number <= SHOWN:
                     with Image.open(io.BytesIO(pictures[shown_view])) as picture:
                         thumbnails.append(picture.resize(small, Image.Resampling.LANCZOS))
                 if progress is not None:
                     progress(number, total)
-        sheet = out / "contact_sheet.png"
-        write_whole(sheet, contact_sheet(file, thumbnails))
+        _write(waiting / SHEET, contact_sheet(file, thumbnails), out / SHEET)
+        for name in (*names, SHEET):
+            _move(waiting / name, out / name)
     except BaseException:
-        for path in written:
-            with contextlib.suppress(OSError):
-                path.unlink()
+        shutil.rmtree(waiting, ignore_errors=True)
         if made:
             with contextlib.suppress(OSError):
                 out.rmdir()
         raise
-    return Rendered(tuple(written), sheet)
+    waiting.rmdir()
+    return Rendered(tuple(out / name for name in names), out / SHEET)
+
+
+def _write(path: Path, data: bytes, destination: Path) -> None:
+    """Write a picture that waits; if that fails, what cannot be written is its destination."""
+    try:
+        write_whole(path, data)
+    except OutputError as error:
+        if isinstance(error.__cause__, OSError):
+            raise output_error(destination, error.__cause__) from error
+        raise
+
+
+def _move(path: Path, destination: Path) -> None:
+    try:
+        path.replace(destination)
+    except OSError as error:
+        raise output_error(destination, error) from error
 
 
 def _cores() -> int:

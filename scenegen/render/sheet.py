@@ -86,6 +86,11 @@ def _write(draw: ImageDraw.ImageDraw, at: tuple[float, float], line: list[Item],
         x += font.getlength(text + space)
 
 
+def _method(file: SceneFile) -> str:
+    method, model = file.sampler.get("method", "unknown"), file.sampler.get("model")
+    return f"{method} ({model})" if model else str(method)
+
+
 def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     """The sheet as a PNG file; `thumbnails` are the pictures of the first scenes, all of one size."""
     title_font, font, small = (ImageFont.load_default(size=size) for size in (TITLE, TEXT, SMALL))
@@ -99,7 +104,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
 
     many = f"{total} scene{'s' * (total != 1)}"
     shown = many if count == total else f"first {count} of {many}"
-    facts = [f"asked: {asked(file.request.phi)}", f"method: {file.sampler.get('method', 'unknown')}"]
+    facts = [f"asked: {asked(file.request.phi)}", f"method: {_method(file)}"]
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title

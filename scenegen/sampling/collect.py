@@ -50,7 +50,7 @@ class Collector:
     _order: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        # Who gets one scene more, or the only one: multiples of the golden ratio leave even gaps however many are taken.
+        # Who gets one scene more, or the only one: multiples of the golden ratio leave even gaps, however many.
         shift = self.generator.random()
         self._order = [(cell * GOLDEN + shift) % 1.0 for cell in range(self.cells.count)]
 

@@ -26,9 +26,8 @@ Array = npt.NDArray[np.float64]
 Proposer = Callable[[Tensor, torch.Generator], Tensor]
 """Wanted phi (L, B) and the random numbers to use -> scenes (3N, B) in metres and radians."""
 
-SMALLEST, LARGEST = 256, 16_384  # candidates of one round
+SMALLEST, LARGEST = 256, 16_384  # candidates of one round, at most a piece
 PATIENCE = 2048  # candidates after which a cell that never worked counts as out of reach
-PILOT_DRAWS = 131_072
 
 
 class Targets:
@@ -40,7 +39,7 @@ class Targets:
 
     def __init__(self, problem: Problem) -> None:
         self._cells: Cells = problem.cells
-        self._phi = problem.score(problem.base(0, stream=PILOT, count=PILOT_DRAWS))
+        self._phi = problem.score(problem.base(0, stream=PILOT))
         found = self._cells.find(self._phi)
         order = np.argsort(found, kind="stable")
         borders = np.searchsorted(found[order], np.arange(self._cells.count + 1))
@@ -81,7 +80,7 @@ def guided(problem: Problem, propose: Proposer, name: str, budget: Budget, progr
             break
         generator = piece_generator(problem.request.seed, piece, GUIDED)
         chooser = np.random.default_rng(np.random.SeedSequence([problem.request.seed, GUIDED, piece]))
-        wanted = _round(lacking, chooser)
+        wanted = _round(lacking, min(LARGEST, problem.piece_size), chooser)
         rows, phi, shifted = _candidates(problem, targets, propose, wanted, generator, chooser)
         found = collector.offer(rows, phi)
         candidates, moved, piece = candidates + len(wanted), moved + shifted, piece + 1
@@ -98,11 +97,11 @@ def guided(problem: Problem, propose: Proposer, name: str, budget: Budget, progr
     return finish(problem, collector, info, f"{candidates:,} candidates of the {name}", rows, phi, done)
 
 
-def _round(lacking: dict[int, int], chooser: np.random.Generator) -> npt.NDArray[np.intp]:
+def _round(lacking: dict[int, int], largest: int, chooser: np.random.Generator) -> npt.NDArray[np.intp]:
     """The cell of each candidate of a round: twice what is lacking, within limits, in an order without pattern."""
     cells = np.fromiter(lacking, dtype=np.intp)
     need = np.fromiter(lacking.values(), dtype=np.float64)
-    size = int(np.clip(2 * need.sum(), SMALLEST, LARGEST))
+    size = int(min(max(2 * need.sum(), SMALLEST), largest))
     return np.sort(chooser.choice(cells, size=size, p=need / need.sum()))
 
 

@@ -12,9 +12,11 @@ import torch
 from torch import Tensor
 
 from scenegen.bounds import workspace_bounds
+from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
+from scenegen.primitives import NUMPY
 from scenegen.robustness import Robustness
-from scenegen.sampling.base import PIECE, draw, piece_generator
+from scenegen.sampling.base import draw, piece_generator, piece_size
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.collect import Collector
 from scenegen.sampling.request import Range, Request, check_request
@@ -22,6 +24,8 @@ from scenegen.sampling.request import Range, Request, check_request
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int, int], None]
 """Told after each piece: scenes found, scenes wanted, candidates looked at."""
+
+SLACK = 1e-9  # how far from the range torch's phi is trusted to tell that a scene is out of it
 
 SHUFFLE, PILOT, GUIDED = 1, 2, 3  # random streams beside the base draws' (stream 0)
 
@@ -51,14 +55,29 @@ class Problem:
         return Collector(self.cells, self.request.n, self.possible, np.random.default_rng(seed))
 
     def score(self, rows: Tensor) -> Array:
-        """Exact phi of float64 rows, (3N, B) -> (L, B)."""
-        with torch.no_grad():
-            return np.asarray(self.robustness.rows(rows, check=False).numpy())
+        """Exact phi of float64 rows, (3N, B) -> (L, B).
 
-    def base(self, piece: int, *, stream: int = 0, count: int = PIECE) -> Tensor:
-        """Piece k of the base distribution, (3N, count)."""
+        torch scores them all; what comes near the wanted range is scored again by numpy, whose square root, unlike
+        torch's, is rounded correctly in batches of any size. So `scenegen eval` finds the very same bits later.
+        """
+        with torch.no_grad():
+            phi = np.array(self.robustness.rows(rows, check=False).numpy())
+        low, high = self.cells.low[:, None] - SLACK, self.cells.high[:, None] + SLACK
+        near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
+        if len(near):
+            exact = evaluate(self.spec.core, list(rows.numpy()[:, near]), NUMPY)
+            phi[:, near] = np.stack([np.broadcast_to(value, len(near)) for value in exact.values()])
+        return phi
+
+    @property
+    def piece_size(self) -> int:
+        """Scenes of one piece."""
+        return piece_size(len(self.spec.objects))
+
+    def base(self, piece: int, *, stream: int = 0) -> Tensor:
+        """Piece k of the base distribution, (3N, piece_size)."""
         generator = piece_generator(self.request.seed, piece, stream)
-        return draw(self.spec.workspace, len(self.spec.objects), count, generator)
+        return draw(self.spec.workspace, len(self.spec.objects), self.piece_size, generator)
 
 
 def pose(spec: CheckedSpec, ranges: Mapping[str, Range], *, n: int, seed: int = 0, spread: str = "flat") -> Problem:

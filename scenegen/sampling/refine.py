@@ -15,11 +15,12 @@ from scenegen.robustness import Robustness
 from scenegen.sampling.base import clamp_to
 from scenegen.scene.workspace import Workspace
 
-SOFT_STEPS = 10
+SOFT_STEPS = 20
 HARD_STEPS = 20
 BETA = 10.0
-LONGEST = 0.25  # metres or radians that one coordinate may move in one step: far from the target J is of little use
-DAMPING = 1e-9
+LONGEST = 0.25  # of the workspace, or radians, that one coordinate may move in a step: J says little of what is far
+# Far from the target the labels' gradients are often all but parallel, and the exact step is then a leap to the side.
+SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 
 
 def refine(
@@ -27,11 +28,12 @@ def refine(
 ) -> Tensor:
     """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, where it can be done.
 
-    `target` (L, B) is where a label that is out of its range is headed; labels within their range are held where they
-    are. Scenes that arrive stop moving; positions stay in the workspace. Scenes that do not arrive are returned as
-    they are: the caller verifies.
+    `target` (L, B) is where a label that is out of its range is headed; labels within their range do not take part
+    until they leave it. Scenes that arrive stop moving; positions stay in the workspace. Scenes that do not arrive are
+    returned as they are: the caller verifies.
     """
     rows = clamp_to(workspace, rows)
+    scale = torch.tensor([workspace.width, workspace.height, 1.0], dtype=rows.dtype).repeat(rows.shape[0] // 3)[:, None]
     active = torch.arange(rows.shape[1])
     for step in range(SOFT_STEPS + HARD_STEPS):
         part = rows[:, active].detach().requires_grad_(True)
@@ -41,10 +43,11 @@ def refine(
         moving = off.any(dim=0)
         if not bool(moving.any()):
             break
-        jacobian = _jacobian(phi, part)[:, :, moving]
+        jacobian = (_jacobian(phi, part) * scale * off[:, None, :])[:, :, moving]
         residual = torch.where(off, target[:, active] - value, torch.zeros_like(value))[:, moving]
         active = active[moving]
-        moved = part.detach()[:, moving] + _newton(jacobian, residual)
+        damping = SOFT_DAMPING if step < SOFT_STEPS else HARD_DAMPING
+        moved = part.detach()[:, moving] + scale * _newton(jacobian, residual, damping)
         rows[:, active] = clamp_to(workspace, moved)
     return rows
 
@@ -58,12 +61,15 @@ def _jacobian(phi: Tensor, rows: Tensor) -> Tensor:
     return torch.stack(sweeps)
 
 
-def _newton(jacobian: Tensor, residual: Tensor) -> Tensor:
-    """The shortest step (3N, B) that closes the residual (L, B) to first order, with bounded coordinates."""
+def _newton(jacobian: Tensor, residual: Tensor, damping: float) -> Tensor:
+    """The shortest step (3N, B) that closes the residual (L, B) to first order, with bounded coordinates.
+
+    Positions count in widths and heights of the workspace: a table of 20 m is refined like one of 1 m.
+    """
     gram = torch.einsum("ldb,mdb->blm", jacobian, jacobian)
-    # Labels with equal or vanishing gradients make the matrix singular; a little damping makes the step merely shorter.
+    # Labels with equal or vanishing gradients make the matrix singular; damping makes the step merely shorter.
     scale = gram.diagonal(dim1=1, dim2=2).amax(dim=1).clamp_min(1e-12)
-    gram = gram + (DAMPING * scale)[:, None, None] * torch.eye(gram.shape[1], dtype=gram.dtype)
+    gram = gram + (damping * scale)[:, None, None] * torch.eye(gram.shape[1], dtype=gram.dtype)
     weights = torch.linalg.solve(gram, residual.T[:, :, None])[:, :, 0]
     step = torch.einsum("ldb,bl->db", jacobian, weights)
     longest = step.abs().amax(dim=0).clamp_min(1e-300)

@@ -6,7 +6,6 @@ base distribution because nothing but the cell decides what is kept.
 
 from __future__ import annotations
 
-from scenegen.sampling.base import PIECE
 from scenegen.sampling.collect import Sampled
 from scenegen.sampling.problem import Budget, Problem, Progress
 from scenegen.sampling.report import finish
@@ -24,10 +23,12 @@ def rejection(problem: Problem, budget: Budget, progress: Progress | None = None
         found = collector.offer(rows.numpy(), phi)
         piece += 1
         if progress is not None:
-            progress(collector.found, problem.request.n, piece * PIECE)
+            progress(collector.found, problem.request.n, piece * problem.piece_size)
         done = collector.complete and (piece >= EXPLORE or not collector.undecided)
         if done or budget.spent:
             break
-    info = {"method": "rejection", "seed": problem.request.seed, "draws": piece * PIECE}
+    info = {"method": "rejection", "seed": problem.request.seed, "draws": piece * problem.piece_size}
     missed = found < 0
-    return finish(problem, collector, info, f"{piece * PIECE:,} draws", rows.numpy()[:, missed], phi[:, missed], done)
+    return finish(
+        problem, collector, info, f"{piece * problem.piece_size:,} draws", rows.numpy()[:, missed], phi[:, missed], done
+    )

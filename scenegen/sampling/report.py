@@ -36,7 +36,7 @@ def _unreached(collector: Collector, tried: str) -> tuple[Diagnostic, ...]:
     if not missing or not collector.found:
         return ()
     cells = collector.cells
-    shown = ", ".join(cells.describe(cell) for cell in missing[:3])
+    shown = "; ".join(cells.describe(cell) for cell in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
     ruled_out = sum(cell not in collector.possible for cell in missing)
     note = f"interval bounds rule out {ruled_out} of them" if ruled_out else ""
@@ -49,14 +49,24 @@ def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, 
     """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B)."""
     found, n = collector.found, problem.request.n
     title = f"found {found or 'none'} of {n:,} scenes in {tried}"
+    if found >= n:
+        title = f"time was up after {tried}, too early to tell which parts of the range can be reached"
+        note = f"nothing was found yet in {len(collector.undecided)} of {problem.cells.count} cells"
+        help_ = "give it more time with --timeout, ask for `--spread base`, or save what there is with --keep-partial"
+        return Diagnostic(title, help=help_, note=note)
+    usable = ~np.isnan(phi).any(axis=0)
+    if phi.shape[1] and not usable.any():
+        note = f"each of the last {phi.shape[1]:,} candidates lay outside the workspace"
+        return Diagnostic(title, help="the model is of no use; train it again", note=note)
+    rows, phi = rows[:, usable], phi[:, usable]
     low, high = problem.cells.low[:, None], problem.cells.high[:, None]
     out = (phi < low) | (phi > high)
     remedy = "widen the range, give it more time with --timeout"
     remedy += ", or save what there is with --keep-partial" if found else ""
     if not out.any():
-        lacking = collector.deficits(hopeful=True)
-        worst = max(lacking, key=lambda cell: lacking[cell])
-        note = f"{problem.cells.describe(worst)} is the rarest part of the range"
+        lacking = collector.deficits(hopeful=True) or collector.deficits()
+        worst = max(lacking, key=lambda cell: lacking[cell], default=None)
+        note = "" if worst is None else f"{problem.cells.describe(worst)} is the rarest part of the range"
         return Diagnostic(title, help=f"ask for `--spread base`, or a narrower range; or {remedy}", note=note)
     label = int(out.mean(axis=1).argmax())
     name, share = problem.spec.labels[label], out[label].mean()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span, quoted, suggest
@@ -18,23 +18,25 @@ Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
 BAND = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
-MAX_SCENES = 100_000_000
+MAX_SCENES = 10_000_000
+LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """phi from `low` to `high`, both inclusive; None is an open end."""
+    """phi from `low` to `high`, both inclusive; None is an open end. `span` is where it was typed, if it was."""
 
     low: float | None = None
     high: float | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
 
     @property
     def bounded(self) -> bool:
         return self.low is not None and self.high is not None
 
     def __str__(self) -> str:
-        low, high = ("" if end is None else f"{end:g}" for end in (self.low, self.high))
+        low, high = ("" if end is None else f"{end + 0.0:.10g}" for end in (self.low, self.high))
         return f"{low}:{high}"
 
 
@@ -63,7 +65,7 @@ def parse_ranges(options: Sequence[str], labels: Sequence[str]) -> dict[str, Ran
             name, rest = labels[0], text
         name = name.strip()
         offset = len(text) - len(rest)
-        here = Span(source, 0, max(1, offset - 1))
+        here = Span(source, 0, offset - 1 if equals else len(text))
         if name not in labels:
             raise RequestError(_unknown_label(name, labels, here))
         if name in ranges:
@@ -75,15 +77,17 @@ def parse_ranges(options: Sequence[str], labels: Sequence[str]) -> dict[str, Ran
 
 def _unknown_label(name: str, labels: Sequence[str], here: Span | None) -> Diagnostic:
     otherwise = f"the spec has {quoted(labels)}"
-    return Diagnostic(f"the spec has no label `{name}`", here, "", suggest(name, labels, otherwise))
+    title = f"the spec has no label `{name}`" if name else "no label stands before `=`"
+    return Diagnostic(title, here, "", suggest(name, labels, otherwise))
 
 
 def _parse_range(text: str, source: Source, offset: int) -> Range:
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
-        hint = "" if not colon and _number(text) is None else f": {_band_text(text)}" if not colon else ""
-        raise RequestError(Diagnostic("a range is written LO:HI, LO: or :HI", whole, "", f"write a band{hint}"))
+        alone = not colon and _number(text) is not None
+        help_ = f"write a band: {_band_text(text)}" if alone else "for instance 0.05:0.2"
+        raise RequestError(Diagnostic("a range is written LO:HI, LO: or :HI", whole, "", help_))
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
         value = _number(part) if part.strip() else None
@@ -95,8 +99,8 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
         raise RequestError(
             Diagnostic("this range has no end", whole, "", "write LO:HI, LO: or :HI, or leave --phi out")
         )
-    result = Range(*ends)
-    problem = empty_range(result, whole)
+    result = Range(ends[0], ends[1], whole)
+    problem = empty_range(result)
     if problem is not None:
         raise RequestError(problem)
     return result
@@ -115,10 +119,10 @@ def _band_text(text: str) -> str:
     return f"{value - BAND:g}:{value + BAND:g}"
 
 
-def empty_range(wanted: Range, here: Span | None = None) -> Diagnostic | None:
+def empty_range(wanted: Range) -> Diagnostic | None:
     """What is wrong with a reversed range; None where nothing is. LO = HI is judged with the spec's bounds at hand."""
     if wanted.low is not None and wanted.high is not None and wanted.low > wanted.high:
-        return Diagnostic("this range is reversed", here, "", f"write {wanted.high:g}:{wanted.low:g}")
+        return Diagnostic("this range is reversed", wanted.span, "", f"write {wanted.high:g}:{wanted.low:g}")
     return None
 
 
@@ -143,7 +147,7 @@ def check_request(
         if name not in bounds:
             raise RequestError(_unknown_label(name, list(bounds), None))
         for end in (wanted.low, wanted.high):
-            if end is not None and not math.isfinite(end):
+            if end is not None and not abs(end) <= LARGEST_PHI:
                 raise RequestError(Diagnostic(f"{end} cannot end a range of phi of `{name}`", help="use None for open"))
         problem = empty_range(wanted)
         if problem is not None:
@@ -159,16 +163,16 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
     high = math.inf if wanted.high is None else wanted.high
     reach = f"phi of `{name}` lies between {lowest:.4g} and {highest:.4g} in this workspace"
     if low > highest or high < lowest:
-        raise RequestError(Diagnostic(f"no scene can have phi of `{name}` in {wanted}", help=reach))
+        raise RequestError(Diagnostic(f"no scene can have phi of `{name}` in {wanted}", wanted.span, help=reach))
     at_top, at_bottom = low == highest, high == lowest
     if at_top or at_bottom:
         # Reached at its bound only, as by closeTo(mug, plate, 0): what can be asked for is a band beside the bound.
         band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
         title = f"phi of `{name}` reaches {highest if at_top else lowest:g} with probability 0; sampling {band} instead"
-        warnings.append(Diagnostic(title, help=reach, severity="warning"))
+        warnings.append(Diagnostic(title, wanted.span, help=reach, severity="warning"))
         return band
     if low == high:
         band = Range(max(low - BAND, lowest), min(high + BAND, highest))
         title = f"phi of `{name}` is exactly {low:g} with probability 0"
-        raise RequestError(Diagnostic(title, help=f"ask for a band: --phi {name}={band}"))
+        raise RequestError(Diagnostic(title, wanted.span, help=f"ask for a band: --phi {name}={band}"))
     return wanted

@@ -5,9 +5,10 @@ Format `scenegen/scenes`, version 1. The JSON Schema of `SceneFile` ships in doc
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import hashlib
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
@@ -16,7 +17,7 @@ Bounds = tuple[FiniteFloat, FiniteFloat]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Pose(_Strict):
@@ -36,15 +37,15 @@ class SceneData(_Strict):
 
 class CircleFootprint(_Strict):
     kind: Literal["circle"] = "circle"
-    radius: Annotated[float, Field(gt=0)]
+    radius: Annotated[FiniteFloat, Field(gt=0)]
 
 
 class BoxFootprint(_Strict):
     """`length` along the object's heading, `width` across it, in metres."""
 
     kind: Literal["box"] = "box"
-    length: Annotated[float, Field(gt=0)]
-    width: Annotated[float, Field(gt=0)]
+    length: Annotated[FiniteFloat, Field(gt=0)]
+    width: Annotated[FiniteFloat, Field(gt=0)]
 
 
 class ShapeData(_Strict):
@@ -52,7 +53,7 @@ class ShapeData(_Strict):
 
     asset: str
     footprint: Annotated[CircleFootprint | BoxFootprint, Field(discriminator="kind")]
-    height: Annotated[float, Field(gt=0)]
+    height: Annotated[FiniteFloat, Field(gt=0)]
 
 
 class ObjectData(_Strict):
@@ -66,6 +67,12 @@ class SpecRef(_Strict):
     source: str
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     title: str = ""
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if hashlib.sha256(self.source.encode()).hexdigest() != self.sha256:
+            raise ValueError("the spec's text does not have the checksum beside it")
+        return self
 
 
 class WorkspaceData(_Strict):

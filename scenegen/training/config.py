@@ -66,4 +66,5 @@ def _check_number(name: str, value: object) -> Diagnostic | None:
         return None
     kind = "a whole number" if whole else "a number"
     span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
-    return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}")
+    usual = TrainConfig.__dataclass_fields__[name].default
+    return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}", help=f"the default is {usual:,}")

@@ -1,6 +1,3 @@
-import runpy
-from pathlib import Path
-
 import pytest
 import torch
 
@@ -8,8 +5,6 @@ from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
 from scenegen.models.checkpoint import save_model
 from scenegen.models.table import model_class, parse_hyper
 from scenegen.scene.data import WorkspaceData
-
-exp1_spec = runpy.run_path(str(Path(__file__).parent / "exp1.py"))["exp1_spec"]
 
 
 def new_model(name, objects=2, labels=2, seed=0, **hyper):
@@ -34,16 +29,6 @@ def card_for(name, model, spec):
         epochs_done=1,
         losses=LossData(epochs=[1], means={"generator": [0.7]}),
     )
-
-
-@pytest.fixture
-def exp1():
-    return exp1_spec()
-
-
-@pytest.fixture
-def make_exp1():
-    return exp1_spec
 
 
 @pytest.fixture

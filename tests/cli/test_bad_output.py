@@ -1,0 +1,128 @@
+"""Places that cannot be written to: refused before the work where that can be known, and never half a file."""
+
+import errno
+import os
+
+import pytest
+
+from scenegen.formats import files
+from scenegen.render import scenes as pictures
+
+COMMANDS = {
+    "sample": ["sample", "good.spec", "-n", "4", "--out"],
+    "train": ["train", "good.spec", "--model", "gan", "--epochs", "1", "--scenes", "64", "--out"],
+    "render": ["render", "s.json", "--size", "32x32", "--workers", "1", "--out"],
+}
+DIFFERENT = {"sample": ["--seed", "5"], "train": ["--seed", "5"], "render": ["--size", "40x40"]}
+ENDING = {"sample": ".json", "train": ".safetensors", "render": ""}
+
+
+@pytest.fixture
+def scenes(here):
+    import scenegen
+
+    scenegen.sample(scenegen.load("good.spec"), n=3).save("s.json")
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    """Fails the test where work begins although its result has nowhere to go."""
+
+    def started(*_, **__):
+        raise AssertionError("work was begun")
+
+    monkeypatch.setattr("scenegen.sampling.rejection.rejection", started)
+    monkeypatch.setattr("scenegen.training.loop._run", started)
+    monkeypatch.setattr(pictures, "draw", started)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_folder_that_does_not_exist(command, refused, scenes, no_work, golden):
+    said = refused(*COMMANDS[command], f"no/such/thing{ENDING[command]}")
+    golden(f"cli/errors/output_{command}_no_folder.txt", said)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_below_a_file(command, refused, scenes, no_work, golden):
+    golden(f"cli/errors/output_{command}_below_a_file.txt", refused(*COMMANDS[command], f"s.json/x{ENDING[command]}"))
+
+
+def test_a_folder_in_the_file_s_place(refused, here, no_work):
+    (here / "x.json").mkdir()
+    assert "is a directory" in refused(*COMMANDS["sample"], "x.json")
+    assert "is a directory" in refused(*COMMANDS["train"], "x.json")
+
+
+def test_pictures_over_a_file(refused, here, scenes, no_work):
+    (here / "out").write_text("mine")
+    refused(*COMMANDS["render"], "out")
+    refused("sample", "good.spec", "--out", "o.json", "--render", "out")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_kernel_that_refuses(command, refused, scenes, no_work):
+    """Permission bits do not stop root; the kernel's own file system does."""
+    said = refused(*COMMANDS[command], f"/sys/scenegen{ENDING[command]}")
+    assert said.startswith(f"error: cannot write /sys/scenegen{ENDING[command]}: ")
+
+
+@pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES], ids=errno.errorcode.get)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_read_only(command, code, refused, here, scenes, no_work, monkeypatch, golden):
+    (here / "shelf").mkdir()
+    really = os.open
+
+    def refuse(path, flags, *rest, **named):
+        if flags & (os.O_WRONLY | os.O_RDWR) and "shelf" in os.fspath(path):
+            raise OSError(code, os.strerror(code), path)
+        return really(path, flags, *rest, **named)
+
+    monkeypatch.setattr(os, "open", refuse)
+    target = "shelf" if command == "render" else f"shelf/x{ENDING[command]}"
+    golden(f"cli/errors/output_{command}_{errno.errorcode[code].lower()}.txt", refused(*COMMANDS[command], target))
+
+
+class _Full:
+    """A file on a disk that takes so many bytes and no more, all files together."""
+
+    left = 0
+
+    def __init__(self, file):
+        self._file = file
+
+    def write(self, data):
+        if len(data) > _Full.left:
+            self._file.write(data[: _Full.left])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        _Full.left -= len(data)
+        return self._file.write(data)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._file.close()
+
+    def __getattr__(self, name):
+        return getattr(self._file, name)
+
+
+@pytest.mark.parametrize("there", [False, True], ids=["new", "there"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_disk_full_half_way(
+    command, there, snapshot, assert_one_diagnostic, scenegen, here, scenes, monkeypatch, golden
+):
+    target = f"x{ENDING[command]}"
+    *words, last = COMMANDS[command]
+    if there:
+        assert scenegen(*words, last, target).status == 0
+        words += DIFFERENT[command]
+    wrap = os.fdopen
+    monkeypatch.setattr(files.os, "fdopen", lambda *words, **named: _Full(wrap(*words, **named)))
+    monkeypatch.setattr(_Full, "left", 300)
+    before = snapshot(here)
+    outcome = scenegen(*words, last, target)
+    assert (outcome.status, outcome.out, snapshot(here)) == (1, "", before)
+    said = "".join(line for line in outcome.err.splitlines(True) if not line.startswith("gan: epoch"))
+    assert_one_diagnostic(said)
+    golden(f"cli/errors/output_{command}_full.txt", said)

@@ -1,0 +1,80 @@
+"""Random syntax trees: everything the grammar can say, whether or not it means anything."""
+
+from hypothesis import strategies as st
+
+from scenegen.lang import ast
+from scenegen.lang.syntax_errors import KEYWORDS
+
+ids = st.one_of(
+    st.sampled_from("a b mug plate x theta m cm e5 inside objects _ A1".split()),
+    st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,6}", fullmatch=True).filter(lambda word: word not in KEYWORDS),
+)
+names = ids.map(ast.Name)
+numbers = st.from_regex(r"[0-9]{1,3}(\.[0-9]{1,3})?([eE][+-]?[0-9])?", fullmatch=True)
+quantities = st.builds(ast.Quantity, numbers, st.sampled_from(["", "m", "cm", "mm", "rad", "deg", "turn"]))
+texts = st.text(
+    st.characters(exclude_characters='"\n\0\v\f\x1c\x1d\x1e\x85\u2028\u2029', exclude_categories=["Cs"]), max_size=6
+).map(ast.Text)
+leaves = st.one_of(names, quantities, texts, st.booleans().map(ast.Truth), st.just(ast.Name("workspace")))
+
+
+def tuples(of, least=0, most=3):
+    return st.lists(of, min_size=least, max_size=most).map(tuple)
+
+
+@st.composite
+def comparisons(draw, below):
+    operands = draw(tuples(below, least=2))
+    signs = st.sampled_from(["<=", ">="])
+    return ast.Compare(operands, tuple(draw(signs) for _ in operands[1:]))
+
+
+def nodes(below):
+    arguments = st.builds(ast.Argument, st.none() | names, below)
+    domains = st.one_of(below, st.builds(ast.Range, below, below))
+    return st.one_of(
+        st.builds(ast.Point, tuples(below, least=2)),
+        st.builds(ast.List, tuples(below)),
+        st.builds(ast.Call, names, tuples(arguments)),
+        st.builds(ast.Member, below, names),
+        st.builds(ast.Index, below, below),
+        st.builds(ast.Negative, below),
+        st.builds(ast.Binary, st.sampled_from("+-*/"), below, below),
+        comparisons(below),
+        st.builds(ast.Not, below),
+        st.builds(ast.And, tuples(below, least=2)),
+        st.builds(ast.Or, tuples(below, least=2)),
+        st.builds(ast.Implies, below, below),
+        st.builds(ast.Quantifier, st.sampled_from(["forall", "exists"]), tuples(names, least=1), domains, below),
+    )
+
+
+def operators(below):
+    """The ladder alone: where parentheses are needed, and where not."""
+    return st.one_of(
+        st.builds(ast.Negative, below),
+        st.builds(ast.Binary, st.sampled_from("+-*/"), below, below),
+        st.builds(ast.Compare, st.tuples(below, below), st.just(("<=",))),
+        st.builds(ast.Not, below),
+        st.builds(ast.And, st.tuples(below, below)),
+        st.builds(ast.Or, st.tuples(below, below)),
+        st.builds(ast.Implies, below, below),
+    )
+
+
+expressions = st.recursive(leaves, nodes, max_leaves=12)
+ladders = st.recursive(st.just(ast.Name("a")), operators, max_leaves=8)
+small = st.recursive(leaves, nodes, max_leaves=4)
+intervals = st.builds(ast.Interval, small, small)
+declarations = st.builds(ast.Declaration, names, *[st.none() | small] * 3)
+parameters = st.builds(ast.Parameter, names, st.none() | small)
+statements = st.one_of(
+    st.builds(ast.Workspace, intervals, intervals),
+    st.builds(ast.Objects, tuples(declarations, least=1)),
+    st.builds(ast.Region, names, small),
+    st.builds(ast.Constant, names, small),
+    st.builds(ast.Definition, names, tuples(parameters), small),
+    st.builds(ast.Require, small),
+    st.builds(ast.Import, texts),
+    st.builds(ast.Label, names, small),
+)

@@ -1,0 +1,81 @@
+"""scenegen from a wheel in a clean environment, and from the checkout: the same specs, the same scenes."""
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import zipfile
+
+import pytest
+
+FROM_RESOURCES = "from scenegen.resources import shipped_specs; print(shipped_specs()['first'])"
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory, pytestconfig):
+    """Built offline from the checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    command += ["--disable-pip-version-check", "--wheel-dir", str(folder), str(pytestconfig.rootpath)]
+    subprocess.run(command, check=True, timeout=120)
+    (path,) = folder.glob("scenegen-*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def clean(wheel, tmp_path_factory):
+    """A new virtual environment with the wheel alone; its dependencies are this environment's, by a .pth file."""
+    folder = tmp_path_factory.mktemp("clean") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True, timeout=60)
+    python = folder / "bin" / "python"
+    (site,) = folder.glob("lib/python*/site-packages")
+    # A path named in a .pth file is appended as it is: .pth files found there, the editable install's, are not read.
+    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    command = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*command, "--disable-pip-version-check", str(wheel)], check=True, timeout=120)
+    return folder
+
+
+def run(command, cwd):
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120, check=True)
+
+
+def test_what_the_wheel_holds(wheel, root):
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        prelude = archive.read("scenegen/_data/grammar/prelude.spec")
+    assert prelude == (root / "grammar" / "prelude.spec").read_bytes()
+    for folder in ("grammar", "specs"):
+        for path in (root / folder).iterdir():
+            assert f"scenegen/_data/{folder}/{path.name}" in names
+    assert "scenegen/py.typed" in names
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+    shipped = {name.split("/")[0] for name in names}
+    assert shipped == {"scenegen", next(name for name in shipped if name.endswith(".dist-info"))}
+
+
+def test_the_clean_environment_is_clean(clean, tmp_path):
+    done = run([clean / "bin" / "python", "-c", "import scenegen; print(scenegen.__file__)"], tmp_path)
+    assert done.stdout.startswith(str(clean))
+    assert run([clean / "bin" / "python", "-c", FROM_RESOURCES], tmp_path).stdout.startswith(str(clean))
+
+
+def test_the_same_scenes_from_the_wheel_and_from_the_checkout(clean, tmp_path):
+    outputs = []
+    for python in (clean / "bin" / "python", sys.executable):
+        spec = run([python, "-c", FROM_RESOURCES], tmp_path).stdout.strip()
+        program = [clean / "bin" / "scenegen"] if python != sys.executable else [python, "-m", "scenegen"]
+        checked = run([*program, "check", spec], tmp_path).stdout
+        assert checked.startswith(f"{spec}: ok\n")
+        scenes = run([*program, "sample", spec, "--phi", "0:0.2", "-n", "8"], tmp_path).stdout
+        assert len(json.loads(scenes)["scenes"]) == 8
+        outputs.append((checked.removeprefix(spec), scenes))
+    assert outputs[0] == outputs[1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_editable_install_reads_the_checkout(root, tmp_path):
+    spec = run([sys.executable, "-c", FROM_RESOURCES], tmp_path).stdout.strip()
+    assert spec == str(root / "specs" / "first.spec")

@@ -1,0 +1,94 @@
+"""When time is up: how many there are, which label and which atom stood in the way, and what to do."""
+
+import numpy as np
+import pytest
+
+from scenegen.api.sample import sample
+from scenegen.api.spec import Spec, parse
+from scenegen.errors import RequestError
+from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.rejection import rejection
+from scenegen.sampling.request import Range
+
+
+def test_a_range_too_rare_for_rejection_names_label_and_atom(exp2):
+    with pytest.raises(RequestError) as caught:
+        sample(Spec(exp2), {"task": (0.1, 0.2)}, n=16, timeout=1.0)
+    (problem,) = caught.value.diagnostics
+    assert problem.title.startswith("found none of 16 scenes in ")
+    assert problem.span.text == "angle(knife, NORTH)" and problem.span.source.name == "table_setting"
+    assert problem.label.startswith("`angle(knife, 1.5708, 0.2)` decides phi in ")
+    assert problem.note.startswith("phi of `task` was out of 0.1:0.2 in 100.0% of the last ")
+    assert "--timeout" in problem.help and "--keep-partial" not in problem.help
+
+
+def test_the_label_that_fails_most_is_the_one_named(exp1):
+    with pytest.raises(RequestError) as caught:
+        sample(Spec(exp1), {"task": (-0.5, None), "safe": (1.1, None)}, n=10_000_000, timeout=0.3)
+    (problem,) = caught.value.diagnostics
+    assert "phi of `safe` was out of 1.1:" in problem.note
+    assert problem.span.text == "closeTo(mug, plate, 0.25)"
+
+
+def test_keep_partial_keeps_what_there_is(exp1):
+    wanted = {"task": (0.5, None)}
+    with pytest.raises(RequestError, match="save what there is with --keep-partial"):
+        sample(Spec(exp1), wanted, n=5_000_000, timeout=0.3)
+    scenes = sample(Spec(exp1), wanted, n=5_000_000, timeout=0.3, keep_partial=True)
+    assert 0 < len(scenes) < 5_000_000
+    assert scenes.phi["task"].min() >= 0.5
+    (warning,) = scenes.warnings
+    assert warning.severity == "warning" and warning.title.startswith(f"found {len(scenes)} of 5,000,000 scenes in ")
+    assert scenes.header.request.n == 5_000_000 and len(scenes.file().scenes) == len(scenes)
+
+
+def test_keep_partial_of_nothing_is_nothing(exp2):
+    with pytest.raises(RequestError, match="found none"):
+        sample(Spec(exp2), {"task": (0.15, 0.2)}, n=16, timeout=0.1, keep_partial=True)
+
+
+def test_time_changes_no_scene(exp1):
+    """A run that is cut short hands out scenes that the whole run has as well."""
+    whole = rejection(pose(exp1, {"task": Range(0.5)}, n=20_000, seed=6), Budget())
+    short = rejection(pose(exp1, {"task": Range(0.5)}, n=20_000, seed=6), Budget(1e-9))
+    assert short.shortfall is not None and 0 < short.count < 20_000 == whole.count
+    assert {scene.tobytes() for scene in short.rows.T} < {scene.tobytes() for scene in whole.rows.T}
+
+
+def test_infeasible_cells_are_reported_and_their_share_goes_to_the_others(exp1):
+    """A distance of at most 0.17 cannot leave a coordinate 0.18 short (reference.md)."""
+    ranges = {"task": Range(-0.18, -0.16), "safe": Range(-0.1, -0.08)}
+    found = rejection(pose(exp1, ranges, n=512, seed=0), Budget())
+    task, safe = np.linspace(-0.18, -0.16, 17), np.linspace(-0.1, -0.08, 17)
+    feasible = safe[None, 1:] + 0.25 > -task[1:, None]
+    counts, _, _ = np.histogram2d(*found.phi, bins=[task, safe])
+    assert found.shortfall is None and found.count == 512 == counts.sum()
+    assert 0 < feasible.sum() < 256 and not counts[~feasible].any()
+    reached = counts[counts > 0]
+    assert reached.max() - reached.min() <= 1
+    assert found.info["cells"] == {"asked": 256, "reached": len(reached)}
+    (warning,) = found.warnings
+    assert warning.title.startswith(f"{256 - len(reached)} of 256 cells of the range were not reached in ")
+    assert warning.note.startswith("task -0.18:-0.1787, safe -0.1:-0.09875; ")
+    assert warning.help == "the scenes are spread over the others"
+
+
+def test_a_corner_that_is_never_hit_is_reported(exp1):
+    found = rejection(pose(exp1, {"task": Range(0.9, 1.0)}, n=16, seed=0), Budget())
+    assert found.count == 16 and found.phi[0].min() >= 0.9
+    (warning,) = found.warnings
+    assert "of 32 cells of the range were not reached" in warning.title
+    assert found.info["cells"]["reached"] < 32
+
+
+def test_cells_that_bounds_rule_out_are_counted(exp1):
+    found = rejection(pose(exp1, {"safe": Range(-0.3, 0.0)}, n=64, seed=0), Budget())
+    (warning,) = found.warnings
+    assert warning.title.startswith("5 of 32 cells") and "interval bounds rule out 5 of them" in warning.note
+
+
+def test_too_early_to_tell_is_not_called_a_lack_of_scenes():
+    contrary = parse("leftOf(mug, plate) & leftOf(plate, mug)")
+    with pytest.raises(RequestError, match="too early to tell which parts of the range can be reached"):
+        sample(contrary, {"task": (-1.0, 1.0)}, n=1, timeout=1e-6)
+    assert len(sample(contrary, {"task": (-1.0, 1.0)}, n=1)) == 1

@@ -133,10 +133,11 @@ plain rejection with every |phi - wanted| < {BAND}. Ours are means over the seed
 
 {inside:,} of {handed:,} handed-out scenes lie in the band that was asked for.
 
-What refinement does to coverage: {"; ".join(effect)}. It puts every scene on the target, and spreads those of a diverse
-model over the thin band that its raw output misses; what a collapsed model does not know, refinement does not find. The
-row without a model is the one to beat: moved onto the point, uniform scenes cover more than either network, though some
-get stuck at the border of the workspace; and plain rejection from the spec has the truth's coverage by construction.
+What refinement does to coverage: {"; ".join(effect)}.
+It puts every scene on the target and spreads those of a diverse model over the thin band that its raw output misses;
+what a collapsed model does not know, refinement does not find. The row without a model is the one to beat: uniform
+scenes, moved onto the point, cover more than either network. Plain rejection from the spec has the truth's coverage by
+construction.
 """
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(text, encoding="utf-8")

@@ -56,7 +56,7 @@ def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, 
         return Diagnostic(title, help=help_, note=note)
     usable = ~np.isnan(phi).any(axis=0)
     if phi.shape[1] and not usable.any():
-        note = f"each of the last {phi.shape[1]:,} candidates lay outside the workspace"
+        note = f"in each of the last {phi.shape[1]:,} candidates a coordinate was not a number"
         return Diagnostic(title, help="the model is of no use; train it again", note=note)
     rows, phi = rows[:, usable], phi[:, usable]
     low, high = problem.cells.low[:, None], problem.cells.high[:, None]

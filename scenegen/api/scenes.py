@@ -136,7 +136,8 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
         parts += [f"the spec does not know {quoted(extra)}"] if extra else []
         help_ = f"the spec is about {quoted(spec.objects)}, the scenes are about {quoted(scenes.objects)}"
         raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
-    order = [scenes.objects.index(name) for name in spec.objects]
+    place = {name: index for index, name in enumerate(scenes.objects)}
+    order = [place[name] for name in spec.objects]
     rows = scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
     return {
         name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))

@@ -13,6 +13,9 @@ import numpy.typing as npt
 from scenegen.assets import shape_of
 from scenegen.errors import DataError, Diagnostic, RequestError, quoted
 from scenegen.formats import table
+from scenegen.lang.core import Atom
+from scenegen.lang.interpret import deciding_atom
+from scenegen.lang.interpret import evaluate as interpret
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
@@ -127,8 +130,8 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     )
 
 
-def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
-    """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
+def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
+    """The poses as (3N, n) storage in the spec's order of objects. Raises DataError for scenes of other objects."""
     if set(scenes.objects) != set(spec.objects):
         missing = sorted(set(spec.objects) - set(scenes.objects))
         extra = sorted(set(scenes.objects) - set(spec.objects))
@@ -138,11 +141,27 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
         raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
     place = {name: index for index, name in enumerate(scenes.objects)}
     order = [place[name] for name in spec.objects]
-    rows = scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
+    return scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
+
+
+def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
+    """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
     return {
         name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
-        for name, value in score(spec.core, list(rows), NUMPY).items()
+        for name, value in score(spec.core, list(rows_of(spec, scenes)), NUMPY).items()
     }
+
+
+def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:
+    """For every label and scene the atom that decides phi: its margin is phi, so it alone would have to change."""
+    atoms: dict[str, list[str]] = {label: [] for label in spec.labels}
+    for scene in rows_of(spec, scenes).T:
+        values = interpret(spec.core, scene.tolist())
+        for label, found in atoms.items():
+            atom = spec.core.nodes[deciding_atom(spec.core, label, values)]
+            assert isinstance(atom, Atom)
+            found.append(atom.text)
+    return atoms
 
 
 def check_count(scenes: SceneSet) -> None:

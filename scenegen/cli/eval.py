@@ -20,11 +20,13 @@ def evaluate(
     scenes: Annotated[
         Path, typer.Argument(help="A scenes file of the same objects.", metavar="SCENES", show_default=False)
     ],
+    explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
 
     \b
       scenegen eval specs/first.spec scenes.json
+      scenegen eval specs/first.spec scenes.json --explain
       scenegen eval specs/first.spec scenes.json | cut -f 2 | sort -g
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
@@ -32,29 +34,37 @@ def evaluate(
     """
     from scenegen.api.scenes import check_count, read_scenes
     from scenegen.api.scenes import evaluate as score
+    from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
 
     checked = load(spec)
     found = read_scenes(scenes)
     check_count(found)
-    phi = score(checked.checked, found)
+    columns: dict[str, list[float] | list[str]] = {}
+    atoms = why(checked.checked, found) if explain else {}
+    for label, values in score(checked.checked, found).items():
+        columns[label] = values.tolist()
+        if explain:
+            columns[f"{label} is decided by"] = atoms[label]
     if sys.stdout.isatty():
-        _table({label: list(map(float, values)) for label, values in phi.items()})
+        _table(columns)
     else:
-        lines = ["\t".join(["scene", *phi])]
-        for number, values in enumerate(zip(*phi.values(), strict=True), 1):
-            lines.append("\t".join([str(number), *(repr(float(value)) for value in values)]))
+        lines = ["\t".join(["scene", *columns])]
+        for number, row in enumerate(zip(*columns.values(), strict=True), 1):
+            lines.append("\t".join([str(number), *map(str, row)]))
         typer.echo("\n".join(lines))
     return _compare(checked, found, scenes)
 
 
-def _table(phi: dict[str, list[float]]) -> None:
+def _table(columns: dict[str, list[float] | list[str]]) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table("scene", *phi, box=None)
-    for number, values in enumerate(zip(*phi.values(), strict=True), 1):
-        table.add_row(str(number), *(f"{value:+.6f}" for value in values))
+    table = Table("scene", *columns, box=None)
+    for number, row in enumerate(zip(*columns.values(), strict=True), 1):
+        cells = (cell if isinstance(cell, str) else f"{cell:+.6f}" for cell in row)
+        table.add_row(str(number), *map(Text, cells))
     Console().print(table)
 
 

@@ -98,7 +98,7 @@ def guided(problem: Problem, propose: Proposer, name: str, budget: Budget, progr
 
 
 def _round(lacking: dict[int, int], largest: int, chooser: np.random.Generator) -> npt.NDArray[np.intp]:
-    """The cell of each candidate of a round: twice what is lacking, within limits, in an order without pattern."""
+    """The cell of each candidate of a round: twice what is lacking, within limits, cells in order."""
     cells = np.fromiter(lacking, dtype=np.intp)
     need = np.fromiter(lacking.values(), dtype=np.float64)
     size = int(min(max(2 * need.sum(), SMALLEST), largest))

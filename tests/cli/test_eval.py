@@ -30,6 +30,17 @@ def test_a_table_for_programs(scenegen, scenes):
             assert row[name] == repr(float(row[name]))
 
 
+def test_which_atom_decides(scenegen, scenes):
+    rows = list(csv.DictReader(io.StringIO(scenegen("eval", "two.spec", "s.json", "--explain").out), delimiter="\t"))
+    for row, scene in zip(rows, scenes, strict=True):
+        mug, plate = scene["poses"]["mug"], scene["poses"]["plate"]
+        left, above = plate["x"] - mug["x"], mug["y"] - plate["y"]
+        expected = "leftOf(mug, plate)" if left < above else "aboveOf(mug, plate)"
+        assert row["task is decided by"] == expected
+        assert row["safe is decided by"] == "!closeTo(mug, plate, 0.25)"
+    assert {row["task is decided by"] for row in rows} == {"leftOf(mug, plate)", "aboveOf(mug, plate)"}
+
+
 def test_scenes_of_another_spec_of_the_same_objects(scenegen, scenes, here):
     outcome = scenegen("eval", "good.spec", "s.json")
     assert outcome.status == 0

@@ -47,6 +47,7 @@ def main() -> None:
                 name, label, asked, *(f"{value:+.3f}" for value in (values.min(), values.mean(), values.max()))
             )
     console.print(table)
+    console.print("The GAN's scenes look alike: it is the paper's, which collapses. docs/models.md has the figures.")
     console.print(f"\nDone in {time.perf_counter() - started:.0f} s. Look at:")
     for path in written:
         console.print(f"  {path}", soft_wrap=True, highlight=False)

@@ -95,6 +95,11 @@ def asset_of(name: str) -> Asset:
     return ASSETS[_known(name) or UNKNOWN]
 
 
+def has_picture(name: str) -> bool:
+    """Whether the library knows an object of that name; others are drawn as blocks."""
+    return _known(name) is not None
+
+
 def shape_of(name: str) -> dict[str, object]:
     """The `shape` of an object of that name as scene files hold it: asset, footprint and height in metres."""
     asset = asset_of(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -49,7 +50,11 @@ def check(
             if position:
                 typer.echo("")
             _print(path, spec)
-        reports.append({"file": str(path), "ok": True, "diagnostics": [], **_facts(spec)})
+        warnings = list(_hopeless(path, spec))
+        if not json:
+            complain(*warnings)
+        found = [_as_json(one) for one in warnings]
+        reports.append({"file": str(path), "ok": True, "diagnostics": found, **_facts(spec)})
     if json:
         from json import dumps
 
@@ -78,6 +83,16 @@ def _print(path: Path, spec: Spec) -> None:
             typer.echo(f"    {text:<{wide}}  {line.margin:<{wider}}  [{line.low:.4g}, {line.high:.4g}]{unit}".rstrip())
         if more:
             typer.echo(f"    ... and {more} more")
+
+
+def _hopeless(path: Path, spec: Spec) -> Iterator[Diagnostic]:
+    """A warning for each label that no scene can satisfy, as far as interval bounds can tell."""
+    from scenegen.errors import Diagnostic
+
+    for label, (_, highest) in spec.bounds().items():
+        if highest < 0.0:
+            title = f"{path}: `{label}` can never be satisfied: phi is at most {highest:.4g}"
+            yield Diagnostic(title, help="look for a part of it whose bounds are negative", severity="warning")
 
 
 def _facts(spec: Spec) -> dict[str, Any]:

@@ -56,8 +56,10 @@ class Robustness:
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:
         """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage.
 
-        Raises ValueError for another shape or dtype, and for NaN or infinite coordinates.
+        Raises ValueError for another shape or dtype and for NaN or infinite coordinates, TypeError for other arrays.
         """
+        if not isinstance(poses, Tensor):
+            raise TypeError(f"poses must be a torch tensor, not {type(poses).__name__}; use torch.from_numpy(poses)")
         if poses.ndim != 3 or tuple(poses.shape[1:]) != (len(self.objects), 3):
             want = f"(B, {len(self.objects)}, 3)"
             raise ValueError(

@@ -45,6 +45,11 @@ def _unreached(collector: Collector, tried: str) -> tuple[Diagnostic, ...]:
     return (Diagnostic(title, help=help_, note=f"{shown}{more}" + (f"; {note}" if note else ""), severity="warning"),)
 
 
+def _percent(share: float) -> str:
+    """A share for people: one that is not whole is never rounded to 100 %."""
+    return "over 99.9%" if 0.999 < share < 1.0 else f"{share:.1%}"
+
+
 def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, phi: Array) -> Diagnostic:
     """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B)."""
     found, n = collector.found, problem.request.n
@@ -75,6 +80,6 @@ def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, 
     atom_index, count = next(iter(deciding_atoms(problem.spec.core, failing, name).items()))
     atom = problem.spec.core.nodes[atom_index]
     assert isinstance(atom, Atom)
-    note = f"phi of `{name}` was out of {wanted} in {share:.1%} of the last {phi.shape[1]:,} candidates"
+    note = f"phi of `{name}` was outside `{wanted}` in {_percent(share)} of the last {phi.shape[1]:,} candidates"
     label_text = f"decides phi in {count / failing.shape[1]:.0%} of those that fail"
     return Diagnostic(title, atom.spans[0] if atom.spans else None, f"`{atom.text}` {label_text}", remedy, note=note)

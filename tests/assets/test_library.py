@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from scenegen.assets import ASSETS, Box, Circle, asset_of, colors_of, shape_of, stem
+from scenegen.assets import ASSETS, Box, Circle, asset_of, colors_of, has_picture, shape_of, stem
 from scenegen.scene.data import ShapeData
 
 
@@ -91,3 +91,8 @@ def test_objects_of_one_asset_can_be_told_apart(objects):
 def test_thirty_objects_of_one_asset_all_differ():
     for objects in ([(f"thing{k}", "block") for k in range(30)], [(f"mug{k}", "mug") for k in range(30)]):
         assert len(set(colors_of(objects))) == 30
+
+
+def test_which_names_have_a_picture():
+    assert all(map(has_picture, [*ASSETS, "block[3]", "fork_2", "Plate7"]))
+    assert not any(map(has_picture, ["laptop", "plates", ""]))

@@ -55,3 +55,11 @@ def test_json_of_a_good_spec_has_status_0(scenegen, here):
     assert outcome.status == 0
     (report,) = json.loads(outcome.out)
     assert report["ok"] and report["labels"] == {"task": [-1.0, 1.0]} and report["objects"] == ["mug", "plate"]
+
+
+def test_a_label_that_no_scene_satisfies_gets_a_warning(scenegen, here):
+    (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & x(mug) >= x(plate) + 2\nsafe: leftOf(mug, plate)\n")
+    outcome = scenegen("check", "hopeless.spec")
+    assert outcome.status == 0
+    assert outcome.err.startswith("warning: hopeless.spec: `task` can never be satisfied: phi is at most -1\n")
+    assert "`safe`" not in outcome.err

@@ -58,3 +58,8 @@ def test_no_copy_of_the_storage_is_made():
 
 def test_labels_and_objects_are_in_the_order_of_the_spec():
     assert RUN.labels == ("task", "safe") and RUN.objects == ("mug", "plate")
+
+
+def test_numpy_poses_are_refused_with_what_to_write():
+    with pytest.raises(TypeError, match=r"not ndarray; use torch\.from_numpy\(poses\)"):
+        RUN(torch.zeros(1, 2, 3).numpy())

@@ -1,5 +1,6 @@
 # Two commands for newcomers: `make demo` and `make test`. Both build .venv from constraints.txt when it is missing or stale.
-PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python3))
+# one name a call: `command -v` of a plain sh looks at its first argument only
+PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
 BIN    := .venv/bin
 STAMP  := .venv/.installed
 

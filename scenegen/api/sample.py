@@ -16,11 +16,10 @@ from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, suggest
 from scenegen.scene.data import RequestData
-from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
     from scenegen.sampling.collect import Sampled
-    from scenegen.sampling.problem import Problem, Progress
+    from scenegen.sampling.problem import Budget, Problem, Progress
     from scenegen.sampling.request import Range
 
 METHODS = ("auto", "rejection", "model")
@@ -106,11 +105,9 @@ def _method(method: str, source: Spec | Model, raw: bool) -> str:
     return method
 
 
-def _from_model(problem: Problem, model: Model, budget: object, raw: bool, progress: Progress | None) -> Sampled:
+def _from_model(problem: Problem, model: Model, budget: Budget, raw: bool, progress: Progress | None) -> Sampled:
     from scenegen.sampling.guided import guided, unrefined
-    from scenegen.sampling.problem import Budget
 
-    assert isinstance(budget, Budget)
     if raw:
         return unrefined(problem, model.trained.propose, model.name)
     return guided(problem, model.trained.propose, model.name, budget, progress)
@@ -142,7 +139,6 @@ def _verify(problem: Problem, sampled: Sampled, phi: Mapping[str, npt.NDArray[np
         raise AssertionError("two evaluators of the same spec disagree about phi")
     if raw:
         return
-    workspace: Workspace = problem.spec.workspace
     inside = (again >= problem.cells.low[:, None]) & (again <= problem.cells.high[:, None])
-    if not (workspace.contains(sampled.rows).all() and inside.all()):
+    if not (problem.spec.workspace.contains(sampled.rows).all() and inside.all()):
         raise AssertionError("a sampler handed out a scene that was not asked for")

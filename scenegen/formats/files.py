@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import errno
 import os
 import tempfile
@@ -122,8 +123,6 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
 
 def missing_help(path: Path, what: str) -> str:
     """A neighbour with a similar name, where there is one."""
-    import difflib
-
     with contextlib.suppress(OSError):
         siblings = [sibling.name for sibling in path.parent.iterdir() if sibling.is_file()]
         close = difflib.get_close_matches(path.name, siblings, n=1, cutoff=0.6)

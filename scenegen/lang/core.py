@@ -91,8 +91,3 @@ def last_uses(core: Core) -> list[list[int]]:
         if child not in keep:
             dead[index].append(child)
     return dead
-
-
-def objects_used(core: Core) -> set[int]:
-    """Indices of the objects that some label depends on."""
-    return {node.object for node in core.nodes if isinstance(node, Coord)}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 
-from scenegen.errors import Diagnostic
 from scenegen.lang.core import Core
 from scenegen.scene.workspace import Workspace
 
@@ -23,7 +22,6 @@ class CheckedSpec:
     workspace: Workspace
     core: Core
     title: str = ""
-    warnings: tuple[Diagnostic, ...] = ()
 
     @property
     def objects(self) -> tuple[str, ...]:

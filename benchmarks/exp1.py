@@ -86,7 +86,7 @@ def main() -> None:
     reference = rows_of(scenegen.sample(spec, band, COVERED, seed=99, spread="base"))
     truth = [rows_of(scenegen.sample(spec, band, SCENES, seed=100 + seed, spread="base")) for seed in SEEDS]
     table = [line("plain rejection in the band (the truth)", [measure(spec, rows, reference) for rows in truth])]
-    chance = [draw(spec.workspace, 2, SCENES, torch.Generator().manual_seed(seed)).numpy() for seed in SEEDS]
+    chance = [draw(*spec.box(), SCENES, torch.Generator().manual_seed(seed)).numpy() for seed in SEEDS]
     table.append(
         line("uniform scenes, refined (no model)", [measure(spec, refined(spec, rows), reference) for rows in chance])
     )

@@ -29,7 +29,7 @@ def outline(spec: Spec, label: str, most: int = 200) -> tuple[list[Line], int]:
     A definition that is used twice is shown twice, so what is left out is only counted up to ten times `most`.
     """
     core = spec.checked.core
-    bounds = node_bounds(core, *spec.workspace.box(len(spec.objects)))
+    bounds = node_bounds(core, *spec.checked.box())
     lines: list[Line] = []
     count = 0
     stack = [(core.labels[label], 0)]

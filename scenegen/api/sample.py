@@ -15,9 +15,15 @@ from scenegen.api.scenes import SceneSet, evaluate, make_header
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.lang.core import REQUIRE
+from scenegen.lang.interpret import phi as interpret
+from scenegen.primitives import NUMPY
 from scenegen.scene.data import RequestData
 
 if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
     from scenegen.sampling.collect import Sampled
     from scenegen.sampling.problem import Budget, Problem, Progress
     from scenegen.sampling.request import Range
@@ -108,9 +114,13 @@ def _method(method: str, source: Spec | Model, raw: bool) -> str:
 def _from_model(problem: Problem, model: Model, budget: Budget, raw: bool, progress: Progress | None) -> Sampled:
     from scenegen.sampling.guided import guided, unrefined
 
+    def propose(phi: Tensor, generator: torch.Generator) -> Tensor:
+        # a model knows the labels, not the requirement that may stand after them
+        return model.trained.propose(phi[: len(model.spec.labels)], generator)
+
     if raw:
-        return unrefined(problem, model.trained.propose, model.name)
-    return guided(problem, model.trained.propose, model.name, budget, progress)
+        return unrefined(problem, propose, model.name)
+    return guided(problem, propose, model.name, budget, progress)
 
 
 def _hand_out(problem: Problem, sampled: Sampled, raw: bool, keep_partial: bool) -> SceneSet:
@@ -134,11 +144,14 @@ def _hand_out(problem: Problem, sampled: Sampled, raw: bool, keep_partial: bool)
 
 def _verify(problem: Problem, sampled: Sampled, phi: Mapping[str, npt.NDArray[np.float64]], raw: bool) -> None:
     """A second look at what is handed out. What fails here is a bug of ours, and is never handed out."""
-    again = np.array(list(phi.values())).reshape(sampled.phi.shape)
-    if not np.allclose(again, sampled.phi, rtol=0.0, atol=1e-9):
+    again = np.array(list(phi.values())).reshape(len(phi), sampled.count)
+    if not np.allclose(again, sampled.phi[: len(phi)], rtol=0.0, atol=1e-9):
         raise AssertionError("two evaluators of the same spec disagree about phi")
     if raw:
         return
+    if problem.spec.core.requirement is not None:
+        margin = interpret(problem.core, list(sampled.rows), NUMPY)[REQUIRE]
+        again = np.vstack([again, np.broadcast_to(margin, (1, sampled.count))])
     inside = (again >= problem.cells.low[:, None]) & (again <= problem.cells.high[:, None])
     if not (problem.spec.workspace.contains(sampled.rows).all() and inside.all()):
         raise AssertionError("a sampler handed out a scene that was not asked for")

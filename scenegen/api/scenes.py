@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.assets import shape_of
+from scenegen.assets import Shape
 from scenegen.errors import DataError, Diagnostic, RequestError, quoted
 from scenegen.formats import table
 from scenegen.lang.core import Atom
@@ -22,12 +22,14 @@ from scenegen.primitives import NUMPY
 from scenegen.scene.data import (
     ObjectData,
     Pose,
+    RegionData,
     RequestData,
     SceneData,
     SceneFile,
     ShapeData,
     SpecRef,
     WorkspaceData,
+    footprint_data,
 )
 
 if TYPE_CHECKING:
@@ -123,11 +125,26 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     return SceneFile(
         spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
         workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
-        objects=[ObjectData(name=name, shape=ShapeData.model_validate(shape_of(name))) for name in spec.objects],
+        objects=[
+            ObjectData(name=name, shape=_shape_data(shape))
+            for name, shape in zip(spec.objects, spec.shapes, strict=True)
+        ],
+        regions=[
+            RegionData(
+                name=region.name,
+                footprint=footprint_data(region.footprint),
+                pose=Pose(x=region.pose[0], y=region.pose[1], theta=region.pose[2]),
+            )
+            for region in spec.regions
+        ],
         sampler=dict(sampler),
         request=request,
         scenes=[],
     )
+
+
+def _shape_data(shape: Shape) -> ShapeData:
+    return ShapeData(asset=shape.asset, footprint=footprint_data(shape.footprint), height=shape.height, path=shape.path)
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:

@@ -69,9 +69,9 @@ class Spec:
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at most, anywhere in the workspace (interval bounds: never too narrow)."""
-        from scenegen.bounds import workspace_bounds
+        from scenegen.bounds import spec_bounds
 
-        return workspace_bounds(self.checked.core, self.checked.workspace)
+        return spec_bounds(self.checked)
 
 
 def parse(text: str, name: str = "<spec>") -> Spec:

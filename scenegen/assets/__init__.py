@@ -4,8 +4,7 @@ from scenegen.assets.library import (
     ASSETS,
     UNKNOWN,
     Asset,
-    Box,
-    Circle,
+    Shape,
     asset_of,
     colors_of,
     has_picture,
@@ -13,6 +12,7 @@ from scenegen.assets.library import (
     stem,
 )
 from scenegen.assets.parts import Part
+from scenegen.primitives import Box, Circle
 
 __all__ = [
     "ASSETS",
@@ -21,6 +21,7 @@ __all__ = [
     "Box",
     "Circle",
     "Part",
+    "Shape",
     "asset_of",
     "colors_of",
     "has_picture",

@@ -13,31 +13,7 @@ from dataclasses import dataclass
 from scenegen.assets import flat, vessels
 from scenegen.assets.palette import RGB, shade, stable
 from scenegen.assets.parts import Part
-
-
-@dataclass(frozen=True, slots=True)
-class Circle:
-    """A round footprint; `radius` in metres. A handle counts: the circle is the one that it sweeps."""
-
-    radius: float
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Size along and across the heading, in metres."""
-        return 2.0 * self.radius, 2.0 * self.radius
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """A rectangular footprint: `length` along the heading, `width` across it, in metres."""
-
-    length: float
-    width: float
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Size along and across the heading, in metres."""
-        return self.length, self.width
+from scenegen.primitives import Box, Circle, Footprint
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +30,17 @@ class Asset:
         """Coloured closed meshes in the object's frame: centre of the footprint at the origin, z = 0 the table, heading
         along +x. `color` takes the place of the main colour. Made anew on every call."""
         return self.build(color or self.color)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
+    `prism` and `urdf` with sizes of its own. Footprint and height in metres; `path` is the file of a `urdf`."""
+
+    asset: str
+    footprint: Footprint
+    height: float
+    path: str = ""
 
 
 UNKNOWN = "block"
@@ -100,15 +87,10 @@ def has_picture(name: str) -> bool:
     return _known(name) is not None
 
 
-def shape_of(name: str) -> dict[str, object]:
-    """The `shape` of an object of that name as scene files hold it: asset, footprint and height in metres."""
+def shape_of(name: str) -> Shape:
+    """The shape that an object's name picks."""
     asset = asset_of(name)
-    match asset.footprint:
-        case Circle(radius):
-            footprint: dict[str, object] = {"kind": "circle", "radius": radius}
-        case Box(length, width):
-            footprint = {"kind": "box", "length": length, "width": width}
-    return {"asset": asset.name, "footprint": footprint, "height": asset.height}
+    return Shape(asset.name, asset.footprint, asset.height)
 
 
 def colors_of(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:

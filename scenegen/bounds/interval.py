@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import PRIMITIVES, Interval
 from scenegen.primitives import interval as iv
-from scenegen.scene.workspace import Workspace
 
 Array = npt.NDArray[np.float64]
 
@@ -30,8 +30,8 @@ def node_bounds(core: Core, lowest: Array, highest: Array) -> list[Interval]:
                 values.append(iv.point(value))
             case Coord():
                 values.append(Interval(lowest[node.row], highest[node.row]))
-            case Apply(primitive, args):
-                values.append(PRIMITIVES[primitive].interval(*(values[arg] for arg in args)))
+            case Apply(primitive, args, shapes):
+                values.append(PRIMITIVES[primitive].interval(*shapes, *(values[arg] for arg in args)))
             case Atom(margin):
                 values.append(values[margin])
             case Junction(kind, args):
@@ -47,10 +47,11 @@ def label_bounds(core: Core, lowest: Array, highest: Array) -> tuple[Array, Arra
     return _stack([end.lo for end in ends], shape), _stack([end.hi for end in ends], shape)
 
 
-def workspace_bounds(core: Core, workspace: Workspace) -> dict[str, tuple[float, float]]:
-    """What phi of each label can be at most, anywhere in the workspace."""
+def spec_bounds(spec: CheckedSpec) -> dict[str, tuple[float, float]]:
+    """What phi of each label can be at most, anywhere in the workspace; the requirement is not looked at."""
+    core = spec.core
     with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
-        lo, hi = label_bounds(core, *workspace.box(len(core.objects)))
+        lo, hi = label_bounds(core, *spec.box())
     return {name: (float(low), float(high)) for name, low, high in zip(core.labels, lo, hi, strict=True)}
 
 

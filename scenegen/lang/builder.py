@@ -8,7 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
-from scenegen.primitives import MATH, PRIMITIVES
+from scenegen.primitives import MATH, PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
 
 # formulas that hold everywhere or nowhere; junctions swallow them, so none is left in a finished core
@@ -54,7 +54,7 @@ class CoreBuilder:
         node = self.nodes[number]
         return node.value if isinstance(node, Const) else None
 
-    def apply(self, primitive: str, args: Sequence[int]) -> int:
+    def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
         values = [self.value(arg) for arg in args]
         if primitive == "mul" and 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
@@ -67,13 +67,13 @@ class CoreBuilder:
             return self.const(0.0)  # a thing beside itself: the same in every scene, and the checker says so
         known = [value for value in values if value is not None]
         if len(known) == len(values):
-            result = float(PRIMITIVES[primitive].evaluate(MATH, *known))
+            result = float(PRIMITIVES[primitive].evaluate(MATH, *shapes, *known))
             if not math.isfinite(result):
                 raise OverflowError
             return self.const(result)
         if len(args) == 1 and primitive in ("min", "max"):
             return args[0]
-        return self._add(Apply(primitive, tuple(args)))
+        return self._add(Apply(primitive, tuple(args), shapes))
 
     # ---- formulas
 
@@ -120,10 +120,10 @@ class CoreBuilder:
 
     # ---- the end
 
-    def finish(self, labels: dict[str, int]) -> Core:
+    def finish(self, labels: dict[str, int], requirement: int | None = None) -> Core:
         """The core of these labels: what they do not need is left out, the order of the rest is kept."""
         needed: set[int] = set()
-        stack = list(labels.values())
+        stack = [*labels.values(), *(() if requirement is None else (requirement,))]
         while stack:
             index = stack.pop()
             if index not in needed:
@@ -132,13 +132,14 @@ class CoreBuilder:
         order = sorted(needed)
         place = {old: new for new, old in enumerate(order)}
         nodes = tuple(_moved(self.nodes[old], place) for old in order)
-        return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects)
+        kept = None if requirement is None else place[requirement]
+        return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects, kept)
 
 
 def _moved(node: Node, place: dict[int, int]) -> Node:
     match node:
-        case Apply(primitive, args):
-            return Apply(primitive, tuple(place[arg] for arg in args))
+        case Apply(primitive, args, shapes):
+            return Apply(primitive, tuple(place[arg] for arg in args), shapes)
         case Junction(kind, args, text):
             return Junction(kind, tuple(place[arg] for arg in args), text)
         case Atom(margin, text, unit, spans):

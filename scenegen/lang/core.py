@@ -8,10 +8,11 @@ margin: satisfied where it is >= 0) and Junction (hard min or max of formulas). 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from scenegen.errors import Span
+from scenegen.primitives.footprint import Footprint
 from scenegen.primitives.units import Unit
 
 
@@ -34,10 +35,11 @@ class Coord:
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """A primitive of PRIMITIVES applied to numbers."""
+    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, for the few that take any."""
 
     primitive: str
     args: tuple[int, ...]
+    shapes: tuple[Footprint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +67,26 @@ Node = Const | Coord | Apply | Atom | Junction
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """`labels` maps each label, in order, to its formula's node; `objects` names the N objects in storage order."""
+    """`labels` maps each label, in order, to its formula's node; `objects` names the N objects in storage order.
+
+    `requirement` is the node of what holds in every scene (the conjunction of all `require` statements), if there is
+    any: it is no part of phi.
+    """
 
     nodes: tuple[Node, ...]
     labels: Mapping[str, int]
     objects: tuple[str, ...]
+    requirement: int | None = None
+
+
+REQUIRE = "require"  # a keyword, so no label of a spec can be called so
+
+
+def gated(core: Core) -> Core:
+    """The core with its requirement as one label more, the last: what samplers hold every scene against."""
+    if core.requirement is None:
+        return core
+    return replace(core, labels={**core.labels, REQUIRE: core.requirement}, requirement=None)
 
 
 def children(node: Node) -> Sequence[int]:
@@ -81,7 +98,7 @@ def children(node: Node) -> Sequence[int]:
 
 def last_uses(core: Core) -> list[list[int]]:
     """For every node, the nodes whose value nobody needs after it: what a reader may free to keep memory small."""
-    keep = set(core.labels.values())
+    keep = {*core.labels.values(), core.requirement}
     last = {}
     for index, node in enumerate(core.nodes):
         for child in children(node):

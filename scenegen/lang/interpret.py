@@ -22,8 +22,8 @@ def evaluate(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> li
                 values.append(value)
             case Coord():
                 values.append(rows[node.row])
-            case Apply(primitive, args):
-                values.append(PRIMITIVES[primitive].evaluate(namespace, *(values[arg] for arg in args)))
+            case Apply(primitive, args, shapes):
+                values.append(PRIMITIVES[primitive].evaluate(namespace, *shapes, *(values[arg] for arg in args)))
             case Atom(margin):
                 values.append(values[margin])
             case Junction(kind, args):

@@ -1,5 +1,6 @@
 """Scalar primitives of the language: each written once, over any array namespace, beside its unit and interval rule."""
 
+from scenegen.primitives.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.primitives.interval import Interval
 from scenegen.primitives.namespace import MATH, NUMPY, Namespace
 from scenegen.primitives.table import PRIMITIVES, Primitive, Shape
@@ -11,9 +12,14 @@ __all__ = [
     "LENGTH",
     "MATH",
     "NUMPY",
+    "POINT",
     "PRIMITIVES",
+    "Box",
+    "Circle",
+    "Footprint",
     "Interval",
     "Namespace",
+    "Polygon",
     "Primitive",
     "Shape",
     "Unit",

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.assets import ASSETS, UNKNOWN, Box, Circle, colors_of
+from scenegen.assets import ASSETS, UNKNOWN, colors_of
 from scenegen.assets.palette import RGB
 from scenegen.errors import DataError, Diagnostic
-from scenegen.scene.data import CircleFootprint, SceneFile, ShapeData
+from scenegen.scene.data import SceneFile, ShapeData, footprint_of
 
 MARGIN = 0.07  # of the table round the workspace, in sides of the workspace; objects may reach over its edge
 BEYOND = 0.60  # how many sides of the workspace the table grows at most for objects that stand off it
@@ -62,9 +62,7 @@ class Stage:
 
 def _thing(shape: ShapeData, color: RGB) -> Thing:
     asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
-    given = shape.footprint
-    footprint = Circle(given.radius) if isinstance(given, CircleFootprint) else Box(given.length, given.width)
-    (length, width), (own_length, own_width) = footprint.extent, asset.footprint.extent
+    (length, width), (own_length, own_width) = footprint_of(shape.footprint).extent, asset.footprint.extent
     return Thing(asset.name, color, (length / own_length, width / own_width, shape.height / asset.height))
 
 

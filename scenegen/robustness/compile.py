@@ -100,8 +100,8 @@ class Robustness:
                     values[index] = rows.new_tensor(value)
                 case Coord():
                     values[index] = rows[node.row]
-                case Apply(primitive, args):
-                    values[index] = PRIMITIVES[primitive].evaluate(TORCH, *(values[arg] for arg in args))
+                case Apply(primitive, args, shapes):
+                    values[index] = PRIMITIVES[primitive].evaluate(TORCH, *shapes, *(values[arg] for arg in args))
                 case Atom(margin):
                     values[index] = values[margin]
                 case Junction(kind, args):

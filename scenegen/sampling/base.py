@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from scenegen.scene.workspace import TWO_PI, Workspace
+
+Array = npt.NDArray[np.float64]
 
 PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
 LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
@@ -23,12 +26,17 @@ def piece_generator(seed: int, piece: int, stream: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(int(state[0] >> np.uint64(1)))
 
 
-def draw(workspace: Workspace, objects: int, count: int, generator: torch.Generator) -> Tensor:
-    """`count` scenes from the base distribution as (3N, count) float64 storage."""
-    rows = torch.rand(3 * objects, count, generator=generator, dtype=torch.float64)
-    rows[0::3].mul_(workspace.width).add_(workspace.x[0]).clamp_(max=workspace.x[1])
-    rows[1::3].mul_(workspace.height).add_(workspace.y[0]).clamp_(max=workspace.y[1])
-    rows[2::3] = wrap_heading(rows[2::3].mul_(TWO_PI))
+def draw(lowest: Array, highest: Array, count: int, generator: torch.Generator) -> Tensor:
+    """`count` scenes uniform over a box of poses as (3N, count) float64 storage.
+
+    `lowest` and `highest` are (3N,): CheckedSpec.box() for the base distribution before its requirement. A row whose
+    ends are equal holds that very value, though it takes random numbers like the others.
+    """
+    low, high = torch.from_numpy(lowest)[:, None], torch.from_numpy(highest)[:, None]
+    rows = torch.rand(len(lowest), count, generator=generator, dtype=torch.float64)
+    rows.mul_(high - low).add_(low)
+    torch.minimum(rows, high, out=rows)
+    rows[2::3] = wrap_heading(rows[2::3])
     return rows
 
 

@@ -73,7 +73,7 @@ def guided(problem: Problem, propose: Proposer, name: str, budget: Budget, progr
     targets = Targets(problem)
     tries: dict[int, int] = {}
     candidates = moved = piece = 0
-    rows, phi = np.empty((3 * len(problem.spec.objects), 0)), np.empty((len(problem.spec.labels), 0))
+    rows, phi = np.empty((3 * len(problem.spec.objects), 0)), np.empty((len(problem.core.labels), 0))
     while True:
         lacking = collector.deficits(hopeful=True)
         if not lacking or budget.spent:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from scenegen.bounds import workspace_bounds
+from scenegen.bounds import label_bounds, spec_bounds
+from scenegen.lang.core import Core, gated
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
@@ -44,7 +45,14 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
+    """What every sampler gets. `core`, `robustness` and `cells` are over the gated core: where the spec requires
+    something, its margin is one label more, the last, wanted from 0 up. `lowest` and `highest` (3N,) are the box of
+    poses; their rows are equal for objects that are held in place."""
+
     spec: CheckedSpec
+    core: Core
+    lowest: Array
+    highest: Array
     request: Request
     robustness: Robustness
     cells: Cells
@@ -65,7 +73,7 @@ class Problem:
         low, high = self.cells.low[:, None] - SLACK, self.cells.high[:, None] + SLACK
         near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
         if len(near):
-            exact = evaluate(self.spec.core, list(rows.numpy()[:, near]), NUMPY)
+            exact = evaluate(self.core, list(rows.numpy()[:, near]), NUMPY)
             phi[:, near] = np.stack([np.broadcast_to(value, len(near)) for value in exact.values()])
         return phi
 
@@ -77,18 +85,21 @@ class Problem:
     def base(self, piece: int, *, stream: int = 0) -> Tensor:
         """Piece k of the base distribution, (3N, piece_size)."""
         generator = piece_generator(self.request.seed, piece, stream)
-        return draw(self.spec.workspace, len(self.spec.objects), self.piece_size, generator)
+        return draw(self.lowest, self.highest, self.piece_size, generator)
 
 
 def pose(spec: CheckedSpec, ranges: Mapping[str, Range], *, n: int, seed: int = 0, spread: str = "flat") -> Problem:
     """Check a request against its spec. Raises RequestError, also where interval bounds rule the whole range out."""
-    bounds = workspace_bounds(spec.core, spec.workspace)
-    request = check_request(ranges, n, seed, spread, bounds)
-    cells = cut(request, spec.labels)
-    lowest, highest = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
+    request = check_request(ranges, n, seed, spread, spec_bounds(spec))
+    core = gated(spec.core)
+    cells = cut(request, tuple(core.labels))
+    if core is not spec.core:
+        cells.low[-1] = 0.0
+    lowest, highest = spec.box()
+    least, most = label_bounds(core, lowest, highest)
     possible = []
     for cell in range(cells.count):
         low, high = cells.limits(cell)
-        if ((low <= highest) & (high >= lowest)).all():
+        if ((low <= most) & (high >= least)).all():
             possible.append(cell)
-    return Problem(spec, request, Robustness(spec.core), cells, frozenset(possible))
+    return Problem(spec, core, lowest, highest, request, Robustness(core), cells, frozenset(possible))

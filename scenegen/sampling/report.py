@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.lang.core import Atom
+from scenegen.lang.core import REQUIRE, Atom
 from scenegen.robustness.explain import deciding_atoms
 from scenegen.sampling.collect import Collector, Sampled
 from scenegen.sampling.problem import Problem
+from scenegen.sampling.request import Range
 
 Array = npt.NDArray[np.float64]
 
@@ -74,11 +75,11 @@ def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, 
         note = "" if worst is None else f"{problem.cells.describe(worst)} is the rarest part of the range"
         return Diagnostic(title, help=f"ask for `--spread base`, or a narrower range; or {remedy}", note=note)
     label = int(out.mean(axis=1).argmax())
-    name, share = problem.spec.labels[label], out[label].mean()
-    wanted = problem.request.ranges[name]
+    name, share = tuple(problem.core.labels)[label], out[label].mean()
+    wanted = Range(0.0) if name == REQUIRE else problem.request.ranges[name]
     failing = rows[:, out[label]][:, :SHOWN]
-    atom_index, count = next(iter(deciding_atoms(problem.spec.core, failing, name).items()))
-    atom = problem.spec.core.nodes[atom_index]
+    atom_index, count = next(iter(deciding_atoms(problem.core, failing, name).items()))
+    atom = problem.core.nodes[atom_index]
     assert isinstance(atom, Atom)
     note = f"phi of `{name}` was outside `{wanted}` in {_percent(share)} of the last {phi.shape[1]:,} candidates"
     label_text = f"decides phi in {count / failing.shape[1]:.0%} of those that fail"

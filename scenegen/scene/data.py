@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from scenegen.primitives import Box, Circle, Footprint, Polygon
+
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
 
@@ -48,12 +50,54 @@ class BoxFootprint(_Strict):
     width: Annotated[FiniteFloat, Field(gt=0)]
 
 
+class PolygonFootprint(_Strict):
+    """A convex polygon: corners (x, y) in metres in the object's frame, counter-clockwise, x along its heading."""
+
+    kind: Literal["polygon"] = "polygon"
+    vertices: Annotated[list[tuple[FiniteFloat, FiniteFloat]], Field(min_length=3)]
+
+
+FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Field(discriminator="kind")]
+
+
 class ShapeData(_Strict):
-    """What an object looks like: an entry of the asset library with its footprint and height in metres."""
+    """What an object looks like: footprint and height in metres, and an entry of the asset library, or one of `box`,
+    `cylinder`, `prism` and `urdf`; `path` is the file of a `urdf` as the spec names it."""
 
     asset: str
-    footprint: Annotated[CircleFootprint | BoxFootprint, Field(discriminator="kind")]
+    footprint: FootprintData
     height: Annotated[FiniteFloat, Field(gt=0)]
+    path: str = ""
+
+
+class RegionData(_Strict):
+    """A named part of the table at a fixed place."""
+
+    name: str
+    footprint: FootprintData
+    pose: Pose
+
+
+def footprint_data(footprint: Footprint) -> CircleFootprint | BoxFootprint | PolygonFootprint:
+    """A footprint as scene files hold it."""
+    match footprint:
+        case Circle(radius):
+            return CircleFootprint(radius=radius)
+        case Box(length, width):
+            return BoxFootprint(length=length, width=width)
+        case Polygon(vertices):
+            return PolygonFootprint(vertices=list(vertices))
+
+
+def footprint_of(data: CircleFootprint | BoxFootprint | PolygonFootprint) -> Footprint:
+    """The footprint that a scene file holds."""
+    match data:
+        case CircleFootprint():
+            return Circle(data.radius)
+        case BoxFootprint():
+            return Box(data.length, data.width)
+        case PolygonFootprint():
+            return Polygon(tuple(data.vertices))
 
 
 class ObjectData(_Strict):
@@ -96,7 +140,7 @@ class SceneFile(_Strict):
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
-    regions: list[dict[str, Any]] = Field(default_factory=list)
+    regions: list[RegionData] = Field(default_factory=list)
     sampler: dict[str, Any]
     request: RequestData
     scenes: list[SceneData]

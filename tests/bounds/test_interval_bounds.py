@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.bounds import label_bounds, node_bounds, workspace_bounds
+from scenegen.bounds import label_bounds, node_bounds, spec_bounds
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
@@ -81,7 +81,7 @@ EXACT = {
 
 @pytest.mark.parametrize("text", EXACT)
 def test_bounds_worked_by_hand(text):
-    low, high = workspace_bounds(check_text(text).core, Workspace())["task"]
+    low, high = spec_bounds(check_text(text))["task"]
     assert (low, high) == EXACT[text]
 
 
@@ -94,6 +94,6 @@ def test_bounds_worked_by_hand(text):
     ],
 )
 def test_the_whole_circle_is_covered_to_a_hair(text, low, high):
-    bounds = workspace_bounds(check_text(text).core, Workspace())["task"]
+    bounds = spec_bounds(check_text(text))["task"]
     assert bounds == pytest.approx((low, high), abs=1e-12)
     assert bounds[0] <= low and bounds[1] >= high

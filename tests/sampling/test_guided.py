@@ -13,7 +13,7 @@ BOTH = {"task": Range(0.05, 0.2), "safe": Range(0.0)}
 
 
 def uniform(problem):
-    return lambda phi, generator: draw(problem.spec.workspace, len(problem.spec.objects), phi.shape[1], generator)
+    return lambda phi, generator: draw(*problem.spec.box(), phi.shape[1], generator)
 
 
 def test_a_uniform_proposer(exp1, phi1):

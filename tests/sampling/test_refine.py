@@ -15,7 +15,7 @@ def refined(spec, target, low, high, seed=0, rows=None):
     """Scenes before and after, and phi after."""
     robustness = Robustness(spec.core)
     if rows is None:
-        rows = draw(spec.workspace, len(spec.objects), STARTS, torch.Generator().manual_seed(seed))
+        rows = draw(*spec.box(), STARTS, torch.Generator().manual_seed(seed))
     columns = [
         torch.tensor(ends, dtype=torch.float64)[:, None].expand(-1, rows.shape[1]) for ends in (target, low, high)
     ]

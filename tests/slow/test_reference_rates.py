@@ -26,7 +26,7 @@ def test_rates_of_experiment_2(name, satisfied, band):
     phi = spec.robustness()
     hits = near = 0
     for piece in range(DRAWS // PIECE):
-        rows = draw(spec.workspace, 4, PIECE, piece_generator(5, piece))
+        rows = draw(*spec.box(), PIECE, piece_generator(5, piece))
         values = phi.rows(rows, check=False)[0]
         hits += int((values >= 0).sum())
         near += int(((values - 0.03).abs() < 0.0125).sum())
@@ -39,7 +39,7 @@ def test_rates_of_experiment_3():
     """P(phi >= 0) is 4 / N! but for scenes sorted in two directions at once."""
     spec = scenegen.load(shipped_specs()["sort_5"])
     draws = 40 * PIECE
-    rows = torch.cat([draw(spec.workspace, 5, PIECE, piece_generator(6, piece)) for piece in range(40)], dim=1)
+    rows = torch.cat([draw(*spec.box(), PIECE, piece_generator(6, piece)) for piece in range(40)], dim=1)
     share = float((spec.robustness().rows(rows) >= 0).double().mean())
     # four orderings, two along x and two along y, of probability 1/120 each; x and y are independent
     expected = 1 - (1 - 2 / 120) ** 2

@@ -1,0 +1,1 @@
+"""Work shared among processes: the plan of a run, its pieces and their random numbers."""

@@ -35,7 +35,7 @@ class Coord:
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, for the few that take any."""
+    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any."""
 
     primitive: str
     args: tuple[int, ...]

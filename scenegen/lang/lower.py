@@ -8,125 +8,79 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from scenegen.errors import Diagnostic, Source, Span, SpecError, suggest
-from scenegen.lang import ast
-from scenegen.lang.builder import FALSE, TRUE, CoreBuilder
+from scenegen.errors import Diagnostic, Span, SpecError
+from scenegen.lang import ast, blame
+from scenegen.lang.blame import Frame
+from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.describe import describe
+from scenegen.lang.kinds import Kinds
+from scenegen.lang.places import Area
+from scenegen.lang.quantify import MAX_STEPS, quantify
 from scenegen.lang.resolve import bind
-from scenegen.lang.scope import Declared, Scope
+from scenegen.lang.scope import LIST_FUNCTIONS, Declared, Scope
+from scenegen.lang.select import index, member
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
     AnyValue,
     FormulaValue,
+    ListValue,
+    NeighboursValue,
     NumberValue,
     ObjectValue,
     PointValue,
+    RegionValue,
     Value,
-    wrong_kind,
 )
-from scenegen.primitives import PRIMITIVES, UnitMismatch
+from scenegen.primitives import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
 from scenegen.scene.workspace import AXES, TWO_PI
 
 Environment = Mapping[str, Value]
 
-MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Frame:
-    """Where expansion is: the source of the text at hand, and the calls that led here, innermost first.
-
-    `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions.
-    """
-
-    source: Source
-    calls: tuple[Span, ...] = ()
-    text: str = ""
-    body: ast.Expr | None = None
-
-
 class Lowering:
-    """Expands the expressions of one spec into one builder."""
+    """Expands the expressions of one spec into one builder.
+
+    The declarations are evaluated first and fill in `areas` (regions and `workspace`), the shapes of the objects, and
+    the poses of those that are held in place.
+    """
 
     def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
         self.scope = scope
         self.builder = builder
-        self.used: set[str] = set()  # definitions that some formula expanded
+        self.kinds = Kinds(scope, builder, _ANY)
+        self.used: set[str] = set()  # definitions, constants and regions that something used
+        self.areas: dict[str, Area] = {}
+        self._steps = 0
         self._expansions: dict[object, Value] = {}
         self._globals: dict[str, Value] = {}
 
     # ---- where to put the blame
 
-    def _spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
-        """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
-        spans = (node.span(frame.source), *frame.calls)
-        own = tuple(span for span in spans if span.source is not self.scope.prelude)
-        return (own or spans)[:MOST_CALLS]
+    def spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
+        return blame.spans(node, frame, self.scope.prelude)
 
-    def _error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
-        spans = self._spans(node, frame)
-        note = f"in the expansion of `{frame.text}`" if frame.text else ""
-        if len(spans) > 1:
-            note += f", called at {spans[1].place}"
-        return SpecError(Diagnostic(title, spans[0], label, help, note=note))
+    def error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
+        return blame.error(title, node, frame, self.scope.prelude, label, help)
 
-    # ---- kinds
-
-    def _wrong_kind(self, value: Value, wanted: str, place: str) -> SpecError:
-        name = value.origin.text
-        if not (self.scope.inferred and isinstance(value, ObjectValue) and name in self.scope.objects):
-            return wrong_kind(value, wanted, place)
-        # Nobody declared it: it was taken for an object only because nothing else is called so.
-        signature = self.scope.signature(name)
-        if signature is not None:
-            return SpecError(Diagnostic(f"`{name}` needs its arguments", value.origin, "", f"write {signature.usage}"))
-        known = self.scope.constants if wanted == "a number" else {**self.scope.labels, **self.scope.definitions}
-        close = suggest(name, known)
-        if close:
-            return SpecError(Diagnostic(f"unknown name `{name}`", value.origin, f"{wanted} is needed here", close))
-        (problem,) = wrong_kind(value, wanted, place).diagnostics
-        if place == "what `-` works on" and not value.role:
-            help_ = f"{problem.help};\nif `-` is part of a name, write `_` instead"
-            problem = dataclasses.replace(problem, help=help_)
-        label = "taken for an object: nothing else is called so"
-        return SpecError(dataclasses.replace(problem, label=label))
-
-    def formula(self, value: Value, place: str) -> int:
-        if isinstance(value, FormulaValue):
-            return value.node
-        if isinstance(value, AnyValue):
-            return TRUE
-        raise self._wrong_kind(value, "a formula", place)
-
-    def number(self, value: Value, place: str) -> NumberValue:
-        if isinstance(value, NumberValue):
-            return value
-        if isinstance(value, AnyValue):
-            return NumberValue(self.builder.const(_ANY), origin=value.origin)
-        raise self._wrong_kind(value, "a number", place)
-
-    def place(self, value: Value, place: str) -> tuple[int, int]:
-        """x and y of an object or a point."""
-        if isinstance(value, ObjectValue):
-            return self.builder.coord(value.index, 0), self.builder.coord(value.index, 1)
-        if isinstance(value, PointValue):
-            return value.x, value.y
-        if isinstance(value, AnyValue):
-            return self.builder.const(_ANY), self.builder.const(_ANY)
-        raise self._wrong_kind(value, "an object or a point", place)
+    def step(self) -> None:
+        """Count one round of a quantifier. Raises TooLarge."""
+        self._steps += 1
+        if self._steps > MAX_STEPS:
+            raise TooLarge
 
     # ---- expressions
 
     def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`. Raises SpecError."""
-        origin = self._spans(node, frame)[0]
+        origin = self.spans(node, frame)[0]
         match node:
             case ast.Name():
                 value: Value = yield self._name(node, env, frame)
@@ -134,13 +88,29 @@ class Lowering:
             case ast.Quantity(number, suffix):
                 amount, unit = quantity(number, suffix)
                 if not math.isfinite(amount):
-                    raise self._error("this number is too large", node, frame)
+                    raise self.error("this number is too large", node, frame)
                 return NumberValue(self.builder.const(amount), unit, origin=origin)
             case ast.Truth(truth):
                 return FormulaValue(TRUE if truth else FALSE, origin=origin)
             case ast.Point(coordinates):
                 point: Value = yield self._point(node, coordinates, env, frame)
                 return point
+            case ast.List(items):
+                values = []
+                for item in items:
+                    value = yield self.lower(item, env, frame)
+                    values.append(value)
+                return ListValue(tuple(values), origin=origin)
+            case ast.Member(base, name):
+                value = yield self.lower(base, env, frame)
+                return member(self, value, node, name.id, frame)
+            case ast.Index(base, place):
+                value = yield self.lower(base, env, frame)
+                which = yield self.lower(place, env, frame)
+                return index(self, value, self.kinds.number(which, "an index"), node, frame)
+            case ast.Quantifier():
+                over: Value = yield quantify(self, node, env, frame)
+                return over
             case ast.Negative() | ast.Binary():
                 result: Value = yield self._arithmetic(node, env, frame)
                 return result
@@ -149,14 +119,14 @@ class Lowering:
                 return compared
             case ast.Not(inner):
                 value = yield self.lower(inner, env, frame)
-                turned = self.builder.negate(self.formula(value, "what `!` negates"))
+                turned = self.builder.negate(self.kinds.formula(value, "what `!` negates"))
                 return FormulaValue(turned, origin=origin)
             case ast.And(parts) | ast.Or(parts):
                 symbol = "&" if isinstance(node, ast.And) else "|"
                 formulas = []
                 for part in parts:
                     value = yield self.lower(part, env, frame)
-                    formulas.append(self.formula(value, f"each side of `{symbol}`"))
+                    formulas.append(self.kinds.formula(value, f"each side of `{symbol}`"))
                 text = frame.text if node is frame.body else ""
                 kind: Any = "min" if isinstance(node, ast.And) else "max"
                 return FormulaValue(self.builder.junction(kind, formulas, text), origin=origin)
@@ -164,42 +134,76 @@ class Lowering:
                 before = yield self.lower(condition, env, frame)
                 after = yield self.lower(consequence, env, frame)
                 sides = [
-                    self.builder.negate(self.formula(before, "what stands before `->`")),
-                    self.formula(after, "what stands after `->`"),
+                    self.builder.negate(self.kinds.formula(before, "what stands before `->`")),
+                    self.kinds.formula(after, "what stands after `->`"),
                 ]
                 text = frame.text if node is frame.body else ""
                 return FormulaValue(self.builder.junction("max", sides, text), origin=origin)
             case ast.Call():
                 called: Value = yield self._call(node, env, frame)
                 return called
+            case ast.Range():
+                help_ = "a range stands in a quantifier: forall i in 1..6: ..."
+                raise self.error("a range cannot stand here", node, frame, "", help_)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
+
+    # ---- names
 
     def _name(self, node: ast.Name, env: Environment, frame: Frame) -> Call[Value]:
         if node.id in env:
             return env[node.id]
-        origin = self._spans(node, frame)[0]
-        if node.id in self.scope.objects:
-            return ObjectValue(self.scope.objects[node.id], origin=origin)
+        origin = self.spans(node, frame)[0]
+        if node.id in self.scope.things or node.id == "objects":
+            return self._objects(node, frame, origin)
+        if node.id == "workspace" or node.id in self.scope.regions:
+            if node.id not in self.areas:
+                (yield self._region(node, frame))
+            self.used.add(node.id)
+            return RegionValue(node.id, self.areas[node.id], origin=origin)
         if node.id not in self._globals:
             declared = self.scope.constants.get(node.id) or self.scope.labels[node.id]
             (expr,) = ast.expressions(declared.statement)
             value: Value = yield self.lower(expr, {}, Frame(declared.source))
             if isinstance(declared.statement, ast.Label):
-                self.formula(value, f"`{node.id}`")
+                self.kinds.formula(value, f"`{node.id}`")
             self._globals[node.id] = value
+        self.used.add(node.id)
         # The value is the constant's, the place to blame is where the name was used.
         return dataclasses.replace(self._globals[node.id], origin=origin)
 
+    def _region(self, node: ast.Name, frame: Frame) -> Call[None]:
+        from scenegen.lang.regions import area
+
+        if node.id == "workspace":
+            raise self.error("the workspace cannot be measured by itself", node, frame)
+        self.areas[node.id] = yield area(self, self.scope.regions[node.id])
+
+    def _objects(self, node: ast.Name, frame: Frame, origin: Span) -> Value:
+        """An object, an array or all objects. Raises SpecError while the objects are still being declared."""
+        if not self.scope.things:
+            raise self.error("there are no objects", node, frame, "none is declared", "declare them: object mug, plate")
+        if not self.scope.objects:
+            title = f"`{node.id}` is not a constant"
+            raise self.error(title, node, frame, "only numbers and constants can stand here")
+        if node.id in self.scope.objects:
+            return ObjectValue(self.scope.objects[node.id], origin=origin)
+        places = range(len(self.scope.objects)) if node.id == "objects" else self.scope.arrays[node.id]
+        return ListValue(tuple(ObjectValue(place, origin=origin) for place in places), origin=origin)
+
     def _point(self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: Frame) -> Call[Value]:
         if len(coordinates) != 2:
-            raise self._error("a point has two coordinates, x and y", node, frame, f"{len(coordinates)} given")
+            given = f"{len(coordinates)} given"
+            help_ = "a heading stands only behind `at`"
+            raise self.error("a point has two coordinates, x and y", node, frame, given, help_)
         numbers = []
         for coordinate in coordinates:
             value = yield self.lower(coordinate, env, frame)
-            number = self.number(value, "a coordinate")
-            self._agree(node, frame, "used as", number.unit, LENGTH)
+            number = self.kinds.number(value, "a coordinate")
+            self.agree(node, frame, "used as", number.unit, LENGTH)
             numbers.append(number.node)
-        return PointValue(*numbers, origin=self._spans(node, frame)[0])
+        return PointValue(*numbers, origin=self.spans(node, frame)[0])
+
+    # ---- arithmetic and comparisons
 
     def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: Frame) -> Call[Value]:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
@@ -207,40 +211,46 @@ class Lowering:
         numbers = []
         for part in parts:
             value = yield self.lower(part, env, frame)
-            numbers.append(self.number(value, f"what `{symbol}` works on"))
+            numbers.append(self.kinds.number(value, f"what `{symbol}` works on"))
         if symbol in ("+", "-"):
-            self._refuse_degrees(numbers)
+            self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
             divisor = self.builder.value(numbers[1].node)
             if divisor is None:
                 help_ = "multiply both sides of the comparison by it instead"
-                raise self._error("only a constant can divide", parts[1], frame, "this depends on the scene", help_)
+                raise self.error("only a constant can divide", parts[1], frame, "this depends on the scene", help_)
             if divisor == 0.0:
-                raise self._error("division by zero", parts[1], frame)
-        return self._apply(name, numbers, [number.node for number in numbers], node, frame)
+                raise self.error("division by zero", parts[1], frame)
+        units = [number.unit for number in numbers]
+        return self._apply(name, units, [number.node for number in numbers], (), node, frame)
 
     def _apply(
-        self, name: str, numbers: list[NumberValue], args: list[int], node: ast.Node, frame: Frame
+        self,
+        name: str,
+        units: Sequence[Unit],
+        args: Sequence[int],
+        shapes: tuple[Footprint, ...],
+        node: ast.Node,
+        frame: Frame,
     ) -> NumberValue:
-        units = [number.unit for number in numbers] or [LENGTH] * len(PRIMITIVES[name].params)
         try:
             unit = PRIMITIVES[name].unit(*units)
-            result = self.builder.apply(name, args)
+            result = self.builder.apply(name, args, shapes)
         except UnitMismatch as mismatch:
-            if len(numbers) == 1:
+            if len(units) == 1 or "place" in PRIMITIVES[name].params or "footprint" in PRIMITIVES[name].params:
                 title = f"`{name}` takes {mismatch.right.words}, not {mismatch.left.words}"
-                raise self._error(title, node, frame, help=_UNITS_HELP) from None
+                raise self.error(title, node, frame, help=_UNITS_HELP) from None
             raise self._mismatch(mismatch, "combined with", node, frame) from None
         except OverflowError:
-            raise self._error("this number is too large", node, frame) from None
-        return NumberValue(result, unit, origin=self._spans(node, frame)[0])
+            raise self.error("this number is too large", node, frame) from None
+        return NumberValue(result, unit, origin=self.spans(node, frame)[0])
 
     def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: Frame) -> SpecError:
         title = f"{mismatch.left.words} is {verb} {mismatch.right.words}"
-        return self._error(title, node, frame, help=_UNITS_HELP)
+        return self.error(title, node, frame, help=_UNITS_HELP)
 
-    def _refuse_degrees(self, numbers: list[NumberValue]) -> None:
+    def refuse_degrees(self, numbers: Sequence[NumberValue]) -> None:
         """A bare number beside an angle counts in radians; one beyond a turn was meant in degrees."""
         if not any(number.unit == ANGLE for number in numbers):
             return
@@ -251,7 +261,7 @@ class Lowering:
                 help_ = f"write {amount:g} deg, or {amount:g} rad if you mean it"
                 raise SpecError(Diagnostic(title, number.origin, "a bare number beside an angle is in radians", help_))
 
-    def _agree(self, node: ast.Node, frame: Frame, verb: str, *units: Unit) -> Unit:
+    def agree(self, node: ast.Node, frame: Frame, verb: str, *units: Unit) -> Unit:
         try:
             return agree(*units)
         except UnitMismatch as mismatch:
@@ -261,20 +271,20 @@ class Lowering:
         numbers: list[NumberValue] = []
         for operand in node.operands:
             value = yield self.lower(operand, env, frame)
-            numbers.append(self.number(value, "each side of a comparison"))
-        self._refuse_degrees(numbers)
+            numbers.append(self.kinds.number(value, "each side of a comparison"))
+        self.refuse_degrees(numbers)
         atoms = []
-        spans = self._spans(node, frame)
+        places = self.spans(node, frame)
         named = frame.text if node is frame.body else ""
         for (left, right), operator in zip(pairwise(numbers), node.operators, strict=True):
-            unit = self._agree(node, frame, "compared with", left.unit, right.unit)
+            unit = self.agree(node, frame, "compared with", left.unit, right.unit)
             low, high = (left.node, right.node) if operator == "<=" else (right.node, left.node)
             sides = [describe(self.builder.nodes, self.builder.objects, side.node) for side in (left, right)]
             try:
-                atoms.append(self.builder.atom(low, high, named or f" {operator} ".join(sides), unit, spans))
+                atoms.append(self.builder.atom(low, high, named or f" {operator} ".join(sides), unit, places))
             except OverflowError:
-                raise self._error("this number is too large", node, frame) from None
-        return FormulaValue(self.builder.junction("min", atoms), origin=spans[0])
+                raise self.error("this number is too large", node, frame) from None
+        return FormulaValue(self.builder.junction("min", atoms), origin=places[0])
 
     # ---- calls
 
@@ -294,54 +304,97 @@ class Lowering:
         if name in self.scope.definitions:
             expanded: Value = yield self._expand(self.scope.definitions[name], values, node, frame)
             return expanded
+        if name in LIST_FUNCTIONS:
+            return self._list_function(name, values["items"], node, frame)
         return self._function(name, list(values.values()), node, frame)
 
+    def _list_function(self, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
+        origin = self.spans(node, frame)[0]
+        if isinstance(value, AnyValue):
+            return AnyValue(origin=origin)
+        items = self.kinds.items(value, f"the argument of `{name}`")
+        if name == "consecutive":
+            return NeighboursValue(items, origin=origin)
+        pairs = [self._function("gap", [first, second], node, frame) for first, second in pairwise(items)]
+        return ListValue(tuple(pairs), origin=origin)
+
     def _function(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
-        origin = self._spans(node, frame)[0]
+        origin = self.spans(node, frame)[0]
         what = f"an argument of `{name}`"
         if name in AXES:
             (value,) = values
             axis = AXES.index(name)
             if axis < 2:
-                return NumberValue(self.place(value, what)[axis], LENGTH, origin=origin)
-            if isinstance(value, ObjectValue):
-                return NumberValue(self.builder.coord(value.index, axis), ANGLE, origin=origin)
-            if isinstance(value, AnyValue):
-                return NumberValue(self.builder.const(_ANY), ANGLE, origin=origin)
-            raise self._wrong_kind(value, "an object (nothing else has a heading)", what)
-        if PRIMITIVES[name].params[0] == "place":
-            args = [coordinate for value in values for coordinate in self.place(value, what)]
-            return self._apply(name, [], args, node, frame)
-        numbers = [self.number(value, what) for value in values]
-        return self._apply(name, numbers, [number.node for number in numbers], node, frame)
+                return NumberValue(self.kinds.place(value, what)[axis], LENGTH, origin=origin)
+            return NumberValue(self.kinds.heading(value, what), ANGLE, origin=origin)
+        primitive = PRIMITIVES[name]
+        if primitive.variadic:
+            values = self._spread(name, values, node, frame)
+        params = primitive.params * len(values) if primitive.variadic else primitive.params
+        units: list[Unit] = []
+        args: list[int] = []
+        shapes: list[Footprint] = []
+        for kind, value in zip(params, values, strict=True):
+            if kind == "number":
+                number = self.kinds.number(value, what)
+                units.append(number.unit)
+                args.append(number.node)
+                continue
+            units.append(LENGTH)
+            if kind == "place":
+                args.extend(self.kinds.place(value, what))
+            else:
+                footprint, pose = self.kinds.footprint(value, what)
+                shapes.append(footprint)
+                args.extend(pose)
+        if len(shapes) == 2 and values[0] == values[1] and not isinstance(values[0], AnyValue):
+            help_ = "its two arguments must be different things"
+            raise self.error(f"`{name}` of a thing and itself", node, frame, "the same in every scene", help_)
+        return self._apply(name, units, args, tuple(shapes), node, frame)
+
+    def _spread(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
+        """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
+        if len(values) == 1 and isinstance(values[0], NumberValue):
+            help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"
+            raise self.error(f"`{name}` takes two or more arguments", node, frame, "1 given", help_)
+        spread = [item for value in values for item in (value.items if isinstance(value, ListValue) else (value,))]
+        if not spread:
+            raise self.error(f"`{name}` of nothing", node, frame, "this list is empty")
+        return spread
 
     def _expand(self, declared: Declared, values: dict[str, Value], node: ast.Call, frame: Frame) -> Call[Value]:
         definition = declared.statement
         assert isinstance(definition, ast.Definition)
         self.used.add(definition.name.id)
+        places = self.spans(node, frame)
         for parameter in definition.parameters:
             if parameter.name.id not in values:
                 assert parameter.default is not None
-                value = yield self.lower(parameter.default, {}, Frame(declared.source, self._spans(node, frame)))
+                value = yield self.lower(parameter.default, {}, Frame(declared.source, places))
                 values[parameter.name.id] = dataclasses.replace(value, role="")
         ordered = [values[parameter.name.id] for parameter in definition.parameters]
         key = (definition.name.id, *ordered)
-        origin = self._spans(node, frame)[0]
         if key not in self._expansions:
             text = f"{definition.name.id}({', '.join(map(self.text, ordered))})"
-            inside = Frame(declared.source, self._spans(node, frame), text, definition.body)
+            inside = Frame(declared.source, places, text, definition.body, frame.where)
             self._expansions[key] = yield self.lower(definition.body, values, inside)
-        return dataclasses.replace(self._expansions[key], origin=origin, role="")
+        return dataclasses.replace(self._expansions[key], origin=places[0], role="")
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""
         nodes, objects = self.builder.nodes, self.builder.objects
         match value:
-            case ObjectValue(index):
-                return objects[index]
+            case ObjectValue(place):
+                return objects[place]
+            case RegionValue(name, _):
+                return name
             case PointValue(x, y):
                 return f"({describe(nodes, objects, x)}, {describe(nodes, objects, y)})"
             case NumberValue(node, _):
                 return describe(nodes, objects, node)
+            case ListValue(items) if len(items) <= 3:
+                return f"[{', '.join(map(self.text, items))}]"
+            case ListValue(items):
+                return f"[{self.text(items[0])}, ..., {self.text(items[-1])}]"
             case _:
                 return "..."

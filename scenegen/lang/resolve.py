@@ -3,72 +3,69 @@ defined by itself. All mistakes are found in one go."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
+from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature, signatures
 from scenegen.scene.workspace import AXES
 
-LATER = "the grammar knows it, this version cannot give it a meaning yet"
+SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be
+SHOWN = 8  # relations that a help line names
+AREAS = ("rect", "circle", "polygon")  # what a region can be
 
 
-def resolve(module: ast.Module, scope: Scope) -> list[Diagnostic]:
-    """The problems of a module's names, in the order of the text."""
+def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
+    """The problems of a spec's names, in the order of the text."""
     problems: list[Diagnostic] = []
-    for statement in module.statements:
-        unsupported = list(_unsupported_statement(statement, module.source))
-        if unsupported:
-            problems.extend(unsupported)
-            continue
+    for one in placed:
         bound: set[str] = set()
-        if isinstance(statement, ast.Definition):
-            problems.extend(_parameters(statement, module.source))
-            bound = {parameter.name.id for parameter in statement.parameters}
-        for expr in ast.expressions(statement):
-            constant = isinstance(statement, ast.Constant | ast.Workspace)
+        if isinstance(one.statement, ast.Definition):
+            problems.extend(_parameters(one.statement, one.source))
+            bound = {parameter.name.id for parameter in one.statement.parameters}
+        if isinstance(one.statement, ast.Objects):
+            problems.extend(_declarations(one.statement, scope, one.source))
+            continue
+        if isinstance(one.statement, ast.Region):
+            problems.extend(_area(one.statement.shape, scope, one.source))
+            continue
+        for expr in ast.expressions(one.statement):
+            constant = isinstance(one.statement, ast.Constant | ast.Workspace)
             # a default is written where the parameters are not yet known
-            visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
-            problems.extend(_expression(expr, visible, scope, module.source, constant))
-    if module.bare is not None:
-        problems.extend(_expression(module.bare, set(), scope, module.source, False))
+            visible = bound if isinstance(one.statement, ast.Definition) and expr is one.statement.body else set()
+            problems.extend(_expression(expr, visible, scope, one.source, constant))
+    if bare is not None:
+        problems.extend(_expression(bare, set(), scope, scope.source, False))
     return problems or list(_cycles(scope))
 
 
-def _later(what: str, span: Span) -> Diagnostic:
-    return Diagnostic(f"{what} cannot be used yet", span, LATER)
+def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    """Counts and poses are constants; of a shape only what stands in its parentheses is looked at here."""
+    for one in statement.declarations:
+        if one.count is not None:
+            yield from _expression(one.count, set(), scope, source, True)
+        if isinstance(one.shape, ast.Call):
+            for argument in one.shape.arguments:
+                yield from _shape_argument(argument, scope, source)
+        if one.pose is not None:
+            yield from _expression(one.pose, set(), scope, source, True)
 
 
-def _unsupported_statement(statement: ast.Statement, source: Source) -> Iterator[Diagnostic]:
-    match statement:
-        case ast.Region():
-            yield _later("`region`", Span(source, statement.start, statement.start + len("region")))
-        case ast.Require():
-            yield _later("`require`", Span(source, statement.start, statement.start + len("require")))
-        case ast.Import():
-            yield _later("`import`", Span(source, statement.start, statement.start + len("import")))
-        case ast.Objects(declarations):
-            for one in declarations:
-                for what, part in (("an object array", one.count), ("a shape", one.shape), ("`at`", one.pose)):
-                    if part is not None:
-                        yield _later(what, part.span(source))
+def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    """Texts, and a shape inside `urdf(...)`, are the declaration's own business."""
+    if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
+        for inner in argument.value.arguments:
+            yield from _shape_argument(inner, scope, source)
+    elif not isinstance(argument.value, ast.Text):
+        yield from _expression(argument.value, set(), scope, source, True)
 
 
-def _unsupported(node: ast.Expr | ast.Argument) -> str:
-    match node:
-        case ast.Quantifier(kind, _, _, _):
-            return f"`{kind}`"
-        case ast.List():
-            return "a list"
-        case ast.Index():
-            return "an index"
-        case ast.Member(_, member):
-            return f"`.{member.id}`"
-        case ast.Name(id) if id in BUILT_IN:
-            return f"`{id}`"
-        case _:
-            return ""
+def _area(shape: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    if isinstance(shape, ast.Call):
+        for argument in shape.arguments:
+            yield from _expression(argument.value, set(), scope, source, True)
 
 
 def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnostic]:
@@ -86,40 +83,59 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
 
 
 def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
-    stack: list[ast.Expr | ast.Argument] = [root]
+    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [(root, frozenset(bound))]
     while stack:
-        node = stack.pop()
-        what = _unsupported(node)
-        if isinstance(node, ast.Member) and node.member.id in AXES:
-            inner = print_expr(node.base)
-            help_ = f"write {node.member.id}({inner})"
-            yield Diagnostic("a coordinate is not written with a dot", node.span(source), "", help_)
-            continue
-        if what:
-            yield _later(what, node.span(source))
-            continue
-        if isinstance(node, ast.Name) and node.id not in bound:
-            yield from _name(node, bound, scope, source, constant)
-        if isinstance(node, ast.Text):
-            yield Diagnostic("a text cannot stand in a formula", node.span(source), "", "write names without quotes")
-        if isinstance(node, ast.Call):
-            yield from _call(node, scope, source)
-        stack.extend(reversed(ast.children(node)))
+        node, visible = stack.pop()
+        match node:
+            case ast.Member(base, member) if member.id in AXES:
+                help_ = f"write {member.id}({print_expr(base)})"
+                yield Diagnostic("a coordinate is not written with a dot", node.span(source), "", help_)
+                continue
+            case ast.Name() if node.id not in visible:
+                yield from _name(node, set(visible), scope, source, constant)
+            case ast.Text():
+                help_ = "write names without quotes"
+                yield Diagnostic("a text cannot stand in a formula", node.span(source), "", help_)
+            case ast.Call():
+                yield from _call(node, scope, source)
+            case ast.Quantifier():
+                yield from _variables(node, visible, source)
+                names = frozenset(variable.id for variable in node.variables)
+                stack.append((node.body, visible | names))
+                stack.append((node.domain, visible))
+                continue
+            case _:
+                pass
+        stack.extend((child, visible) for child in reversed(ast.children(node)))
+
+
+def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:
+    seen: set[str] = set()
+    for variable in node.variables:
+        here = variable.span(source)
+        if variable.id in seen:
+            yield Diagnostic(f"`{variable.id}` is named twice", here, "", "two variables need two names")
+        elif variable.id in BUILT_IN:
+            yield Diagnostic(f"`{variable.id}` is built in", here, "it cannot be a variable", "choose another name")
+        elif variable.id in visible:
+            label = "a variable or parameter of that name is in use here"
+            yield Diagnostic(f"`{variable.id}` would hide another `{variable.id}`", here, label, "choose another name")
+        seen.add(variable.id)
 
 
 def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
     here = node.span(source)
-    if node.id in scope.constants:
+    if node.id in scope.constants or node.id in scope.regions or node.id in BUILT_IN:
         return
     if constant:
-        if scope.knows(node.id):
+        if node.id in scope.labels:
             yield Diagnostic(f"`{node.id}` is not a constant", here, "only numbers and constants can stand here")
-        else:
+        elif node.id not in scope.things:
             yield Diagnostic(
                 f"unknown constant `{node.id}`",
                 here,
                 "",
-                suggest(node.id, scope.constants, f"define it: const {node.id} = 1"),
+                suggest(node.id, [*scope.constants, *scope.regions, *scope.things], f"define it: const {node.id} = 1"),
             )
     elif not scope.knows(node.id):
         if node.id in scope.functions():
@@ -128,7 +144,7 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             yield Diagnostic(f"`{node.id}` needs its arguments", here, "", f"write {usage}")
             return
         known = {*scope.values(), *bound}
-        declared = f"the objects are {quoted(scope.objects)}" if scope.objects else ""
+        declared = f"the objects are {quoted(scope.things)}" if scope.things else ""
         yield Diagnostic(
             f"unknown name `{node.id}`",
             here,
@@ -145,9 +161,16 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
         if scope.knows(name):
             yield Diagnostic(f"`{name}` is not a relation", here, "it cannot be called")
             return
+        if name in SHAPES or name in AREAS:
+            kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
+            help_ = f"give {kind} that shape: {opening} name = {print_expr(node)}"
+            yield Diagnostic(f"`{name}` is the shape of {kind}", here, "a formula cannot hold it", help_)
+            return
         close = suggest(name, scope.functions())
-        relations = f"the relations are {quoted(scope.definitions)};\nthe functions are {quoted(signatures())}"
-        yield Diagnostic(f"unknown relation `{name}`", here, "no relation or function is called so", close or relations)
+        known = [one for one in scope.definitions if not one.startswith("_")]
+        shown = quoted(known) if len(known) <= SHOWN else f"{', '.join(f'`{one}`' for one in known[:SHOWN])}, ..."
+        help_ = close or f"the relations are {shown}; docs/language.md has all of them"
+        yield Diagnostic(f"unknown relation `{name}`", here, "no relation or function is called so", help_)
         return
     problem = bind(node, signature, source)
     if isinstance(problem, Diagnostic):
@@ -160,10 +183,8 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
     count = len(node.arguments)
     usage = f"write {signature.usage}"
     if signature.variadic:
-        if count < 2:
-            return Diagnostic(
-                f"`{signature.name}` takes two or more arguments", node.span(source), f"{count} given", usage
-            )
+        if count < 1:
+            return Diagnostic(f"`{signature.name}` takes numbers, or a list of them", node.span(source), "", usage)
         return {str(number): argument.value for number, argument in enumerate(node.arguments)}
     if count > len(signature.parameters):
         extra = node.arguments[len(signature.parameters)]
@@ -202,7 +223,8 @@ def _arity(signature: Signature, given: int) -> str:
 def _cycles(scope: Scope) -> Iterator[Diagnostic]:
     """Constants, definitions and labels that are defined by themselves, one diagnostic per circle."""
     uses: dict[Declared, list[tuple[Declared, Span]]] = {}
-    everything = [*scope.constants.values(), *scope.definitions.values(), *scope.labels.values()]
+    groups = (scope.constants, scope.regions, scope.definitions, scope.labels)
+    everything = [declared for group in groups for declared in group.values()]
     for declared in everything:
         uses[declared] = list(_references(declared, scope))
     state: dict[Declared, int] = {}  # 1 under way, 2 done
@@ -231,18 +253,24 @@ def _cycles(scope: Scope) -> Iterator[Diagnostic]:
 
 
 def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Span]]:
-    bound: set[str] = set()
+    bound = frozenset[str]()
     if isinstance(declared.statement, ast.Definition):
-        bound = {parameter.name.id for parameter in declared.statement.parameters}
-    stack: list[ast.Expr | ast.Argument] = list(ast.expressions(declared.statement))
+        bound = frozenset(parameter.name.id for parameter in declared.statement.parameters)
+    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [
+        (expr, bound) for expr in ast.expressions(declared.statement)
+    ]
     while stack:
-        node = stack.pop()
+        node, visible = stack.pop()
         target: Declared | None = None
         if isinstance(node, ast.Call):
             target = scope.definitions.get(node.function.id)
-        elif isinstance(node, ast.Name) and node.id not in bound:
-            target = scope.constants.get(node.id) or scope.labels.get(node.id)
+        elif isinstance(node, ast.Name) and node.id not in visible:
+            target = scope.declared(node.id)
         if target is not None:
             place = node.function if isinstance(node, ast.Call) else node
             yield target, place.span(declared.source)
-        stack.extend(ast.children(node))
+        if isinstance(node, ast.Quantifier):
+            stack.append((node.domain, visible))
+            stack.append((node.body, visible | {variable.id for variable in node.variables}))
+            continue
+        stack.extend((child, visible) for child in ast.children(node))

@@ -6,12 +6,13 @@ called `box` or `x`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.lang import ast
+from scenegen.lang.imports import Placed
 from scenegen.lang.parse import parse
 from scenegen.primitives import PRIMITIVES
 from scenegen.resources import grammar_file
@@ -39,32 +40,57 @@ class Declared:
 
     source: Source
     name: ast.Name
-    statement: ast.Constant | ast.Definition | ast.Label
+    statement: ast.Constant | ast.Definition | ast.Label | ast.Region
 
     @property
     def span(self) -> Span:
         return self.name.span(self.source)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Thing:
+    """An object, or an array of them, as declared; without a declaration it was inferred from its use."""
+
+    source: Source
+    name: ast.Name
+    declaration: ast.Declaration | None = None
+
+    @property
+    def is_array(self) -> bool:
+        return self.declaration is not None and self.declaration.count is not None
+
+
 @dataclass(slots=True)
 class Scope:
-    """Everything a formula can name. `objects` maps a name to its place in storage order."""
+    """Everything a formula can name.
+
+    `things` are the objects and arrays by name. `objects` maps the name of each single object, `block[1]` for the
+    element of an array, to its place in storage order, and `arrays` an array to the places of its elements; both are
+    known once the declarations have been evaluated.
+    """
 
     source: Source
     prelude: Source
     constants: dict[str, Declared] = field(default_factory=dict)
     definitions: dict[str, Declared] = field(default_factory=dict)
     labels: dict[str, Declared] = field(default_factory=dict)
+    regions: dict[str, Declared] = field(default_factory=dict)
+    things: dict[str, Thing] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
+    arrays: dict[str, tuple[int, ...]] = field(default_factory=dict)
     inferred: bool = False
 
     def values(self) -> set[str]:
         """Names that stand for something by themselves."""
-        return {*self.objects, *self.constants, *self.labels}
+        return {*self.things, *self.constants, *self.labels, *self.regions, *BUILT_IN}
 
     def knows(self, name: str) -> bool:
         """Whether a name stands for something by itself."""
-        return name in self.objects or name in self.constants or name in self.labels
+        return self.declared(name) is not None or name in self.things or name in BUILT_IN
+
+    def declared(self, name: str) -> Declared | None:
+        """The constant, region or label of that name."""
+        return self.constants.get(name) or self.regions.get(name) or self.labels.get(name)
 
     def functions(self) -> set[str]:
         return {*self.definitions, *signatures()}
@@ -76,6 +102,10 @@ class Scope:
             return signatures().get(name)
         assert isinstance(declared.statement, ast.Definition)
         return signature_of(declared.statement)
+
+    def is_own(self, source: Source) -> bool:
+        """Whether a source is the spec itself, neither imported nor the prelude."""
+        return source is self.source
 
 
 def signature_of(definition: ast.Definition) -> Signature:
@@ -90,16 +120,27 @@ def signature_of(definition: ast.Definition) -> Signature:
     return Signature(definition.name.id, names, needed, usage=f"{definition.name.id}({', '.join(shown)})")
 
 
+LIST_FUNCTIONS = {
+    "consecutive": "the neighbours in a list, for a quantifier: forall p, q in consecutive(items)",
+    "gaps": "the clearances between neighbours in a list, as a list of lengths",
+}
+
+# parameters whose name says more than a, b, c
+_PARAMETERS = {"reach": ("a", "heading"), "room": ("a", "area")}
+
+
 @cache
 def signatures() -> Mapping[str, Signature]:
-    """The functions that no definition makes: coordinates and primitives."""
+    """The functions that no definition makes: coordinates, primitives and functions of lists."""
     table = {axis: Signature(axis, ("a",), 1, usage=f"{axis}(a)") for axis in AXES}
     for primitive in PRIMITIVES.values():
         if not primitive.operator:
-            names = tuple("abcdefgh"[: len(primitive.params)])
+            names = _PARAMETERS.get(primitive.name, tuple("abcdefgh"[: len(primitive.params)]))
             dots = ", ..." if primitive.variadic else ""
             usage = f"{primitive.name}({', '.join(names)}{dots})"
             table[primitive.name] = Signature(primitive.name, names, len(names), primitive.variadic, usage)
+    for name in LIST_FUNCTIONS:
+        table[name] = Signature(name, ("items",), 1, usage=f"{name}(items)")
     return table
 
 
@@ -109,10 +150,10 @@ def prelude() -> ast.Module:
     return parse(Source("prelude.spec", grammar_file("prelude.spec").read_text(encoding="utf-8")))
 
 
-def collect(module: ast.Module) -> tuple[Scope, list[Diagnostic]]:
-    """The scope of a module over the prelude, and a diagnostic for each name with two meanings."""
+def collect(source: Source, placed: Sequence[Placed], bare: ast.Expr | None) -> tuple[Scope, list[Diagnostic]]:
+    """The scope of a spec's statements over the prelude, and a diagnostic for each name with two meanings."""
     base = prelude()
-    scope = Scope(module.source, base.source)
+    scope = Scope(source, base.source)
     for statement in base.statements:
         if isinstance(statement, ast.Constant):
             scope.constants[statement.name.id] = Declared(base.source, statement.name, statement)
@@ -121,54 +162,56 @@ def collect(module: ast.Module) -> tuple[Scope, list[Diagnostic]]:
     problems: list[Diagnostic] = []
     places: dict[str, Span] = {}
     workspace: Span | None = None
-    for statement in module.statements:
-        if isinstance(statement, ast.Workspace):
-            here = statement.span(module.source)
+    for one in placed:
+        if isinstance(one.statement, ast.Workspace):
+            here = one.statement.span(one.source)
             if workspace is not None:
                 problems.append(_twice("the workspace", here, workspace))
             workspace = here
-        for kind, name in _names(statement):
-            here = name.span(module.source)
+        for kind, name, node in _names(one.statement):
+            here = name.span(one.source)
             problem = _clash(scope, kind, name.id, here, places)
             if problem is not None:
                 problems.append(problem)
                 continue
             places[name.id] = here
-            _declare(scope, statement, name)
-    if not any(isinstance(statement, ast.Objects) for statement in module.statements):
+            _declare(scope, one.source, name, node)
+    if not any(isinstance(one.statement, ast.Objects) for one in placed):
         scope.inferred = True
-        _infer_objects(module, scope)
+        _infer_objects(source, placed, bare, scope)
     return scope, problems
 
 
-def _names(statement: ast.Statement) -> Iterator[tuple[str, ast.Name]]:
-    """The names that a statement declares, each with its kind."""
+def _names(statement: ast.Statement) -> Iterator[tuple[str, ast.Name, ast.Declaration | ast.Statement]]:
+    """The names that a statement declares, each with its kind and the node that says what it is."""
     match statement:
         case ast.Objects(declarations):
             for one in declarations:
-                yield "object", one.name
+                yield "object", one.name, one
         case ast.Region(name, _):
-            yield "region", name
+            yield "region", name, statement
         case ast.Constant(name, _):
-            yield "constant", name
+            yield "constant", name, statement
         case ast.Definition(name, _, _):
-            yield "definition", name
+            yield "definition", name, statement
         case ast.Label(name, _):
-            yield "label", name
+            yield "label", name, statement
         case _:
             return
 
 
-def _declare(scope: Scope, statement: ast.Statement, name: ast.Name) -> None:
-    match statement:
-        case ast.Objects():
-            scope.objects[name.id] = len(scope.objects)
+def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration | ast.Statement) -> None:
+    match node:
+        case ast.Declaration():
+            scope.things[name.id] = Thing(source, name, node)
         case ast.Constant():
-            scope.constants[name.id] = Declared(scope.source, name, statement)
+            scope.constants[name.id] = Declared(source, name, node)
         case ast.Definition():
-            scope.definitions[name.id] = Declared(scope.source, name, statement)
+            scope.definitions[name.id] = Declared(source, name, node)
         case ast.Label():
-            scope.labels[name.id] = Declared(scope.source, name, statement)
+            scope.labels[name.id] = Declared(source, name, node)
+        case ast.Region():
+            scope.regions[name.id] = Declared(source, name, node)
         case _:
             return
 
@@ -202,23 +245,25 @@ def _a(kind: str) -> str:
     return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
 
 
-def _infer_objects(module: ast.Module, scope: Scope) -> None:
+def _infer_objects(source: Source, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> None:
     """Names that nothing else explains are objects, in the order in which the text mentions them."""
-    roots: list[tuple[ast.Expr, frozenset[str]]] = []
-    for statement in module.statements:
+    roots: list[tuple[Source, ast.Expr, frozenset[str]]] = []
+    for one in placed:
         bound = frozenset[str]()
-        if isinstance(statement, ast.Definition):
-            bound = frozenset(parameter.name.id for parameter in statement.parameters)
-        if isinstance(statement, ast.Definition | ast.Label | ast.Require):
-            roots.extend((expr, bound) for expr in ast.expressions(statement))
-    if module.bare is not None:
-        roots.append((module.bare, frozenset()))
-    known = {*scope.constants, *scope.labels, *BUILT_IN}
-    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = list(reversed(roots))
+        if isinstance(one.statement, ast.Definition):
+            bound = frozenset(parameter.name.id for parameter in one.statement.parameters)
+        if isinstance(one.statement, ast.Definition | ast.Label | ast.Require):
+            roots.extend((one.source, expr, bound) for expr in ast.expressions(one.statement))
+    if bare is not None:
+        roots.append((source, bare, frozenset()))
+    known = {*scope.constants, *scope.labels, *scope.regions, *BUILT_IN}
+    stack: list[tuple[Source, ast.Expr | ast.Argument, frozenset[str]]] = list(reversed(roots))
     while stack:
-        node, bound = stack.pop()
+        where, node, bound = stack.pop()
         if isinstance(node, ast.Name) and node.id not in known and node.id not in bound:
-            scope.objects.setdefault(node.id, len(scope.objects))
+            scope.things.setdefault(node.id, Thing(where, node))
         if isinstance(node, ast.Quantifier):
-            bound |= {variable.id for variable in node.variables}
-        stack.extend((child, bound) for child in reversed(ast.children(node)))
+            stack.append((where, node.body, bound | {variable.id for variable in node.variables}))
+            stack.append((where, node.domain, bound))
+            continue
+        stack.extend((where, child, bound) for child in reversed(ast.children(node)))

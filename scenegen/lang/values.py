@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from scenegen.errors import Diagnostic, Span, SpecError
+from scenegen.lang.places import Area
 from scenegen.primitives.units import BARE, Unit
+
+LONGEST = 40  # characters of the user's text that a help line repeats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +34,31 @@ class PointValue(Value):
     kind: ClassVar[str] = "a point"
     x: int
     y: int
+
+
+@dataclass(frozen=True, slots=True)
+class RegionValue(Value):
+    """A named part of the table, or the workspace itself. As a place it is its centre."""
+
+    kind: ClassVar[str] = "a region"
+    name: str
+    area: Area
+
+
+@dataclass(frozen=True, slots=True)
+class ListValue(Value):
+    """Things in a row: an array of objects, `[mug, plate]`, `objects`, the corners of a region."""
+
+    kind: ClassVar[str] = "a list"
+    items: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NeighboursValue(Value):
+    """`consecutive(items)`: what a quantifier takes two or more neighbours at a time from."""
+
+    kind: ClassVar[str] = "a row of neighbours"
+    items: tuple[Value, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +94,17 @@ def _remedy(value: Value, wanted: str) -> str:
         return "a heading is an angle: NORTH, 90 deg, theta(plate)"
     if wanted == "a number" and isinstance(value, ObjectValue):
         return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
+    if isinstance(value, NeighboursValue):
+        return "it stands in a quantifier: forall p, q in consecutive(items): ..."
+    if isinstance(value, ListValue):
+        written = value.origin.text if len(value.origin.text) <= LONGEST else "items"
+        return f"take one of them, {written}[1], or all: forall p in {written}: ..."
+    if wanted == "a list" and isinstance(value, ObjectValue):
+        return f"write [{value.origin.text}, ...], or declare an array: object {value.origin.text}[3]"
+    if wanted == "a number" and isinstance(value, RegionValue):
+        return f"take a coordinate of one of its points: x({value.origin.text}.left)"
+    if wanted == "a formula" and isinstance(value, RegionValue):
+        return f"say what lies in it: inside(mug, {value.origin.text})"
     if "object" in wanted and isinstance(value, NumberValue):
         return "name an object, or write a point: (0.5, 0.2)"
     return ""

@@ -1,0 +1,44 @@
+"""Where expansion is, and whom to tell when something is wrong there."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.lang import ast
+
+MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
+MOST_VARIABLES = 4  # how many variables of quantifiers a note names
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Frame:
+    """The source of the text at hand, and the calls that led here, innermost first.
+
+    `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
+    says what the variables of quantifiers stand for, innermost last: ("i = 6",).
+    """
+
+    source: Source
+    calls: tuple[Span, ...] = ()
+    text: str = ""
+    body: ast.Expr | None = None
+    where: tuple[str, ...] = ()
+
+
+def spans(node: ast.Node, frame: Frame, prelude: Source) -> tuple[Span, ...]:
+    """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
+    places = (node.span(frame.source), *frame.calls)
+    own = tuple(span for span in places if span.source is not prelude)
+    return (own or places)[:MOST_CALLS]
+
+
+def error(title: str, node: ast.Node, frame: Frame, prelude: Source, label: str = "", help: str = "") -> SpecError:
+    """A mistake at a node, told at the user's own place, with the way that led there."""
+    places = spans(node, frame, prelude)
+    note = f"in the expansion of `{frame.text}`" if frame.text else ""
+    if frame.where:
+        note += (", " if note else "") + "where " + ", ".join(frame.where[-MOST_VARIABLES:])
+    if len(places) > 1:
+        note += f", called at {places[1].place}"
+    return SpecError(Diagnostic(title, places[0], label, help, note=note))

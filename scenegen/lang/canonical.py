@@ -1,0 +1,62 @@
+"""The canonical text of a spec, which scene and model files carry: all it needs, in one piece.
+
+Imports are replaced by what they import, and the outline of a URDF file stands beside its path: the text means the same
+wherever it is read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenegen.assets import Shape
+from scenegen.errors import Source
+from scenegen.lang import ast
+from scenegen.lang.imports import Placed
+from scenegen.lang.print import print_module
+from scenegen.lang.scope import Scope
+from scenegen.primitives.footprint import Box, Circle, Footprint
+
+
+def canonical(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, shapes: Sequence[Shape]) -> str:
+    """The canonical text; `shapes` has one entry per object."""
+    statements = tuple(
+        _resolved(one.statement, scope, shapes) if isinstance(one.statement, ast.Objects) else one.statement
+        for one in placed
+    )
+    return print_module(ast.Module(Source("", ""), statements, bare))
+
+
+def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape]) -> ast.Objects:
+    """The statement with every URDF's outline written out."""
+    declarations = []
+    for one in statement.declarations:
+        call = one.shape
+        if isinstance(call, ast.Call) and call.function.id == "urdf":
+            place = scope.arrays.get(one.name.id, (scope.objects.get(one.name.id, 0),))[0]
+            looks = shapes[place]
+            arguments = (ast.Argument(None, ast.Text(looks.path)), ast.Argument(None, _outline(looks)))
+            one = ast.Declaration(one.name, one.count, ast.Call(call.function, arguments), one.pose)
+        declarations.append(one)
+    return ast.Objects(tuple(declarations))
+
+
+def _outline(looks: Shape) -> ast.Call:
+    kind, numbers = _measures(looks.footprint)
+    parts = [*numbers, _number(looks.height)]
+    return ast.Call(ast.Name(kind), tuple(ast.Argument(None, part) for part in parts))
+
+
+def _measures(footprint: Footprint) -> tuple[str, list[ast.Expr]]:
+    match footprint:
+        case Circle(radius):
+            return "cylinder", [_number(radius)]
+        case Box(length, width):
+            return "box", [_number(length), _number(width)]
+        case _:
+            corners = tuple(ast.Point((_number(x), _number(y))) for x, y in footprint.vertices)
+            return "prism", [ast.List(corners)]
+
+
+def _number(value: float) -> ast.Expr:
+    written = ast.Quantity(repr(abs(value)), "")
+    return ast.Negative(written) if value < 0.0 else written

@@ -1,0 +1,95 @@
+"""Constant numbers, points and sizes: what declarations are made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, Source, SpecError
+from scenegen.lang import ast
+from scenegen.lang.blame import Frame
+from scenegen.lang.places import Point
+from scenegen.lang.resolve import bind
+from scenegen.lang.scope import Signature
+from scenegen.lang.trampoline import Call
+from scenegen.lang.values import ListValue, PointValue, Value
+from scenegen.primitives.hull import convex_hull, is_convex
+from scenegen.primitives.units import BARE, LENGTH
+
+if TYPE_CHECKING:
+    from scenegen.lang.lower import Lowering
+
+FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
+LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
+
+SIGNATURES = {
+    "box": Signature("box", ("length", "width", "height"), 3, usage="box(length, width, height)"),
+    "cylinder": Signature("cylinder", ("radius", "height"), 2, usage="cylinder(radius, height)"),
+    "prism": Signature("prism", ("corners", "height"), 2, usage="prism([(x, y), ...], height)"),
+    "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
+    "rect": Signature("rect", ("left", "bottom", "right", "top"), 4, usage="rect(left, bottom, right, top)"),
+    "circle": Signature("circle", ("center", "radius"), 2, usage="circle((x, y), radius)"),
+    "polygon": Signature("polygon", ("corners",), 1, usage="polygon([(x, y), ...])"),
+}
+
+
+def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+    """A constant length. Raises SpecError."""
+    number = lowering.kinds.number(value, what)
+    amount = lowering.builder.value(number.node)
+    if amount is None:
+        raise SpecError(Diagnostic(f"{what} must be a constant", expr.span(source), "this depends on the scene"))
+    if number.unit not in (BARE, LENGTH):
+        title = f"{what} is measured in metres, not as {number.unit.words}"
+        raise SpecError(Diagnostic(title, expr.span(source)))
+    return amount
+
+
+def point(lowering: Lowering, value: Value, what: str) -> Point:
+    """A constant point. Raises SpecError."""
+    if not isinstance(value, PointValue):
+        raise lowering.kinds.wrong(value, "a point", what)
+    x, y = (lowering.builder.value(node) for node in (value.x, value.y))
+    if x is None or y is None:
+        raise SpecError(Diagnostic(f"{what} must be a constant", value.origin, "this depends on the scene"))
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise SpecError(Diagnostic(f"{what} is too far out", value.origin, f"the limit is {FARTHEST:,.0f} m"))
+    return x, y
+
+
+def size(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+    """A constant length that something can measure. Raises SpecError."""
+    amount = number(lowering, value, expr, source, what)
+    if not SMALLEST <= amount <= LARGEST:
+        label = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
+        help_ = "for the sides that face each other, change their places" if amount < 0 else ""
+        raise SpecError(Diagnostic(f"{what} cannot be {amount:g} m", expr.span(source), label, help_))
+    return amount
+
+
+Arguments = dict[str, tuple[Value, ast.Expr]]
+
+
+def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Call[Arguments]:
+    """The arguments of a shape by parameter, each with the expression it was written as."""
+    given = bind(call, SIGNATURES[call.function.id], source)
+    if isinstance(given, Diagnostic):
+        raise SpecError(given)
+    values = {}
+    for name, expr in given.items():
+        value = yield lowering.lower(expr, {}, Frame(source))
+        values[name] = (value, expr)
+    return values
+
+
+def corners(lowering: Lowering, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
+    """The corners of a convex polygon, counter-clockwise. Raises SpecError."""
+    if not isinstance(value, ListValue):
+        raise lowering.kinds.wrong(value, "a list of corners", "a polygon")
+    corners = [point(lowering, item, "a corner") for item in value.items]
+    here = expr.span(source)
+    if len(corners) < 3:
+        raise SpecError(Diagnostic("a polygon has three corners or more", here, f"{len(corners)} given"))
+    if not is_convex(corners):
+        help_ = "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)"
+        raise SpecError(Diagnostic("this polygon is not convex", here, "or its corners are not in order", help_))
+    return convex_hull(corners).vertices

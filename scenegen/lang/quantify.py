@@ -1,0 +1,101 @@
+"""`forall` and `exists`: a formula for every way to choose the variables, joined by min or max."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Literal
+
+from scenegen.lang import ast
+from scenegen.lang.blame import Frame
+from scenegen.lang.builder import TooLarge
+from scenegen.lang.print import print_expr
+from scenegen.lang.select import whole_number
+from scenegen.lang.trampoline import Call
+from scenegen.lang.values import AnyValue, FormulaValue, NeighboursValue, NumberValue, Value
+from scenegen.primitives.units import BARE
+
+if TYPE_CHECKING:
+    from scenegen.lang.lower import Lowering
+
+MAX_STEPS = 1_000_000  # rounds of all quantifiers of a spec together
+LONGEST = 40  # characters of the domain that a sub-formula's name shows
+
+
+def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+    """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
+    over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and TooLarge."""
+    names = [variable.id for variable in node.variables]
+    domain: Value | range
+    if isinstance(node.domain, ast.Range):
+        domain = yield _range(lowering, node.domain, env, frame)
+    else:
+        domain = yield lowering.lower(node.domain, env, frame)
+    origin = lowering.spans(node, frame)[0]
+    if isinstance(domain, AnyValue):
+        env = {**env, **{name: AnyValue(origin=origin) for name in names}}
+        value: Value = yield lowering.lower(node.body, env, frame)
+        lowering.kinds.formula(value, f"what `{node.kind}` ranges over")
+        return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
+    formulas = []
+    for choice in _choices(lowering, domain, node, frame):
+        lowering.step()
+        chosen = {name: replace(value, role="") for name, value in zip(names, choice, strict=True)}
+        said = ", ".join(f"{name} = {lowering.text(value)}" for name, value in chosen.items())
+        value = yield lowering.lower(node.body, {**env, **chosen}, replace(frame, where=(*frame.where, said)))
+        formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
+    shown = print_expr(node.domain)
+    shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
+    text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"
+    kind: Literal["min", "max"] = "min" if node.kind == "forall" else "max"
+    return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
+
+
+def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
+    ends = []
+    for end in (node.lowest, node.highest):
+        value = yield lowering.lower(end, env, frame)
+        if isinstance(value, AnyValue):
+            return value
+        number = lowering.kinds.number(value, "an end of a range")
+        ends.append(whole_number(lowering, number, end, frame, "an end of a range"))
+    lowest, highest = ends
+    if lowest > highest:
+        help_ = f"write {highest}..{lowest}" if isinstance(node.lowest, ast.Quantity) else ""
+        raise lowering.error(f"the range {lowest}..{highest} is empty", node, frame, "it counts upwards", help_)
+    if highest - lowest >= MAX_STEPS:
+        raise TooLarge
+    return range(lowest, highest + 1)
+
+
+def _choices(
+    lowering: Lowering, domain: Value | range, node: ast.Quantifier, frame: Frame
+) -> Iterator[tuple[Value, ...]]:
+    """The ways to choose the variables. Raises SpecError where there is none."""
+    many = len(node.variables)
+    origin = lowering.spans(node.domain, frame)[0]
+    if isinstance(domain, range):
+        numbers = (NumberValue(lowering.builder.const(float(number)), BARE, origin=origin) for number in domain)
+        items: tuple[Value, ...] = tuple(numbers) if many > 1 else ()
+        if many == 1:
+            return ((number,) for number in numbers)
+    elif isinstance(domain, NeighboursValue):
+        items = domain.items
+        if many == 1:
+            help_ = f"write {node.kind} p, q in {print_expr(node.domain)}: ..."
+            raise lowering.error("neighbours come in twos or more", node, frame, "one variable given", help_)
+    else:
+        items = lowering.kinds.items(domain, f"what `{node.kind}` ranges over")
+    if len(items) < many and not _may_be_empty(lowering, frame):
+        what = f"{len(items)} element{'s' * (len(items) != 1)}"
+        title = "this list is empty" if not items else f"there are no {many} to choose from {what}"
+        raise lowering.error(title, node.domain, frame, f"`{node.kind}` has nothing to range over")
+    if isinstance(domain, NeighboursValue):
+        return (items[at : at + many] for at in range(len(items) - many + 1))
+    return combinations(items, many)
+
+
+def _may_be_empty(lowering: Lowering, frame: Frame) -> bool:
+    """Relations of the prelude hold of too few things as they do of many: one object overlaps no other."""
+    return frame.source is lowering.scope.prelude

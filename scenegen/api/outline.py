@@ -1,19 +1,23 @@
-"""The expanded formula of a spec as an outline: one line per sub-formula, with what phi can be there."""
+"""The expanded formula of a spec as an outline: one line per sub-formula, with what phi can be there, or is."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenegen.api.spec import Spec
 from scenegen.bounds import node_bounds
-from scenegen.lang.core import Atom, Junction
+from scenegen.lang.core import REQUIRE, Atom, Core, Junction, gated
 from scenegen.lang.describe import describe
+from scenegen.lang.interpret import deciding_atom
+from scenegen.primitives.interval import Interval
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
     """A sub-formula: its depth below the label, its text, the margin it stands for ("" for a conjunction or
-    disjunction), the unit of phi ("" where units mix), and the interval bounds of phi in the workspace."""
+    disjunction), the unit of phi ("" where units mix), and the interval bounds of phi in the workspace; for a scene
+    also its value there, and whether it is the atom that decides."""
 
     depth: int
     text: str
@@ -21,31 +25,49 @@ class Line:
     unit: str
     low: float
     high: float
+    value: float | None = None
+    decides: bool = False
 
 
-def outline(spec: Spec, label: str, most: int = 200) -> tuple[list[Line], int]:
-    """The lines of a label's formula, from the top, at most `most` of them; and how many more there are.
+class Outline:
+    """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
-    A definition that is used twice is shown twice, so what is left out is only counted up to ten times `most`.
-    """
-    core = spec.checked.core
-    bounds = node_bounds(core, *spec.checked.box())
-    lines: list[Line] = []
-    count = 0
-    stack = [(core.labels[label], 0)]
-    while stack and count < 11 * most:
-        index, depth = stack.pop()
-        node = core.nodes[index]
-        count += 1
-        if isinstance(node, Junction):
-            stack.extend((arg, depth + 1) for arg in reversed(node.args))
-        if count > most:
-            continue
-        low, high = float(bounds[index].lo), float(bounds[index].hi)
-        if isinstance(node, Junction):
-            words = "all of" if node.kind == "min" else "one of"
-            lines.append(Line(depth, f"{words}: {node.text}" if node.text else words, "", "", low, high))
-        elif isinstance(node, Atom):
-            margin = describe(core.nodes, core.objects, node.margin)
-            lines.append(Line(depth, node.text, margin, str(node.unit), low, high))
-    return lines, count - len(lines)
+    def __init__(self, spec: Spec) -> None:
+        self._core: Core = gated(spec.checked.core)
+        self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
+        self.labels = tuple(self._core.labels)
+
+    @property
+    def core(self) -> Core:
+        """The core whose nodes `values` are given for."""
+        return self._core
+
+    def lines(self, label: str, *, most: int = 200, values: Sequence[float] | None = None) -> tuple[list[Line], int]:
+        """The lines of a label's formula, from the top, at most `most` of them; and how many more there are.
+
+        `values` is the value of every node in one scene (lang.interpret.evaluate). A definition that is used twice is
+        shown twice, so what is left out is only counted up to ten times `most`.
+        """
+        core = self._core
+        decider = deciding_atom(core, label, values) if values is not None else None
+        lines: list[Line] = []
+        count = 0
+        stack = [(core.labels[label], 0)]
+        while stack and count < 11 * most:
+            index, depth = stack.pop()
+            node = core.nodes[index]
+            count += 1
+            if isinstance(node, Junction):
+                stack.extend((arg, depth + 1) for arg in reversed(node.args))
+            if count > most:
+                continue
+            low, high = float(self._bounds[index].lo), float(self._bounds[index].hi)
+            value = None if values is None else float(values[index])
+            if isinstance(node, Junction):
+                words = "all of" if node.kind == "min" else "one of"
+                text = f"{words}: {node.text}" if node.text and node.text != REQUIRE else words
+                lines.append(Line(depth, text, "", "", low, high, value))
+            elif isinstance(node, Atom):
+                margin = describe(core.nodes, core.objects, node.margin)
+                lines.append(Line(depth, node.text, margin, str(node.unit), low, high, value, index == decider))
+        return lines, count - len(lines)

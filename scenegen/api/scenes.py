@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scenegen.assets import Shape
 from scenegen.errors import DataError, Diagnostic, RequestError, quoted
 from scenegen.formats import table
-from scenegen.lang.core import Atom
+from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
 from scenegen.lang.interpret import phi as score
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from scenegen.render import Rendered
 
 Array = npt.NDArray[np.float64]
+
+HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,10 @@ def _shape_data(shape: Shape) -> ShapeData:
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
-    """The poses as (3N, n) storage in the spec's order of objects. Raises DataError for scenes of other objects."""
+    """The poses as (3N, n) storage in the spec's order of objects.
+
+    Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
+    """
     if set(scenes.objects) != set(spec.objects):
         missing = sorted(set(spec.objects) - set(scenes.objects))
         extra = sorted(set(scenes.objects) - set(spec.objects))
@@ -158,6 +163,13 @@ def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
         raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
     place = {name: index for index, name in enumerate(scenes.objects)}
     order = [place[name] for name in spec.objects]
+    for index, pose in spec.fixed.items():
+        moved = (np.abs(scenes.poses[:, order[index]] - pose) > HELD).any(axis=1)
+        if moved.any():
+            name, first = spec.objects[index], int(moved.argmax())
+            where = ", ".join(f"{number:g}" for number in pose)
+            title = f"`{name}` is held at ({where}) by the spec, but stands elsewhere in scene {first + 1}"
+            raise DataError(Diagnostic(title, help="use scenes that were sampled from this spec"))
     return scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
 
 
@@ -167,6 +179,15 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
         name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
         for name, value in score(spec.core, list(rows_of(spec, scenes)), NUMPY).items()
     }
+
+
+def requirement(spec: CheckedSpec, scenes: SceneSet) -> Array | None:
+    """The margin by which each scene meets what the spec requires, (n,): negative where it does not. None where the
+    spec requires nothing."""
+    if spec.core.requirement is None:
+        return None
+    value = score(gated(spec.core), list(rows_of(spec, scenes)), NUMPY)[REQUIRE]
+    return np.array(np.broadcast_to(value, len(scenes)))
 
 
 def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:

@@ -53,6 +53,11 @@ class Spec:
         return self.checked.labels
 
     @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """What the checker noticed and let pass: unused names, names that hide others."""
+        return self.checked.warnings
+
+    @property
     def workspace(self) -> Workspace:
         return self.checked.workspace
 
@@ -79,7 +84,11 @@ def parse(text: str, name: str = "<spec>") -> Spec:
     return Spec(check_text(text, name))
 
 
-def load(path: str | Path) -> Spec:
-    """Read and check a spec file. Raises SpecError, and DataError where the file cannot be read."""
+def load(path: str | Path, root: str | Path | None = None) -> Spec:
+    """Read and check a spec file. Raises SpecError, and DataError where the file cannot be read.
+
+    What it imports must lie in its own folder, or in the folder `root`.
+    """
     path = Path(path)
-    return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES)))
+    folder = None if root is None else Path(root)
+    return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenegen.cli.options import Root
+
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
@@ -18,6 +20,7 @@ def check(
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document instead, for editors and scripts.")
     ] = False,
+    root: Root = None,
 ) -> int:
     """Check specs: print the formula of each label, the objects, and what phi can be.
 
@@ -37,7 +40,7 @@ def check(
     failed = False
     for position, path in enumerate(specs):
         try:
-            spec = load(path)
+            spec = load(path, root)
         except ScenegenError as error:
             failed = True
             if not json:
@@ -50,7 +53,7 @@ def check(
             if position:
                 typer.echo("")
             _print(path, spec)
-        warnings = list(_hopeless(path, spec))
+        warnings = [*spec.checked.warnings, *_hopeless(path, spec)]
         if not json:
             complain(*warnings)
         found = [_as_json(one) for one in warnings]
@@ -63,26 +66,31 @@ def check(
 
 
 def _print(path: Path, spec: Spec) -> None:
-    from scenegen.api.outline import outline
+    from scenegen.api.outline import Outline
+    from scenegen.cli.tree import tree
+    from scenegen.lang.core import REQUIRE
 
     x, y = spec.workspace.x, spec.workspace.y
+    checked = spec.checked
     typer.echo(f"{path}: ok")
-    if spec.checked.title:
-        typer.echo(f"  {spec.checked.title}")
+    if checked.title:
+        typer.echo(f"  {checked.title}")
     typer.echo(f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m")
-    typer.echo(f"  objects    {', '.join(spec.objects)}")
-    for label in spec.labels:
-        lines, more = outline(spec, label)
+    held = [
+        f"{name} at ({', '.join(f'{number:g}' for number in checked.fixed[index])})"
+        for index, name in enumerate(spec.objects)
+        if index in checked.fixed
+    ]
+    free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
+    for kind, names in (("objects", free), ("fixed", held), ("regions", [one.name for one in checked.regions])):
+        if names:
+            typer.echo(f"  {kind:<9}  {', '.join(names)}")
+    outline = Outline(spec)
+    for label in outline.labels:
+        lines, more = outline.lines(label)
         top = lines[0]
-        typer.echo(f"\n  {label}: phi in [{top.low:.4g}, {top.high:.4g}]")
-        texts = [f"{'  ' * line.depth}{line.text}" for line in lines]
-        margins = [line.margin for line in lines]
-        wide, wider = (min(60, max(map(len, column))) for column in (texts, margins))
-        for line, text in zip(lines, texts, strict=True):
-            unit = f" {line.unit}" if line.unit else ""
-            typer.echo(f"    {text:<{wide}}  {line.margin:<{wider}}  [{line.low:.4g}, {line.high:.4g}]{unit}".rstrip())
-        if more:
-            typer.echo(f"    ... and {more} more")
+        typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} in [{top.low:.4g}, {top.high:.4g}]")
+        typer.echo("\n".join(tree(lines, more)))
 
 
 def _hopeless(path: Path, spec: Spec) -> Iterator[Diagnostic]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenegen.cli.options import Root
+
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
@@ -21,31 +23,53 @@ def evaluate(
         Path, typer.Argument(help="A scenes file of the same objects.", metavar="SCENES", show_default=False)
     ],
     explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
+    scene: Annotated[
+        int | None, typer.Option("--scene", help="With --explain: every sub-formula of this scene.", metavar="NUMBER")
+    ] = None,
+    root: Root = None,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
 
     \b
       scenegen eval specs/first.spec scenes.json
       scenegen eval specs/first.spec scenes.json --explain
+      scenegen eval specs/first.spec scenes.json --explain --scene 3
       scenegen eval specs/first.spec scenes.json | cut -f 2 | sort -g
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
     this very spec, its stored values are compared, and the exit status is 1 if any is off by more than 1e-9.
+
+    With --scene (or where the file holds a single scene), --explain prints the value of every sub-formula of that scene
+    and marks the atom that decides phi: it alone would have to change for phi to change.
     """
-    from scenegen.api.scenes import check_count, read_scenes
+    from scenegen.api.scenes import check_count, read_scenes, requirement
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
+    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.lang.core import REQUIRE
 
-    checked = load(spec)
+    checked = load(spec, root)
     found = read_scenes(scenes)
     check_count(found)
+    if scene is not None and not explain:
+        raise RequestError(Diagnostic("--scene shows one scene of --explain", help="add --explain"))
+    if scene is not None and not 1 <= scene <= len(found):
+        raise RequestError(
+            Diagnostic(f"there is no scene {scene}", help=f"{scenes} holds the scenes 1 to {len(found)}")
+        )
+    if explain and (scene is not None or len(found) == 1):
+        _explain(checked, found, scene or 1)
+        return _compare(checked, found, scenes)
     columns: dict[str, list[float] | list[str]] = {}
     atoms = why(checked.checked, found) if explain else {}
     for label, values in score(checked.checked, found).items():
         columns[label] = values.tolist()
         if explain:
             columns[f"{label} is decided by"] = atoms[label]
+    required = requirement(checked.checked, found)
+    if required is not None:
+        columns[REQUIRE] = required.tolist()
     if sys.stdout.isatty():
         _table(columns)
     else:
@@ -54,6 +78,24 @@ def evaluate(
             lines.append("\t".join([str(number), *map(str, row)]))
         typer.echo("\n".join(lines))
     return _compare(checked, found, scenes)
+
+
+def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
+    """The formulas of a scene, each sub-formula with its value."""
+    from scenegen.api.outline import Outline
+    from scenegen.api.scenes import rows_of
+    from scenegen.cli.tree import tree
+    from scenegen.lang.core import REQUIRE
+    from scenegen.lang.interpret import evaluate as interpret
+
+    outline = Outline(spec)
+    values = interpret(outline.core, rows_of(spec.checked, scenes)[:, number - 1].tolist())
+    typer.echo(f"scene {number} of {len(scenes)}")
+    for label in outline.labels:
+        value = values[outline.core.labels[label]]
+        met = "" if label != REQUIRE or value >= 0.0 else ", which is not met"
+        typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} = {value:.9g}{met}")
+        typer.echo("\n".join(tree(*outline.lines(label, values=values))))
 
 
 def _table(columns: dict[str, list[float] | list[str]]) -> None:

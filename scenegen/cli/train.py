@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from scenegen.cli.options import Root
+
 
 def train(
     spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
@@ -24,6 +26,7 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from where an earlier run into --out stopped.")
     ] = False,
+    root: Root = None,
 ) -> None:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
@@ -43,7 +46,7 @@ def train(
     from scenegen.training.progress import TrainingProgress
 
     check_writable(out, spec)
-    checked = load(spec)
+    checked = load(spec, root)
     options = {"epochs": epochs, "batch_size": batch_size, "lr": lr, "scenes": scenes, "data": data, "seed": seed}
     TrainConfig(model=model, device=device, **options)  # type: ignore[arg-type]  # refused before the bar appears
     with TrainingProgress(epochs, model, console()) as progress:

@@ -17,6 +17,8 @@ FALSE = -2
 
 MAX_NODES = 1_000_000
 
+RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 0
+
 
 class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
     """More than MAX_NODES nodes."""
@@ -70,8 +72,10 @@ class CoreBuilder:
             result = float(PRIMITIVES[primitive].evaluate(MATH, *shapes, *known))
             if not math.isfinite(result):
                 raise OverflowError
+            if primitive in ("sin", "cos") and abs(result) < RIGHT_ANGLE:
+                result = 0.0  # 90 deg is a rounded right angle; that its cosine is 0 is meant
             return self.const(result)
-        if len(args) == 1 and primitive in ("min", "max"):
+        if len(args) == 1 and PRIMITIVES[primitive].variadic:
             return args[0]
         return self._add(Apply(primitive, tuple(args), shapes))
 

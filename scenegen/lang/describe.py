@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenegen.lang.core import Apply, Const, Coord, Node
-from scenegen.primitives import PRIMITIVES
+from scenegen.primitives import POINT, PRIMITIVES, Footprint, Primitive
 from scenegen.scene.workspace import AXES
 
 LONGEST = 120  # characters; what is cut off is marked with three dots
 
+_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon"}  # regions, whose names the core does not keep
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
 
 
@@ -42,8 +43,8 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             return [f"{AXES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
             return ["-", (value, 3)]
-        case Apply("dist", args):
-            return ["dist(", *_place(nodes, objects, args[:2]), ", ", *_place(nodes, objects, args[2:]), ")"]
+        case Apply(primitive, args, shapes) if {"place", "footprint"} & set(PRIMITIVES[primitive].params):
+            return _spatial(nodes, objects, PRIMITIVES[primitive], args, shapes)
         case Apply(primitive, args) if primitive in _INFIX:
             strength, symbol = _INFIX[primitive]
             inner: list[str | tuple[int, int]] = [(args[0], strength), f" {symbol} ", (args[1], strength + 1)]
@@ -56,6 +57,34 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             return [*pieces, ")"]
         case formula:
             raise TypeError(f"not a number: {formula}")
+
+
+def _spatial(
+    nodes: Sequence[Node],
+    objects: Sequence[str],
+    primitive: Primitive,
+    args: tuple[int, ...],
+    shapes: tuple[Footprint, ...],
+) -> list[str | tuple[int, int]]:
+    """A primitive over places and footprints: two or three coordinates make one argument."""
+    pieces: list[str | tuple[int, int]] = [f"{primitive.name}("]
+    waiting = list(shapes)
+    kinds: tuple[str, ...] = primitive.params
+    at = 0
+    for position, kind in enumerate(kinds):
+        pieces += [", "] if position else []
+        if kind == "number":
+            pieces.append((args[at], 0))
+            at += 1
+            continue
+        place = _place(nodes, objects, args[at : at + 2])
+        if kind == "footprint":
+            shape = waiting.pop(0)
+            if len(place) > 1 and shape != POINT:
+                place = [f"{_SHAPES[type(shape).__name__]} at ", *place]
+        pieces += place
+        at += 2 if kind == "place" else 3
+    return [*pieces, ")"]
 
 
 def _place(nodes: Sequence[Node], objects: Sequence[str], args: tuple[int, ...]) -> list[str | tuple[int, int]]:

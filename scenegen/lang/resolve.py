@@ -9,7 +9,7 @@ from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature, signatures
+from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
 SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.api.outline import outline
+from scenegen.api.outline import Outline
 from scenegen.api.spec import Spec
 from scenegen.errors import Source, SpecError
 from scenegen.lang.check import check_text
@@ -28,7 +28,7 @@ def canonical(text):
 def expanded(checked):
     rows = []
     for label in checked.labels:
-        lines, left_out = outline(Spec(checked), label)
+        lines, left_out = Outline(Spec(checked)).lines(label)
         assert not left_out
         rows.append(f"{label}\n")
         for line in lines:

@@ -73,6 +73,16 @@ def maximum(*parts: Interval) -> Interval:
     return neg(minimum(*(neg(part) for part in parts)))
 
 
+def total(first: Interval, *rest: Interval) -> Interval:
+    for part in rest:
+        first = add(first, part)
+    return first
+
+
+def mean(*parts: Interval) -> Interval:
+    return div(total(*parts), point(len(parts)))
+
+
 def hypot(a: Interval, b: Interval) -> Interval:
     a, b = absolute(a), absolute(b)
     return Interval(np.sqrt(a.lo * a.lo + b.lo * b.lo), np.sqrt(a.hi * a.hi + b.hi * b.hi))

@@ -46,10 +46,6 @@ def size(*parts: Interval) -> Array:
     return magnitude
 
 
-def loosen(a: Interval, slack: Array) -> Interval:
-    return Interval(a.lo - slack, a.hi + slack)
-
-
 def meet(a: Interval, other: Interval) -> Interval:
     """The intersection; an end of `other` that is NaN says nothing."""
     return Interval(np.fmax(a.lo, other.lo), np.fmin(a.hi, other.hi))
@@ -66,13 +62,13 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 @quiet
 def add(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result, a, b) + TINY)
+    wanted = iv.loosen(result, EPS * size(result, a, b) + TINY)
     return meet(a, iv.sub(wanted, b)), meet(b, iv.sub(wanted, a))
 
 
 @quiet
 def sub(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result, a, b) + TINY)
+    wanted = iv.loosen(result, EPS * size(result, a, b) + TINY)
     return meet(a, iv.add(wanted, b)), meet(b, iv.sub(a, wanted))
 
 
@@ -82,16 +78,16 @@ def neg(result: Interval, a: Interval) -> Intervals:
 
 @quiet
 def mul(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result) + TINY)
+    wanted = iv.loosen(result, EPS * size(result) + TINY)
     return _factor(wanted, a, b), _factor(wanted, b, a)
 
 
 @quiet
 def div(result: Interval, a: Interval, b: Interval) -> Intervals:
     """The divisor is a constant other than 0 (the checker sees to that)."""
-    wanted = loosen(result, EPS * size(result) + TINY)
+    wanted = iv.loosen(result, EPS * size(result) + TINY)
     product = iv.mul(wanted, b)
-    return meet(a, loosen(product, EPS * size(product) + TINY)), b
+    return meet(a, iv.loosen(product, EPS * size(product) + TINY)), b
 
 
 @quiet
@@ -123,7 +119,7 @@ def maximum(result: Interval, *parts: Interval) -> Intervals:
 @quiet
 def total(result: Interval, *parts: Interval) -> Intervals:
     """Of a sum of any length: each part is the result less all others."""
-    wanted = loosen(result, len(parts) * EPS * size(result, *parts) + TINY)
+    wanted = iv.loosen(result, len(parts) * EPS * size(result, *parts) + TINY)
     every = iv.total(*parts)
     return tuple(
         meet(part, Interval(wanted.lo - (every.hi - part.hi), wanted.hi - (every.lo - part.lo))) for part in parts
@@ -133,16 +129,16 @@ def total(result: Interval, *parts: Interval) -> Intervals:
 @quiet
 def mean(result: Interval, *parts: Interval) -> Intervals:
     count = float(len(parts))
-    return total(loosen(Interval(count * result.lo, count * result.hi), EPS * count * size(result) + TINY), *parts)
+    return total(iv.loosen(Interval(count * result.lo, count * result.hi), EPS * count * size(result) + TINY), *parts)
 
 
 @quiet
 def wrap(result: Interval, a: Interval) -> Intervals:
     """a is the result and any number of turns: the first and the last that a's interval meets are its new ends."""
     slack, half = 2 * EPS * (size(a) + TWO_PI), np.full((), math.pi)
-    wanted = meet(loosen(result, slack), loosen(Interval(-half, half), slack))
+    wanted = meet(iv.loosen(result, slack), iv.loosen(Interval(-half, half), slack))
     first, last = np.ceil((a.lo - wanted.hi) / TWO_PI), np.floor((a.hi - wanted.lo) / TWO_PI)
-    return (meet(a, loosen(Interval(wanted.lo + TWO_PI * first, wanted.hi + TWO_PI * last), slack)),)
+    return (meet(a, iv.loosen(Interval(wanted.lo + TWO_PI * first, wanted.hi + TWO_PI * last), slack)),)
 
 
 def _factor(wanted: Interval, a: Interval, b: Interval) -> Interval:

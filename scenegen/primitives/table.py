@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from scenegen.primitives import backward as back
+from scenegen.primitives import clearance, clearance_backward, clearance_bounds
 from scenegen.primitives import interval as iv
 from scenegen.primitives.backward import Rule
 from scenegen.primitives.interval import Interval
@@ -19,18 +20,21 @@ from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, over, ti
 
 TWO_PI = 2.0 * math.pi
 
-Shape = Literal["number", "place"]
-"""What an argument is in the language; a place (an object or a point) reaches the primitive as two numbers, x and y."""
+Shape = Literal["number", "place", "footprint"]
+"""What an argument is in the language. A place (an object or a point) reaches the primitive as two numbers, x and y; a
+footprint (an object, a region or a point) as three, x, y and theta, and as a constant Footprint: all constants stand
+before all numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
     """One scalar function of the language.
 
-    evaluate(ns, *numbers) computes it over the namespace `ns`; interval(*intervals) bounds it; unit(*units) gives the
-    result's unit from one unit per argument or raises UnitMismatch. `operator` is set for those written infix.
-    backward(wanted, *intervals) narrows the intervals of the arguments to what the wanted interval of the result
-    leaves, see scenegen.primitives.backward; None: the arguments stay as they are.
+    evaluate(ns, *shapes, *numbers) computes it over the namespace `ns`; interval(*shapes, *intervals) bounds it;
+    unit(*units) gives the result's unit from one unit per argument (that of a place or footprint is LENGTH) or raises
+    UnitMismatch. `operator` is set for those written infix.
+    backward(*shapes, wanted, *intervals) narrows the intervals of the arguments to what the wanted interval of the
+    result leaves, see scenegen.primitives.backward; None: the arguments stay as they are.
     """
 
     name: str
@@ -187,5 +191,39 @@ PRIMITIVES: dict[str, Primitive] = {
         ),
         Primitive("sin", ("number",), lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle"),
         Primitive("cos", ("number",), lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle"),
+        Primitive(
+            "gap",
+            ("footprint", "footprint"),
+            clearance.gap,
+            clearance_bounds.gap,
+            lambda a, b: LENGTH,
+            "clearance of two footprints, in metres; where they overlap, minus the smallest shift that parts them",
+            backward=clearance_backward.gap,
+        ),
+        Primitive(
+            "room",
+            ("footprint", "footprint"),
+            clearance.room,
+            clearance_bounds.room,
+            lambda a, b: LENGTH,
+            "how far a's footprint stays inside b's, in metres; negative by how far it sticks out",
+            backward=clearance_backward.room,
+        ),
+        Primitive(
+            "reach",
+            ("footprint", "number"),
+            clearance.reach,
+            clearance_bounds.reach,
+            lambda a, heading: _angle_in(LENGTH)(heading),
+            "how far a's footprint reaches from its centre towards a heading, in metres",
+        ),
+        Primitive(
+            "bearing",
+            ("place", "place"),
+            clearance.bearing,
+            clearance_bounds.bearing,
+            lambda a, b: ANGLE,
+            "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide",
+        ),
     )
 }

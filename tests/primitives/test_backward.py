@@ -5,27 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.primitives import NUMPY, PRIMITIVES, Interval
+from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval
+
+from .drawing import boxes, shapes, within
 
 RULES = [name for name, primitive in PRIMITIVES.items() if primitive.backward]
 BOXES = 3000
-
-
-def arity(name):
-    primitive = PRIMITIVES[name]
-    return 3 if primitive.variadic else sum({"place": 2}.get(shape, 1) for shape in primitive.params)
-
-
-def boxes(name, rng, width):
-    """Boxes of arguments of several sizes, zeros and touching ends among them."""
-    low = rng.uniform(-1.0, 1.0, size=(arity(name), BOXES)) * 10.0 ** rng.integers(-3, 3, size=(1, BOXES))
-    low[:, :500] = rng.integers(-2, 3, size=(arity(name), 500))
-    high = low + width * rng.uniform(size=low.shape) * rng.integers(0, 2, size=low.shape)
-    high[:, :500] = low[:, :500] + rng.integers(0, 3, size=(arity(name), 500)) * (width > 0)
-    if name == "div":
-        low[1][low[1] == 0.0] = 0.5
-        high[1] = low[1]
-    return low, high
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -34,20 +19,21 @@ def boxes(name, rng, width):
 def test_no_solution_is_lost(name, width, slack):
     primitive = PRIMITIVES[name]
     rng = np.random.default_rng([*name.encode(), int(width * 1e9), int(min(slack, 9.0) * 1e12)])
-    low, high = boxes(name, rng, width)
-    for share in (0.0, 1.0, rng.uniform(size=low.shape), rng.integers(0, 2, size=low.shape)):
-        inside = np.clip(low + share * (high - low), low, high)
-        value = primitive.evaluate(NUMPY, *inside)
-        side = rng.integers(0, 2, size=BOXES)  # half-open wishes, as `phi >= 0` makes them, among them
-        if slack == math.inf:
-            wanted = Interval(np.where(side, -math.inf, value), np.where(side, value, math.inf))
-        else:
-            wanted = Interval(value - slack * side, value + slack * rng.uniform(size=BOXES))
-        narrowed = primitive.backward(wanted, *(Interval(*ends) for ends in zip(low, high, strict=True)))
-        assert len(narrowed) == len(low)
-        for number, old_low, old_high, new in zip(inside, low, high, narrowed, strict=True):
-            assert ((new.lo <= number) & (number <= new.hi)).all()
-            assert ((old_low <= new.lo) & (new.hi <= old_high)).all()
+    for footprints in shapes(name):
+        count = BOXES if not footprints else 200
+        low, high = boxes(name, rng, count, width)
+        for inside in within(rng, low, high):
+            value = primitive.evaluate(NUMPY, *footprints, *inside)
+            side = rng.integers(0, 2, size=count)  # half-open wishes, as `phi >= 0` makes them, among them
+            if slack == math.inf:
+                wanted = Interval(np.where(side, -math.inf, value), np.where(side, value, math.inf))
+            else:
+                wanted = Interval(value - slack * side, value + slack * rng.uniform(size=count))
+            narrowed = primitive.backward(*footprints, wanted, *map(Interval, low, high))
+            assert len(narrowed) == len(low)
+            for number, old_low, old_high, new in zip(inside, low, high, narrowed, strict=True):
+                assert ((new.lo <= number) & (number <= new.hi)).all(), footprints
+                assert ((old_low <= new.lo) & (new.hi <= old_high)).all(), footprints
 
 
 def box(low, high):
@@ -94,3 +80,39 @@ def test_rules_worked_by_hand(name):
             assert any(one.lo > one.hi for one in found), (wanted, args)
         else:
             assert np.array(found) == pytest.approx(np.array(expected, dtype=float), abs=1e-12), (wanted, args)
+
+
+def test_clearances_worked_by_hand():
+    """Boxes of 0.2 x 0.1 m and discs, with headings known or not, next to one that stands still."""
+    whole, still, anywhere = box(-math.pi, math.pi), box(0, 0), box(-5, 5)
+    touching = box(-INF, 0)
+
+    def narrowed(name, a, b, wanted, heading):
+        ax, ay, _, *rest = PRIMITIVES[name].backward(a, b, wanted, anywhere, anywhere, heading, still, still, still)
+        assert rest == [still, still, still]
+        return np.array([ax, ay])
+
+    # headings known: the sides decide; unknown: half the diagonal of a, and the sides of b
+    slab, disc = Box(0.2, 0.1), Circle(0.3)
+    assert narrowed("gap", slab, slab, touching, still) == pytest.approx(np.array([[-0.2, 0.2], [-0.1, 0.1]]))
+    far = 0.1 + math.hypot(0.1, 0.05)
+    assert narrowed("gap", slab, slab, touching, whole)[0] == pytest.approx([-far, far])
+    assert narrowed("gap", disc, slab, touching, whole) == pytest.approx(np.array([[-0.4, 0.4], [-0.35, 0.35]]))
+    inside, halfway = box(0, INF), box(-0.02, INF)
+    tray = Box(1.0, 0.6)
+    assert narrowed("room", slab, tray, inside, still) == pytest.approx(np.array([[-0.4, 0.4], [-0.25, 0.25]]))
+    assert narrowed("room", slab, tray, inside, whole) == pytest.approx(np.array([[-0.45, 0.45], [-0.25, 0.25]]))
+    limit = 0.02 * math.sqrt(2.0)
+    assert narrowed("room", slab, tray, halfway, still)[0] == pytest.approx([-0.4 - limit, 0.4 + limit])
+    assert narrowed("room", Circle(0.1), disc, inside, whole) == pytest.approx(np.array([[-0.2, 0.2], [-0.2, 0.2]]))
+
+
+def test_what_cannot_fit_is_empty():
+    nowhere = PRIMITIVES["room"].backward(
+        Circle(0.4), Box(1.0, 0.6), box(0, INF), *(box(-5, 5),) * 2, box(0, 7), *(box(0, 0),) * 3
+    )
+    assert any(one.lo > one.hi for one in nowhere)
+    nowhere = PRIMITIVES["gap"].backward(
+        Circle(0.1), Circle(0.1), box(0.1, 0.2), *(box(-0.1, 0.1),) * 2, box(0, 7), *(box(0, 0.01),) * 3
+    )
+    assert any(one.lo > one.hi for one in nowhere)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang import ast
+from scenegen.lang.values import Value
 
 MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 MOST_VARIABLES = 4  # how many variables of quantifiers a note names
@@ -16,14 +18,14 @@ class Frame:
     """The source of the text at hand, and the calls that led here, innermost first.
 
     `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
-    says what the variables of quantifiers stand for, innermost last: ("i = 6",).
+    says what the variables of quantifiers stand for, innermost last.
     """
 
     source: Source
     calls: tuple[Span, ...] = ()
     text: str = ""
     body: ast.Expr | None = None
-    where: tuple[str, ...] = ()
+    where: tuple[Mapping[str, Value], ...] = ()
 
 
 def spans(node: ast.Node, frame: Frame, prelude: Source) -> tuple[Span, ...]:
@@ -33,12 +35,22 @@ def spans(node: ast.Node, frame: Frame, prelude: Source) -> tuple[Span, ...]:
     return (own or places)[:MOST_CALLS]
 
 
-def error(title: str, node: ast.Node, frame: Frame, prelude: Source, label: str = "", help: str = "") -> SpecError:
-    """A mistake at a node, told at the user's own place, with the way that led there."""
+def origin(node: ast.Node, frame: Frame, prelude: Source) -> Span:
+    """The user's innermost place for a node."""
+    if frame.source is prelude and frame.calls:
+        return frame.calls[0]
+    return Span(frame.source, node.start, node.end)
+
+
+def error(
+    title: str, node: ast.Node, frame: Frame, prelude: Source, where: Sequence[str], label: str = "", help: str = ""
+) -> SpecError:
+    """A mistake at a node, told at the user's own place, with the way that led there; `where` says what the variables
+    of quantifiers stand for: "i = 6"."""
     places = spans(node, frame, prelude)
     note = f"in the expansion of `{frame.text}`" if frame.text else ""
-    if frame.where:
-        note += (", " if note else "") + "where " + ", ".join(frame.where[-MOST_VARIABLES:])
+    if where:
+        note += (", " if note else "") + "where " + ", ".join(where[-MOST_VARIABLES:])
     if len(places) > 1:
         note += f", called at {places[1].place}"
     return SpecError(Diagnostic(title, places[0], label, help, note=note))

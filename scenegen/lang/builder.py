@@ -63,8 +63,10 @@ class CoreBuilder:
             return args[1 - values.index(1.0)]
         if primitive == "mul" and 0.0 in values:
             return self.const(0.0)
-        if primitive == "sub" and values[1] == 0.0:
+        if primitive in ("add", "sub") and values[1] == 0.0:
             return args[0]
+        if primitive == "add" and values[0] == 0.0:
+            return args[1]
         if (primitive == "sub" and args[0] == args[1]) or (primitive == "dist" and args[:2] == args[2:]):
             return self.const(0.0)  # a thing beside itself: the same in every scene, and the checker says so
         known = [value for value in values if value is not None]

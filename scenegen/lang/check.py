@@ -17,7 +17,6 @@ from scenegen.lang.lower import Lowering
 from scenegen.lang.parse import parse, plain_breaks, read_source
 from scenegen.lang.places import whole
 from scenegen.lang.print import print_expr
-from scenegen.lang.quantify import MAX_STEPS
 from scenegen.lang.regions import area, workspace
 from scenegen.lang.resolve import resolve
 from scenegen.lang.scope import LABEL, Declared, Scope, collect, prelude
@@ -70,8 +69,7 @@ def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
 
 def _too_large(source: Source) -> Diagnostic:
     title = f"{source.name} expands to more than {MAX_NODES:,} parts"
-    note = f"quantifiers may take {MAX_STEPS:,} rounds in all"
-    return Diagnostic(title, help="use fewer objects, or smaller definitions and quantifiers", note=note)
+    return Diagnostic(title, help="use fewer objects, or smaller definitions and quantifiers")
 
 
 class _Stage:

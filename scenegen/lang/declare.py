@@ -52,9 +52,7 @@ def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> i
     value = lowering.kinds.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
     count = whole_number(lowering, value, expr, frame, "the number of elements")
     if count < 1:
-        raise SpecError(
-            Diagnostic(f"an array cannot have {count} elements", expr.span(source), "", "it has one or more")
-        )
+        raise SpecError(Diagnostic(f"an array cannot have {count} elements", expr.span(source), "it has one or more"))
     if before + count > MAX_OBJECTS:
         raise SpecError(Diagnostic(f"more than {MAX_OBJECTS:,} objects", expr.span(source), "", "declare fewer"))
     return count

@@ -6,7 +6,6 @@ wrote it, so a mistake that shows deep inside the prelude is reported at the arg
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -15,11 +14,11 @@ from typing import Any
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
-from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
+from scenegen.lang.builder import FALSE, TRUE, CoreBuilder
 from scenegen.lang.describe import describe
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
-from scenegen.lang.quantify import MAX_STEPS, quantify
+from scenegen.lang.quantify import quantify
 from scenegen.lang.resolve import bind
 from scenegen.lang.scope import LIST_FUNCTIONS, Declared, Scope
 from scenegen.lang.select import index, member
@@ -42,6 +41,7 @@ from scenegen.scene.workspace import AXES, TWO_PI
 Environment = Mapping[str, Value]
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
+_OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
 
 
@@ -58,29 +58,28 @@ class Lowering:
         self.kinds = Kinds(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
-        self._steps = 0
+        self.steps = 0  # rounds of quantifiers so far
         self._expansions: dict[object, Value] = {}
         self._globals: dict[str, Value] = {}
+        self._calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
 
     # ---- where to put the blame
 
     def spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
         return blame.spans(node, frame, self.scope.prelude)
 
-    def error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
-        return blame.error(title, node, frame, self.scope.prelude, label, help)
+    def origin(self, node: ast.Node, frame: Frame) -> Span:
+        return blame.origin(node, frame, self.scope.prelude)
 
-    def step(self) -> None:
-        """Count one round of a quantifier. Raises TooLarge."""
-        self._steps += 1
-        if self._steps > MAX_STEPS:
-            raise TooLarge
+    def error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
+        where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
+        return blame.error(title, node, frame, self.scope.prelude, where, label, help)
 
     # ---- expressions
 
     def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`. Raises SpecError."""
-        origin = self.spans(node, frame)[0]
+        origin = self.origin(node, frame)
         match node:
             case ast.Name():
                 value: Value = yield self._name(node, env, frame)
@@ -152,7 +151,7 @@ class Lowering:
     def _name(self, node: ast.Name, env: Environment, frame: Frame) -> Call[Value]:
         if node.id in env:
             return env[node.id]
-        origin = self.spans(node, frame)[0]
+        origin = self.origin(node, frame)
         if node.id in self.scope.things or node.id == "objects":
             return self._objects(node, frame, origin)
         if node.id == "workspace" or node.id in self.scope.regions:
@@ -169,7 +168,7 @@ class Lowering:
             self._globals[node.id] = value
         self.used.add(node.id)
         # The value is the constant's, the place to blame is where the name was used.
-        return dataclasses.replace(self._globals[node.id], origin=origin)
+        return self._globals[node.id].moved(origin)
 
     def _region(self, node: ast.Name, frame: Frame) -> Call[None]:
         from scenegen.lang.regions import area
@@ -201,7 +200,7 @@ class Lowering:
             number = self.kinds.number(value, "a coordinate")
             self.agree(node, frame, "used as", number.unit, LENGTH)
             numbers.append(number.node)
-        return PointValue(*numbers, origin=self.spans(node, frame)[0])
+        return PointValue(*numbers, origin=self.origin(node, frame))
 
     # ---- arithmetic and comparisons
 
@@ -244,7 +243,7 @@ class Lowering:
             raise self._mismatch(mismatch, "combined with", node, frame) from None
         except OverflowError:
             raise self.error("this number is too large", node, frame) from None
-        return NumberValue(result, unit, origin=self.spans(node, frame)[0])
+        return NumberValue(result, unit, origin=self.origin(node, frame))
 
     def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: Frame) -> SpecError:
         title = f"{mismatch.left.words} is {verb} {mismatch.right.words}"
@@ -290,17 +289,13 @@ class Lowering:
 
     def _call(self, node: ast.Call, env: Environment, frame: Frame) -> Call[Value]:
         name = node.function.id
-        signature = self.scope.signature(name)
-        assert signature is not None
-        given = bind(node, signature, frame.source)
-        assert isinstance(given, dict)
         values: dict[str, Value] = {}
-        for parameter, argument in given.items():
-            value = yield self.lower(argument, env, frame)
-            if not value.role:
-                which = f" `{parameter}`" if len(signature.parameters) > 1 and not signature.variadic else ""
-                value = dataclasses.replace(value, role=f"the argument{which} of `{name}`")
-            values[parameter] = value
+        for parameter, argument, role in self._arguments(node, frame):
+            if isinstance(argument, ast.Name) and argument.id in env:
+                value = env[argument.id]
+            else:
+                value = yield self.lower(argument, env, frame)
+            values[parameter] = value if value.role else value.moved(value.origin, role)
         if name in self.scope.definitions:
             expanded: Value = yield self._expand(self.scope.definitions[name], values, node, frame)
             return expanded
@@ -308,8 +303,24 @@ class Lowering:
             return self._list_function(name, values["items"], node, frame)
         return self._function(name, list(values.values()), node, frame)
 
+    def _arguments(self, node: ast.Call, frame: Frame) -> list[tuple[str, ast.Expr, str]]:
+        """Parameter, argument and the argument's role, for each argument of a call; worked out once per call."""
+        known = self._calls.get(id(node))
+        if known is None:
+            name = node.function.id
+            signature = self.scope.signature(name)
+            assert signature is not None
+            given = bind(node, signature, frame.source)
+            assert isinstance(given, dict)
+            several = len(signature.parameters) > 1 and not signature.variadic
+            known = self._calls[id(node)] = [
+                (parameter, argument, f"the argument{f' `{parameter}`' if several else ''} of `{name}`")
+                for parameter, argument in given.items()
+            ]
+        return known
+
     def _list_function(self, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
-        origin = self.spans(node, frame)[0]
+        origin = self.origin(node, frame)
         if isinstance(value, AnyValue):
             return AnyValue(origin=origin)
         items = self.kinds.items(value, f"the argument of `{name}`")
@@ -319,7 +330,7 @@ class Lowering:
         return ListValue(tuple(pairs), origin=origin)
 
     def _function(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
-        origin = self.spans(node, frame)[0]
+        origin = self.origin(node, frame)
         what = f"an argument of `{name}`"
         if name in AXES:
             (value,) = values
@@ -337,6 +348,8 @@ class Lowering:
         for kind, value in zip(params, values, strict=True):
             if kind == "number":
                 number = self.kinds.number(value, what)
+                if name in _OF_ANGLES:
+                    self.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
                 units.append(number.unit)
                 args.append(number.node)
                 continue
@@ -371,14 +384,14 @@ class Lowering:
             if parameter.name.id not in values:
                 assert parameter.default is not None
                 value = yield self.lower(parameter.default, {}, Frame(declared.source, places))
-                values[parameter.name.id] = dataclasses.replace(value, role="")
+                values[parameter.name.id] = value.moved(value.origin)
         ordered = [values[parameter.name.id] for parameter in definition.parameters]
         key = (definition.name.id, *ordered)
         if key not in self._expansions:
             text = f"{definition.name.id}({', '.join(map(self.text, ordered))})"
             inside = Frame(declared.source, places, text, definition.body, frame.where)
             self._expansions[key] = yield self.lower(definition.body, values, inside)
-        return dataclasses.replace(self._expansions[key], origin=places[0], role="")
+        return self._expansions[key].moved(places[0])
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""

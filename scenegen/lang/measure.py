@@ -61,8 +61,7 @@ def size(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what:
     amount = number(lowering, value, expr, source, what)
     if not SMALLEST <= amount <= LARGEST:
         label = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
-        help_ = "for the sides that face each other, change their places" if amount < 0 else ""
-        raise SpecError(Diagnostic(f"{what} cannot be {amount:g} m", expr.span(source), label, help_))
+        raise SpecError(Diagnostic(f"{what} cannot be {amount:g} m", expr.span(source), label))
     return amount
 
 

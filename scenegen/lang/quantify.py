@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
+from scenegen.errors import SpecError
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.builder import TooLarge
 from scenegen.lang.print import print_expr
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
@@ -19,7 +18,7 @@ from scenegen.primitives.units import BARE
 if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
-MAX_STEPS = 1_000_000  # rounds of all quantifiers of a spec together
+MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
@@ -32,7 +31,7 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         domain = yield _range(lowering, node.domain, env, frame)
     else:
         domain = yield lowering.lower(node.domain, env, frame)
-    origin = lowering.spans(node, frame)[0]
+    origin = lowering.origin(node, frame)
     if isinstance(domain, AnyValue):
         env = {**env, **{name: AnyValue(origin=origin) for name in names}}
         value: Value = yield lowering.lower(node.body, env, frame)
@@ -40,16 +39,24 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
     formulas = []
     for choice in _choices(lowering, domain, node, frame):
-        lowering.step()
-        chosen = {name: replace(value, role="") for name, value in zip(names, choice, strict=True)}
-        said = ", ".join(f"{name} = {lowering.text(value)}" for name, value in chosen.items())
-        value = yield lowering.lower(node.body, {**env, **chosen}, replace(frame, where=(*frame.where, said)))
+        lowering.steps += 1
+        if lowering.steps > MAX_STEPS:
+            raise too_many(lowering, node.domain, frame)
+        chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
+        inside = Frame(frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen))
+        value = yield lowering.lower(node.body, {**env, **chosen}, inside)
         formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
     shown = print_expr(node.domain)
     shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
     text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"
     kind: Literal["min", "max"] = "min" if node.kind == "forall" else "max"
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
+
+
+def too_many(lowering: Lowering, node: ast.Expr, frame: Frame) -> SpecError:
+    """Whoever nests quantifiers does not see how large a spec gets."""
+    help_ = "use fewer objects, or fewer quantifiers inside each other"
+    return lowering.error(f"quantifiers take more than {MAX_STEPS:,} rounds in all", node, frame, "", help_)
 
 
 def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
@@ -62,10 +69,11 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
         ends.append(whole_number(lowering, number, end, frame, "an end of a range"))
     lowest, highest = ends
     if lowest > highest:
-        help_ = f"write {highest}..{lowest}" if isinstance(node.lowest, ast.Quantity) else ""
+        written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)
+        help_ = f"write {highest}..{lowest}" if written else ""
         raise lowering.error(f"the range {lowest}..{highest} is empty", node, frame, "it counts upwards", help_)
     if highest - lowest >= MAX_STEPS:
-        raise TooLarge
+        raise too_many(lowering, node, frame)
     return range(lowest, highest + 1)
 
 
@@ -74,7 +82,7 @@ def _choices(
 ) -> Iterator[tuple[Value, ...]]:
     """The ways to choose the variables. Raises SpecError where there is none."""
     many = len(node.variables)
-    origin = lowering.spans(node.domain, frame)[0]
+    origin = lowering.origin(node.domain, frame)
     if isinstance(domain, range):
         numbers = (NumberValue(lowering.builder.const(float(number)), BARE, origin=origin) for number in domain)
         items: tuple[Value, ...] = tuple(numbers) if many > 1 else ()

@@ -27,7 +27,7 @@ LIST_MEMBERS = ("first", "last", "count")
 
 def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
     """`base.name`. Raises SpecError."""
-    origin = lowering.spans(node, frame)[0]
+    origin = lowering.origin(node, frame)
     match base:
         case AnyValue():
             return AnyValue(origin=origin)
@@ -58,7 +58,7 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
 
 
 def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
-    area, origin = region.area, lowering.spans(node, frame)[0]
+    area, origin = region.area, lowering.origin(node, frame)
 
     def point(place: Point) -> PointValue:
         return PointValue(*map(lowering.builder.const, place), origin=origin)
@@ -83,7 +83,7 @@ def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: 
 
 def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
     """`base[place]`, counted from 1. Raises SpecError."""
-    origin = lowering.spans(node, frame)[0]
+    origin = lowering.origin(node, frame)
     if isinstance(base, AnyValue):
         return AnyValue(origin=origin)
     if isinstance(base, ObjectValue):

@@ -22,11 +22,11 @@ def _hypot(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _atan2(y: Tensor, x: Tensor) -> Tensor:
-    """atan2 whose gradient is 0 where the points are too near for x^2 + y^2, by which torch divides, to be above 0."""
+    """atan2 whose gradient is 0 where x^2 + y^2, by which torch divides, is 0 or too small for 1 over it."""
     angle = torch.atan2(y, x)
     if not (torch.is_grad_enabled() and angle.requires_grad):
         return angle
-    zero = x * x + y * y == 0
+    zero = x * x + y * y < torch.finfo(angle.dtype).tiny
     return torch.where(zero, angle.detach(), torch.atan2(y, torch.where(zero, torch.ones_like(x), x)))
 
 

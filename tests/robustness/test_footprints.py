@@ -1,0 +1,62 @@
+"""Clearances inside a core formula: the compiler, the interpreter and the bounds hand them their shapes and poses."""
+
+import numpy as np
+import pytest
+import torch
+
+from scenegen.bounds import label_bounds
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.interpret import phi
+from scenegen.primitives import NUMPY, Box, Circle, Polygon
+from scenegen.primitives.units import LENGTH
+from scenegen.robustness import Robustness
+
+DART = Polygon(((-0.05, -0.05), (0.15, 0.0), (-0.05, 0.05)))
+
+
+@pytest.fixture(scope="module")
+def core():
+    """gap(a, b) & room(a, tray) & reach(a, 1), b - a; the tray stands still at (0.5, 0.5), turned by 0.3."""
+    coords = tuple(Coord(row // 3, row % 3) for row in range(6))
+    nodes = (
+        *coords,
+        *(Const(0.5), Const(0.5), Const(0.3), Const(1.0)),
+        Apply("gap", (0, 1, 2, 3, 4, 5), (Box(0.2, 0.1), DART)),
+        Apply("room", (0, 1, 2, 6, 7, 8), (Box(0.2, 0.1), Box(0.8, 0.6))),
+        Apply("reach", (0, 1, 2, 9), (Box(0.2, 0.1),)),
+        Apply("gap", (3, 4, 5, 6, 7, 8), (DART, Circle(0.1))),
+        *(Atom(margin, "", LENGTH, ()) for margin in (10, 11, 12, 13)),
+        Junction("min", (14, 15, 16, 17)),
+    )
+    return Core(nodes, {"all": 18, "gap": 14, "room": 15, "reach": 16, "disc": 17}, ("a", "b"))
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return np.random.default_rng(0).uniform(0.0, [[1.0], [1.0], [6.0]] * 2, size=(6, 400))
+
+
+def test_torch_agrees_with_the_interpreter(core, rows):
+    found = Robustness(core).rows(torch.from_numpy(rows)).numpy()
+    one_by_one = np.array([list(phi(core, column).values()) for column in rows.T.tolist()]).T
+    at_once = np.array([np.broadcast_to(value, 400) for value in phi(core, list(rows), NUMPY).values()])
+    assert found == pytest.approx(one_by_one, abs=1e-15) and at_once == pytest.approx(one_by_one, abs=1e-15)
+    single = Robustness(core).rows(torch.from_numpy(rows).float()).numpy()
+    assert single.dtype == np.float32 and single == pytest.approx(found, abs=1e-6)
+
+
+def test_the_gradient_reaches_what_decides(core, rows):
+    where = torch.from_numpy(rows).requires_grad_()
+    Robustness(core).rows(where)[1].sum().backward()
+    # A translation of both changes no gap, and a gap changes as fast as its footprint moves along the nearest way.
+    a, b = where.grad[:2], where.grad[3:5]
+    assert a.numpy() == pytest.approx(-b.numpy(), abs=1e-12)
+    assert torch.linalg.norm(a, dim=0).numpy() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_every_scene_lies_within_the_bounds(core, rows):
+    low, high = rows - 0.05, rows + 0.05
+    lowest, highest = label_bounds(core, low, high)
+    values = Robustness(core).rows(torch.from_numpy(rows)).numpy()
+    assert lowest.shape == (5, 400) and (lowest <= values).all() and (values <= highest).all()
+    assert label_bounds(core, low[:, 7], high[:, 7])[0] == pytest.approx(lowest[:, 7])

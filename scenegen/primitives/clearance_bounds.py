@@ -20,7 +20,7 @@ from scenegen.primitives import interval as iv
 from scenegen.primitives.footprint import Circle, Footprint
 from scenegen.primitives.interval import Array, Interval
 from scenegen.primitives.namespace import NUMPY
-from scenegen.primitives.outline import Measures, measures
+from scenegen.primitives.outline import Measures, half_width, measures
 
 ERROR = 2.0**-46  # 128 roundings: more than a value and its bound take together, relative to all lengths that enter
 DIRECTIONS = 8
@@ -60,6 +60,8 @@ def room(
     ends, middle = _at_corners(clearance.room, a, b, dx, dy, a_mid, b_mid, flip=True)
     bound = narrow(bound, ends.min(0) - turn, middle + spread(dx, dy) + turn)
     slack = mitred(other, within(dx, dy, at, bt, a, b, directions(bound.lo)).min(0))
+    # Whatever the poses: b with its border moved in by the room still holds the disc in a, so it is that wide.
+    slack = np.minimum(slack, half_width(b) - max(one.inner, 0.0))
     return iv.loosen(narrow(bound, -math.inf, slack), rounding(one, other, ax, ay, at, bx, by, bt))
 
 

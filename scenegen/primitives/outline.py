@@ -76,6 +76,20 @@ def measures(footprint: Footprint) -> Measures:
     return Measures(outer, inner, turn, _mitre(sides))
 
 
+@cache
+def half_width(footprint: Footprint) -> float:
+    """Half of the smallest width: no disc in the footprint is larger."""
+    if isinstance(footprint, Circle):
+        return footprint.radius
+    if isinstance(footprint, Box):
+        return min(footprint.extent) / 2.0
+    sides = edges(footprint)
+    return (
+        min(side.offset - min(side.normal[0] * x + side.normal[1] * y for x, y in footprint.vertices) for side in sides)
+        / 2.0
+    )
+
+
 def _mitre(sides: tuple[Edge, ...]) -> float:
     """The longest way of a corner where both of its edges move out by 1: one over the cosine of half the turn."""
     cosines = [

@@ -32,7 +32,7 @@ Single = npt.NDArray[np.float32]
 PERMUTATIONS = 199
 MOST = 2_000
 NARROWEST = 1e-6  # metres, standard deviation
-_BLOCK = 2_000_000  # distances held at a time: 8 MB
+_BLOCK = 1024  # side of the square of distances held at a time: 4 MB
 _TIE = 1e-4
 
 
@@ -102,25 +102,26 @@ def _whitened(points: Array) -> Single:
 def _sums(points: Single, labels: Single) -> tuple[Array, Array, float]:
     """Sums of distances for each column u of the labels (B, P): u'Du and u'D1, both (P,), and 1'D1.
 
-    D is symmetric, so blocks right of the diagonal suffice, the diagonal ones at half weight. A constant c is taken
-    from every distance (E does not change), which keeps the float32 sums small.
+    D is symmetric, so square blocks on and right of the diagonal suffice, the diagonal ones at half weight. A constant
+    c is taken from every distance (E does not change), which keeps the float32 sums small.
     """
     scenes, squares = len(points), (points * points).sum(axis=1)
     c = np.float32(np.sqrt(2.0 * squares.mean()))
-    rows = np.zeros(scenes)
+    sums = np.zeros(scenes)
     within = np.zeros(labels.shape[1])
-    step = max(1, _BLOCK // scenes)
-    for start in range(0, scenes, step):
-        stop = min(start + step, scenes)
-        block = points[start:stop] @ (-2.0 * points[start:].T)
-        block += squares[start:stop, None]
-        block += squares[start:]
-        np.sqrt(np.maximum(block, 0.0, out=block), out=block)
-        own = np.arange(stop - start)
-        block[own, own] = 0.0
-        block -= c
-        block[:, : stop - start] *= 0.5
-        within += 2.0 * np.einsum("bp,bp->p", labels[start:stop], block @ labels[start:], dtype=np.float64)
-        rows[start:stop] += block.sum(axis=1, dtype=np.float64)
-        rows[start:] += block.sum(axis=0, dtype=np.float64)
-    return within, np.array([rows @ column for column in labels.T]), float(rows.sum())
+    parts = [slice(start, min(start + _BLOCK, scenes)) for start in range(0, scenes, _BLOCK)]
+    for index, rows in enumerate(parts):
+        for columns in parts[index:]:
+            block = points[rows] @ (-2.0 * points[columns].T)
+            block += squares[rows, None]
+            block += squares[columns]
+            np.sqrt(np.maximum(block, 0.0, out=block), out=block)
+            if rows == columns:
+                np.fill_diagonal(block, 0.0)
+            block -= c
+            if rows == columns:
+                block *= 0.5
+            within += 2.0 * np.einsum("bp,bp->p", labels[rows], block @ labels[columns], dtype=np.float64)
+            sums[rows] += block.sum(axis=1, dtype=np.float64)
+            sums[columns] += block.sum(axis=0, dtype=np.float64)
+    return within, np.array([sums @ column for column in labels.T]), float(sums.sum())

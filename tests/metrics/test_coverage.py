@@ -41,8 +41,8 @@ def test_agrees_with_the_definition_and_tiles_change_nothing(monkeypatch, true_s
     for k in (1, 5):
         assert coverage(reference, generated, neighbours=k) == by_hand(reference, generated, k)
     whole = coverage(reference, generated)
-    monkeypatch.setattr(module, "_ROWS", 7)
-    monkeypatch.setattr(module, "_COLUMNS", 64)
+    monkeypatch.setattr(module, "_STACK", 2)
+    monkeypatch.setattr(module, "_WIDTH", 30)
     assert coverage(reference, generated) == whole
 
 
@@ -56,11 +56,13 @@ def test_far_from_the_origin_and_across_the_seam_of_theta(true_scenes):
     assert coverage(reference, generated + turned) == pytest.approx(plain, abs=0.01)
 
 
-def test_a_collapsed_reference_is_covered_by_its_copies():
-    # Every distance is 0 here, and rounding must not decide.
-    same = np.repeat(np.random.default_rng(6).random((6, 1)), 50, axis=1)
-    assert coverage(same, same[:, :20]) == 1.0
-    assert coverage(same, same + 0.001) == 0.0
+def test_a_reference_of_copies_is_covered_by_its_scenes():
+    # Every radius is 0 here, and rounding must not decide.
+    scenes = np.random.default_rng(6).random((6, 200))
+    copies = np.repeat(scenes, 10, axis=1)
+    assert coverage(copies, scenes[:, ::-1]) == 1.0
+    assert coverage(copies, scenes[:, :50]) == 0.25
+    assert coverage(copies, scenes + 0.0001) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,11 @@ from scenegen.metrics import neighbours
 from scenegen.metrics.neighbours import kth_squared, least_squared, nearest
 
 
-@pytest.fixture(params=[(64, 4096), (5, 130), (1, 1)])
+@pytest.fixture(params=[(16, 256, 64), (3, 20, 7), (1, 1, 1)])
 def tiles(request, monkeypatch):
-    """The same answers whatever the tiles: one, several with several classes, single distances."""
-    monkeypatch.setattr(neighbours, "_ROWS", request.param[0])
-    monkeypatch.setattr(neighbours, "_COLUMNS", request.param[1])
-    monkeypatch.setattr(neighbours, "_CLASSES", 16)
+    """The same answers whatever the tiles: one, several, single distances."""
+    for name, value in zip(("_STACK", "_WIDTH", "_QUERIES"), request.param, strict=True):
+        monkeypatch.setattr(neighbours, name, value)
 
 
 @pytest.mark.usefixtures("tiles")

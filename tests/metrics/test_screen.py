@@ -44,7 +44,9 @@ def test_p_is_uniform_under_the_null():
     for test in (kolmogorov_smirnov, kuiper):
         p = [test(*rng.random((2, 2000)))[1] for _ in range(400)]
         assert stats.kstest(p, "uniform").pvalue > 0.01
-        assert 0.02 < np.mean(np.array(p) < 0.05) < 0.09
+        # Small sets take Stephens' correction; 4,000 pairs of 50 put one standard deviation at 0.0034.
+        low = np.mean([test(*rng.random((2, 50)))[1] < 0.05 for _ in range(4000)])
+        assert 0.03 < low < 0.06
 
 
 def test_columns_have_names_and_the_worst_is_first(true_scenes):

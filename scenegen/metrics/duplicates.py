@@ -1,7 +1,7 @@
 """Share of duplicates: scenes that repeat an earlier scene of the same set, exactly or within a tolerance.
 
-Counting distinct samples is the oldest check of a sampler that reuses particles, and of a generator that collapsed
-(Arora & Zhang 2018 estimate a generator's support from its near-duplicates). Independent scenes have none.
+A check of samplers that reuse particles and of generators that collapsed (Arora, Risteski & Zhang 2018, "Do GANs learn
+the distribution?", estimate a generator's support from its near-duplicates). Independent scenes have next to none.
 
 Found without the n^2 / 2 comparisons: scenes whose sorted coordinates are parted by a gap wider than the tolerance are
 in different groups; groups are cut along one coordinate after another, alone-standing scenes leave, and what remains is

@@ -1,6 +1,6 @@
 """Do two sets of scenes have the same distribution? The energy distance, with a permutation test.
 
-Szekely & Rizzo 2004 ("Testing for equal distributions in high dimension", eq. 5 and 6): for sets of n and m points,
+Szekely & Rizzo 2004 ("Testing for equal distributions in high dimension", the two-sample statistic): for sets of n and m points,
 
     E = n m / (n + m) * (2 mean |a - b| - mean |a - a'| - mean |b - b'|),
 
@@ -34,6 +34,7 @@ MOST = 2_000
 NARROWEST = 1e-6  # metres, standard deviation
 _BLOCK = 1024  # side of the square of distances held at a time: 4 MB
 _TIE = 1e-4
+_RANK = 1e-13  # variances below this share of the greatest are rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def _whitened(points: Array) -> Single:
     """Points (B, D) in the axes of their covariance, each of unit variance; (B, D') without the narrow ones."""
     points = points - points.mean(axis=0)
     variances, axes = np.linalg.eigh(points.T @ points / len(points))
-    kept = variances > NARROWEST**2
+    kept = variances > max(NARROWEST**2, _RANK * variances.max())
     white: Single = (points @ (axes[:, kept] / np.sqrt(variances[kept]))).astype(np.float32)
     return white
 

@@ -1,7 +1,7 @@
 """Memorisation: how near generated scenes come to the scenes that a model was trained on.
 
-The nearest-neighbour check that generative models have been subject to since Theis et al. 2016 ("A note on the
-evaluation of generative models", section 3.3), as figures instead of pictures. The distances mean something beside
+The nearest-neighbour check that generative models have been subject to (Theis et al. 2016, "A note on the
+evaluation of generative models"), as figures instead of pictures. The distances mean something beside
 those of fresh scenes from the truth: a model whose quantiles lie clearly below the fresh ones repeats its training set.
 """
 
@@ -35,7 +35,7 @@ def training_distances(
     """Distances of the `generated` scenes (3N, G) to their nearest of the `training` scenes (3N, T).
 
     The distance of a copied scene is below 1e-7 of the scenes' spread, as a rule exactly 0. Time O(G T N): 20,000
-    against 200,000 scenes of four objects take 4 s on one core; memory is a few times that of the scenes. Raises
+    against 200,000 scenes of four objects take 4 to 6 s on one core; memory is a few times that of the scenes. Raises
     DataError where the sets hold different numbers of objects or one is empty, RequestError for a level outside [0, 1]
     or no level.
     """

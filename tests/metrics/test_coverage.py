@@ -57,10 +57,11 @@ def test_far_from_the_origin_and_across_the_seam_of_theta(true_scenes):
 
 
 def test_a_reference_of_copies_is_covered_by_its_scenes():
-    # Every radius is 0 here, and rounding must not decide.
+    # Every radius is 0 here, and the rounding of sin(theta + 2 pi) must not decide.
     scenes = np.random.default_rng(6).random((6, 200))
     copies = np.repeat(scenes, 10, axis=1)
-    assert coverage(copies, scenes[:, ::-1]) == 1.0
+    turned = scenes + np.array([0.0, 0.0, TWO_PI] * 2)[:, None]
+    assert coverage(copies, turned[:, ::-1]) == 1.0
     assert coverage(copies, scenes[:, :50]) == 0.25
     assert coverage(copies, scenes + 0.0001) == 0.0
 

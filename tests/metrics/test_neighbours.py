@@ -24,6 +24,9 @@ def test_against_a_tree():
     assert (where == index).all()
     assert found[3] == 0.0
     assert least_squared(queries, points) == pytest.approx(distance**2, abs=1e-14)
+    weights = rng.random(300)
+    power = ((queries[:, None] - points[None]) ** 2).sum(axis=2) + weights
+    assert least_squared(queries, points, weights) == pytest.approx(power.min(axis=1), abs=1e-14)
     few = points[:60]
     tree = KDTree(few)
     for k in (1, 4, 59):

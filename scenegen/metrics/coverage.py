@@ -2,7 +2,7 @@
 
 The share of reference scenes whose nearest generated scene lies within that reference scene's own k-th-nearest-
 neighbour radius in the reference (Naeem et al. 2020, "Reliable Fidelity and Diversity Metrics for Generative Models",
-the coverage of section 3). A fresh set from the truth scores 1 - 2^-k on average for sets of equal size, i.e. 0.969 for k = 5.
+section 3). A fresh set from the truth scores 1 - 2^-k on average for sets of equal size, i.e. 0.969 for k = 5.
 """
 
 from __future__ import annotations

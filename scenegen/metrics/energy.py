@@ -1,6 +1,6 @@
 """Do two sets of scenes have the same distribution? The energy distance, with a permutation test.
 
-Szekely & Rizzo 2004 ("Testing for equal distributions in high dimension", the two-sample statistic): for sets of n and m points,
+Szekely & Rizzo 2004 ("Testing for equal distributions in high dimension"): for sets of n and m points,
 
     E = n m / (n + m) * (2 mean |a - b| - mean |a - a'| - mean |b - b'|),
 

@@ -4,8 +4,8 @@ Two-sample tests of each object's x, y and theta, and of each pair's dx, dy, dth
 Kolmogorov-Smirnov. Angles have no beginning, and Kolmogorov-Smirnov would depend on where the circle is cut; they are
 tested by Kuiper's statistic (Kuiper 1960), the same for every cut. Limit laws with Stephens' correction for finite
 samples (Stephens 1970, "Use of the Kolmogorov-Smirnov, Cramer-von Mises and related statistics without extensive
-tables", the modified D and V), n replaced by n m / (n + m). The worst p-value times the number of columns bounds the chance
-that right scenes look this bad (Bonferroni), however the columns depend on each other.
+tables", the modified D and V), n replaced by n m / (n + m). The worst p-value times the number of columns bounds the
+chance that right scenes look this bad (Bonferroni), however the columns depend on each other.
 """
 
 from __future__ import annotations

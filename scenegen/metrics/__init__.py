@@ -1,1 +1,1 @@
-"""How good a set of scenes is: errors against the wanted phi, coverage of the truth. numpy only."""
+"""How good a set of scenes is: errors against the wanted phi, coverage, tests of distribution. numpy only."""

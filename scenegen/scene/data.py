@@ -6,6 +6,8 @@ Format `scenegen/scenes`, version 1. The JSON Schema of `SceneFile` ships in doc
 from __future__ import annotations
 
 import hashlib
+import math
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
@@ -55,6 +57,20 @@ class PolygonFootprint(_Strict):
 
     kind: Literal["polygon"] = "polygon"
     vertices: Annotated[list[tuple[FiniteFloat, FiniteFloat]], Field(min_length=3)]
+
+    @model_validator(mode="after")
+    def _convex(self) -> Self:
+        # Turns add up to one full turn: a star turns one way too, but goes round twice.
+        total = 0.0
+        edges = [(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise([self.vertices[-1], *self.vertices])]
+        for (ux, uy), (vx, vy) in pairwise([edges[-1], *edges]):
+            turn = math.atan2(ux * vy - uy * vx, ux * vx + uy * vy)
+            if not -1e-6 <= turn < math.pi - 1e-9:  # nor nan
+                raise ValueError("the corners are not those of a convex polygon, counter-clockwise")
+            total += turn
+        if abs(total - 2.0 * math.pi) > 1e-3:
+            raise ValueError("the corners are not those of a convex polygon, counter-clockwise")
+        return self
 
 
 FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Field(discriminator="kind")]

@@ -1,33 +1,80 @@
-"""Convex hulls of points in the plane."""
+"""Convex polygons from points: hull, area, centroid."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 from scenegen.primitives.footprint import Polygon
 
 Point = tuple[float, float]
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def convex_hull(points: Iterable[Point]) -> Polygon:
+    """The smallest convex polygon around points in metres, counter-clockwise from the lowest of the leftmost, without
+    corners that lie on a straight edge (monotone chain, Andrew 1979).
 
-
-def convex_hull(points: Sequence[Point]) -> Polygon:
-    """Corners of the hull, counter-clockwise, without those that lie on an edge (Andrew 1979, monotone chain)."""
+    Raises ValueError where fewer than three points are distinct or all lie on one line.
+    """
     ordered = sorted(set(points))
-    chains: list[list[Point]] = []
-    for run in (ordered, ordered[::-1]):
-        chain: list[Point] = []
-        for point in run:
-            while len(chain) >= 2 and _turn(chain[-2], chain[-1], point) <= 0.0:
-                chain.pop()
-            chain.append(point)
-        chains.append(chain[:-1])
-    return Polygon((*chains[0], *chains[1]))
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    corners = (*lower[:-1], *upper[:-1])
+    if len(corners) < 3:
+        raise ValueError("a polygon needs three points that are not on one line")
+    return Polygon(corners)
 
 
 def is_convex(points: Sequence[Point]) -> bool:
-    """Whether points in order are the corners of a convex polygon, either way round."""
-    turns = [_turn(points[k - 2], points[k - 1], points[k]) for k in range(len(points))]
-    return (all(turn >= 0.0 for turn in turns) or all(turn <= 0.0 for turn in turns)) and any(turns)
+    """Whether points, in this order, walk once around a convex polygon of some area, either way round.
+
+    Points on a straight edge are allowed, points in the same place are not. A corner may turn the wrong way by 1e-9
+    rad: coordinates that are written in decimals are seldom exactly on a line.
+    """
+    steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise((*points, *points[:1]))]
+    if len(steps) < 3 or (0.0, 0.0) in steps:
+        return False
+    turns = [math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) for a, b in pairwise((*steps, steps[0]))]
+    total = sum(turns)
+    sign = math.copysign(1.0, total)
+    return abs(abs(total) - 2.0 * math.pi) < 1e-6 and all(-1e-9 <= sign * turn < math.pi - 1e-9 for turn in turns)
+
+
+def signed_area(points: Sequence[Point]) -> float:
+    """Area in square metres, positive where the points run counter-clockwise (the shoelace formula)."""
+    x, y = points[0]  # from a corner, not from the origin: far from it the products would cancel
+    return sum((a[0] - x) * (b[1] - y) - (b[0] - x) * (a[1] - y) for a, b in pairwise((*points, points[0]))) / 2.0
+
+
+def area(polygon: Polygon) -> float:
+    """Area in square metres."""
+    return abs(signed_area(polygon.vertices))
+
+
+def centroid(polygon: Polygon) -> Point:
+    """The centre of area, in metres. Raises ValueError for a polygon without area."""
+    x, y = polygon.vertices[0]
+    sum_x = sum_y = twice = 0.0
+    for a, b in pairwise((*polygon.vertices, polygon.vertices[0])):
+        piece = (a[0] - x) * (b[1] - y) - (b[0] - x) * (a[1] - y)
+        sum_x += (a[0] - x + b[0] - x) * piece
+        sum_y += (a[1] - y + b[1] - y) * piece
+        twice += piece
+    if twice == 0.0:
+        raise ValueError("a polygon without area has no centroid")
+    return x + sum_x / (3.0 * twice), y + sum_y / (3.0 * twice)
+
+
+def _chain(points: Sequence[Point]) -> list[Point]:
+    """The part of the hull to the right of the walk from the first point to the last."""
+    chain: list[Point] = []
+    for point in points:
+        while len(chain) >= 2 and _cross(chain[-2], chain[-1], point) <= 0.0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _cross(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of the triangle a, b, c: positive where it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -33,6 +33,11 @@ def widen(lo: Array, hi: Array, ulps: int = 4) -> Interval:
     return Interval(lo - ulps * np.spacing(np.abs(lo)), hi + ulps * np.spacing(np.abs(hi)))
 
 
+def loosen(a: Interval, slack: Array) -> Interval:
+    """Push both ends outwards by `slack`."""
+    return Interval(a.lo - slack, a.hi + slack)
+
+
 def add(a: Interval, b: Interval) -> Interval:
     return Interval(a.lo + b.lo, a.hi + b.hi)
 
@@ -71,6 +76,16 @@ def minimum(*parts: Interval) -> Interval:
 
 def maximum(*parts: Interval) -> Interval:
     return neg(minimum(*(neg(part) for part in parts)))
+
+
+def total(first: Interval, *rest: Interval) -> Interval:
+    for part in rest:
+        first = add(first, part)
+    return first
+
+
+def mean(*parts: Interval) -> Interval:
+    return div(total(*parts), point(len(parts)))
 
 
 def hypot(a: Interval, b: Interval) -> Interval:

@@ -8,13 +8,34 @@ from torch import Tensor
 from scenegen.primitives import Namespace
 
 
-def _hypot(a: Tensor, b: Tensor) -> Tensor:
-    """sqrt(a^2 + b^2) whose gradient at coincident points is 0: torch's own sqrt and hypot give NaN there."""
-    square = a * a + b * b
+def _sqrt(square: Tensor) -> Tensor:
+    """The square root whose gradient at 0 is 0: torch's own gives infinity there, and NaN further down the chain."""
     if not (torch.is_grad_enabled() and square.requires_grad):
         return square.sqrt()
     zero = square == 0
     return torch.where(zero, torch.zeros_like(square), torch.where(zero, torch.ones_like(square), square).sqrt())
+
+
+def _hypot(a: Tensor, b: Tensor) -> Tensor:
+    """sqrt(a^2 + b^2) whose gradient at coincident points is 0: torch's own sqrt and hypot give NaN there."""
+    return _sqrt(a * a + b * b)
+
+
+def _atan2(y: Tensor, x: Tensor) -> Tensor:
+    """atan2 whose gradient is 0 where the points are too near for x^2 + y^2, by which torch divides, to be above 0."""
+    angle = torch.atan2(y, x)
+    if not (torch.is_grad_enabled() and angle.requires_grad):
+        return angle
+    zero = x * x + y * y == 0
+    return torch.where(zero, angle.detach(), torch.atan2(y, torch.where(zero, torch.ones_like(x), x)))
+
+
+def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
+    return a.clamp(lowest, highest)
+
+
+def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
+    return torch.where(condition, a, b)
 
 
 class _Torch:
@@ -24,7 +45,11 @@ class _Torch:
     ceil = staticmethod(torch.ceil)
     sin = staticmethod(torch.sin)
     cos = staticmethod(torch.cos)
+    sqrt = staticmethod(_sqrt)
     hypot = staticmethod(_hypot)
+    atan2 = staticmethod(_atan2)
+    clip = staticmethod(_clip)
+    where = staticmethod(_where)
 
 
 TORCH: Namespace = _Torch()

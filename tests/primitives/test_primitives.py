@@ -11,66 +11,99 @@ from scenegen.primitives import interval as iv
 from scenegen.primitives.units import agree, over, quantity, times
 from scenegen.robustness.namespace import TORCH
 
-ANGLES = {"wrap", "sin", "cos"}
+from .drawing import arguments, boxes, shapes, within
+
 COUNT = 4000
+LIBRARY = {"sin": 1, "cos": 1, "bearing": 1}  # their last bit is the library's
+TURNED = {name for name, primitive in PRIMITIVES.items() if "footprint" in primitive.params}  # by sines and cosines
+EXACT = set(PRIMITIVES) - TURNED - {"wrap", "bearing", *LIBRARY}
 
 
-def arity(name):
-    primitive = PRIMITIVES[name]
-    return 3 if primitive.variadic else sum(2 if shape == "place" else 1 for shape in primitive.params)
-
-
-def arguments(name, seed=0):
-    """(arity, COUNT): uniform values of several sizes, exact zeros, ties, and for angles the neighbourhood of jumps."""
-    rng = np.random.default_rng([seed, *name.encode()])
-    values = rng.uniform(-1.0, 1.0, size=(arity(name), COUNT)) * 10.0 ** rng.integers(-3, 3, size=(1, COUNT))
-    values[:, :200] = rng.integers(-2, 3, size=(arity(name), 200))
-    if name in ANGLES:
-        values[:, 200:600] = math.pi * rng.integers(-9, 10, size=400) / 2.0 + rng.choice([0.0, 1e-15, -1e-15], 400)
-    if name == "div":
-        values[1][values[1] == 0.0] = 0.5
-    return values
+def cases(name, seed=0):
+    """Footprints, and arguments to go with them: fewer of these where there are many of those."""
+    combinations = shapes(name)
+    count = COUNT if len(combinations) == 1 else 200
+    return [(footprints, arguments(name, [seed, i], count)) for i, footprints in enumerate(combinations)]
 
 
 @pytest.mark.parametrize("name", PRIMITIVES)
 def test_every_namespace_gives_the_same(name):
-    evaluate, values = PRIMITIVES[name].evaluate, arguments(name)
-    expected = np.array([evaluate(MATH, *column) for column in values.T.tolist()])
-    array = evaluate(NUMPY, *values)
-    tensor = evaluate(TORCH, *torch.from_numpy(values)).numpy()
-    ulps = {"sin": 1, "cos": 1}.get(name, 0)  # whose last bit is the library's
-    assert (np.abs(array - expected) <= ulps * np.spacing(np.abs(expected))).all()
-    ulps = {"dist": 1}.get(name, ulps)  # torch takes its square roots from MKL
-    assert (np.abs(tensor - expected) <= ulps * np.spacing(np.abs(expected))).all()
+    evaluate = PRIMITIVES[name].evaluate
+    for footprints, values in cases(name):
+        expected = np.array([evaluate(MATH, *footprints, *column) for column in values.T.tolist()])
+        array = evaluate(NUMPY, *footprints, *values)
+        tensor = evaluate(TORCH, *footprints, *torch.from_numpy(values)).numpy()
+        assert array.shape == tensor.shape == expected.shape
+        # What comes out of sines and cosines may differ by their last bits, of numbers below 1 here.
+        room = np.full(expected.shape, 1e-15 if name in TURNED else 0.0)
+        assert (np.abs(array - expected) <= room + LIBRARY.get(name, 0) * np.spacing(np.abs(expected))).all()
+        ulps = {"dist": 1, "bearing": 2}.get(name, LIBRARY.get(name, 0))  # torch takes its square roots from MKL
+        assert (np.abs(tensor - expected) <= room + ulps * np.spacing(np.abs(expected))).all()
 
 
 @pytest.mark.parametrize("name", PRIMITIVES)
 @pytest.mark.parametrize("width", [0.0, 1e-12, 0.1, 3.0])
 def test_the_interval_rule_holds_every_value(name, width):
-    primitive, low = PRIMITIVES[name], arguments(name, 1)
-    rng = np.random.default_rng(2)
-    high = low + width * rng.uniform(size=low.shape)
-    if name == "div":
-        high[1] = low[1]  # the checker lets constants alone divide
-    bound = primitive.interval(*(Interval(a, b) for a, b in zip(low, high, strict=True)))
-    assert (bound.lo <= bound.hi).all()
-    for share in (0.0, 0.5, 1.0, rng.uniform(size=low.shape), rng.integers(0, 2, size=low.shape)):
-        value = primitive.evaluate(NUMPY, *np.clip(low + share * (high - low), low, high))
-        assert ((bound.lo <= value) & (value <= bound.hi)).all()
-    assert np.isfinite(bound.lo).all() and np.isfinite(bound.hi).all()
+    primitive, rng = PRIMITIVES[name], np.random.default_rng([2, *name.encode()])
+    for footprints in shapes(name):
+        low, high = boxes(name, rng, COUNT if not footprints else 200, width)
+        bound = primitive.interval(*footprints, *map(Interval, low, high))
+        assert (bound.lo <= bound.hi).all()
+        for inside in within(rng, low, high):
+            value = primitive.evaluate(NUMPY, *footprints, *inside)
+            assert ((bound.lo <= value) & (value <= bound.hi)).all(), footprints
+        assert np.isfinite(bound.lo).all() and np.isfinite(bound.hi).all()
 
 
-@pytest.mark.parametrize("name", [name for name in PRIMITIVES if name not in ANGLES])
+@pytest.mark.parametrize("name", sorted(EXACT))
 def test_the_interval_of_a_point_is_a_point(name):
-    values = arguments(name, 3)
-    bound = PRIMITIVES[name].interval(*(Interval(one, one) for one in values))
+    values = arguments(name, 3, COUNT)
+    bound = PRIMITIVES[name].interval(*map(Interval, values, values))
     assert np.array_equal(bound.lo, bound.hi) and np.array_equal(bound.lo, PRIMITIVES[name].evaluate(NUMPY, *values))
+
+
+@pytest.mark.parametrize("name", PRIMITIVES)
+def test_the_interval_of_a_point_is_next_to_nothing(name):
+    if name == "wrap":
+        return  # next to its jump it is the whole circle
+    for footprints, values in cases(name, 3):
+        bound = PRIMITIVES[name].interval(*footprints, *map(Interval, values, values))
+        assert (bound.hi - bound.lo <= 1e-12 * (1.0 + np.abs(values).max(0) ** 2)).all(), footprints
+
+
+@pytest.mark.parametrize("name", sorted(TURNED | {"bearing"}))
+def test_boxes_in_boxes_have_bounds_in_bounds(name):
+    primitive, rng = PRIMITIVES[name], np.random.default_rng([4, *name.encode()])
+    for footprints in shapes(name):
+        low, high = boxes(name, rng, 200, 1.0)
+        outer = primitive.interval(*footprints, *map(Interval, low, high))
+        ends = np.sort(rng.uniform(size=(2, *low.shape)), axis=0)
+        inner_low, inner_high = (np.clip(low + end * (high - low), low, high) for end in ends)
+        inner = primitive.interval(*footprints, *map(Interval, inner_low, inner_high))
+        assert (inner.lo >= outer.lo - 1e-14).all() and (inner.hi <= outer.hi + 1e-14).all(), footprints
+
+
+@pytest.mark.parametrize("name", sorted(TURNED))
+def test_one_box_beside_many(name):
+    """Constants, as fixed objects are, have bounds of shape ()."""
+    primitive, rng = PRIMITIVES[name], np.random.default_rng([5, *name.encode()])
+    for footprints in shapes(name):
+        low, high = boxes(name, rng, 20, 0.3)
+        for fixed in range(len(low)):
+            low[fixed], high[fixed] = low[fixed, 0], high[fixed, 0]
+            mixed = [Interval(a, b) for a, b in zip(low, high, strict=True)]
+            mixed[fixed] = Interval(low[fixed, 0], high[fixed, 0])
+            bound = primitive.interval(*footprints, *mixed)
+            same = primitive.interval(*footprints, *map(Interval, low, high))
+            for end, many in zip(bound, same, strict=True):
+                assert np.array_equal(np.broadcast_to(end, many.shape), many)
 
 
 @pytest.mark.parametrize("name", PRIMITIVES)
 def test_the_entry_says_what_it_is(name):
     primitive = PRIMITIVES[name]
-    units = [ANGLE if name in ANGLES else LENGTH] * len(primitive.params)
+    angular = name in {"wrap", "sin", "cos", "reach"}
+    units = [ANGLE if angular and shape == "number" else LENGTH for shape in primitive.params]
     assert primitive.name == name and primitive.doc
     assert isinstance(primitive.unit(*units), Unit) and isinstance(primitive.unit(*[BARE] * len(units)), Unit)
     assert not primitive.operator or primitive.operator in "+-*/"
@@ -78,9 +111,10 @@ def test_the_entry_says_what_it_is(name):
 
 @pytest.mark.parametrize("name", PRIMITIVES)
 def test_gradients_are_finite_wherever_the_value_is_defined(name):
-    values = torch.from_numpy(arguments(name)).requires_grad_()
-    PRIMITIVES[name].evaluate(TORCH, *values).sum().backward()
-    assert torch.isfinite(values.grad).all()
+    for footprints, numbers in cases(name):
+        values = torch.from_numpy(numbers).requires_grad_()
+        PRIMITIVES[name].evaluate(TORCH, *footprints, *values).sum().backward()
+        assert torch.isfinite(values.grad).all(), footprints
 
 
 UNITS = [
@@ -99,11 +133,20 @@ UNITS = [
     ("cos", (BARE,), BARE),
     ("min", (BARE, LENGTH, LENGTH), LENGTH),
     ("max", (ANGLE, BARE), ANGLE),
+    ("sum", (BARE, LENGTH, LENGTH), LENGTH),
+    ("mean", (ANGLE, ANGLE), ANGLE),
+    ("gap", (LENGTH, LENGTH), LENGTH),
+    ("room", (LENGTH, LENGTH), LENGTH),
+    ("reach", (LENGTH, ANGLE), LENGTH),
+    ("reach", (LENGTH, BARE), LENGTH),
+    ("bearing", (LENGTH, LENGTH), ANGLE),
     ("add", (LENGTH, ANGLE), None),
     ("sub", (Unit(2, 0), LENGTH), None),
     ("min", (BARE, LENGTH, ANGLE), None),
     ("sin", (LENGTH,), None),
     ("wrap", (LENGTH,), None),
+    ("sum", (LENGTH, ANGLE), None),
+    ("reach", (LENGTH, LENGTH), None),
 ]
 
 

@@ -1,0 +1,179 @@
+"""Clearance, room, reach and bearing of footprints on the table.
+
+Poses are numbers of the namespace, floats or arrays that broadcast; footprints are constants. All values are exact but
+for rounding: plain floats and numpy differ by no more than the last bits of sin, cos and atan2 make.
+
+With h the support function of a convex set, the signed clearance of A and B is the maximum over all directions n of
+-h_A(n) - h_B(-n): the signed distance of the origin from their Minkowski difference (Cameron and Culley 1986). For
+polygons that overlap the maximum lies at a normal of an edge of either (the separating-axis theorem); for polygons that
+do not, it is the distance of some corner of either to the other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
+from scenegen.primitives.namespace import Namespace
+from scenegen.primitives.outline import edges
+
+Pairs = list[tuple[Any, Any]]
+
+
+def gap(
+    ns: Namespace, a: Footprint, b: Footprint, ax: Any, ay: Any, a_theta: Any, bx: Any, by: Any, b_theta: Any
+) -> Any:
+    """The distance of two footprints; minus the smallest translation that parts them where they overlap; in metres."""
+    dx, dy = bx - ax, by - ay
+    if isinstance(a, Circle):
+        if isinstance(b, Circle):
+            return ns.hypot(dx, dy) - (a.radius + b.radius)
+        return _facing(ns, b, [_into_frame(ns.cos(b_theta), ns.sin(b_theta), -dx, -dy)]) - a.radius
+    if isinstance(b, Circle):
+        return _facing(ns, a, [_into_frame(ns.cos(a_theta), ns.sin(a_theta), dx, dy)]) - b.radius
+    a_cos, a_sin, b_cos, b_sin = ns.cos(a_theta), ns.sin(a_theta), ns.cos(b_theta), ns.sin(b_theta)
+    cos, sin = a_cos * b_cos + a_sin * b_sin, a_cos * b_sin - a_sin * b_cos
+    one = _beside(ns, a, b, *_into_frame(a_cos, a_sin, dx, dy), cos, sin)
+    other = _beside(ns, b, a, *_into_frame(b_cos, b_sin, -dx, -dy), cos, -sin)
+    apart = ns.maximum(one[0], other[0])
+    return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
+
+
+def room(
+    ns: Namespace, a: Footprint, b: Footprint, ax: Any, ay: Any, a_theta: Any, bx: Any, by: Any, b_theta: Any
+) -> Any:
+    """How far a's footprint stays inside b's: the smallest slack to b's boundary (to the lines through its edges, where
+    b is a polygon), negative by how far a sticks out; in metres. At least 0 if and only if a lies in b."""
+    dx, dy = ax - bx, ay - by
+    if isinstance(b, Circle):
+        if isinstance(a, Circle):
+            return b.radius - a.radius - ns.hypot(dx, dy)
+        x, y = _into_frame(ns.cos(a_theta), ns.sin(a_theta), -dx, -dy)  # b's centre, as a sees it
+        return b.radius - _farthest(ns, a, x, y)
+    b_cos, b_sin = ns.cos(b_theta), ns.sin(b_theta)
+    x, y = _into_frame(b_cos, b_sin, dx, dy)
+    if isinstance(a, Circle):
+        return _inside(ns, b, [(x, y)]) - a.radius
+    a_cos, a_sin = ns.cos(a_theta), ns.sin(a_theta)
+    cos, sin = b_cos * a_cos + b_sin * a_sin, b_cos * a_sin - b_sin * a_cos
+    return _inside(ns, b, _corners(a, x, y, cos, sin))
+
+
+def reach(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, heading: Any) -> Any:
+    """The support function: how far the footprint reaches from the origin of its frame towards `heading`, in metres."""
+    if isinstance(a, Circle):
+        return 0.0 * heading + a.radius
+    cos, sin = ns.cos(heading - a_theta), ns.sin(heading - a_theta)
+    if isinstance(a, Box):
+        return a.length / 2.0 * ns.absolute(cos) + a.width / 2.0 * ns.absolute(sin)
+    return _fold(ns.maximum, [x * cos + y * sin for x, y in a.vertices])
+
+
+def bearing(ns: Namespace, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+    """The direction of b seen from a, in (-pi, pi]; 0 where they coincide."""
+    # x - y is -0.0 for the zeros -0.0 and 0.0, and atan2 tells them apart.
+    return ns.atan2(by - ay + 0.0, bx - ax + 0.0)
+
+
+def _into_frame(cos: Any, sin: Any, x: Any, y: Any) -> tuple[Any, Any]:
+    """The vector (x, y) in a frame that is turned by the angle of this cosine and sine."""
+    return cos * x + sin * y, cos * y - sin * x
+
+
+def _corners(footprint: Box | Polygon, x: Any, y: Any, cos: Any, sin: Any) -> Pairs:
+    """The corners of a footprint at (x, y), turned by the angle of this cosine and sine."""
+    if isinstance(footprint, Polygon):
+        return [(x + (cos * u - sin * v), y + (sin * u + cos * v)) for u, v in footprint.vertices]
+    (px, py), (qx, qy) = _half_diagonals(footprint, cos, sin)
+    return [(x + px, y + py), (x - qx, y - qy), (x - px, y - py), (x + qx, y + qy)]
+
+
+def _beside(ns: Namespace, a: Box | Polygon, b: Box | Polygon, x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
+    """_separation of b's corners from a, for b at (x, y) in a's frame, turned by the angle of this cosine and sine."""
+    if not isinstance(a, Box) or not isinstance(b, Box):
+        return _separation(ns, a, _corners(b, x, y, cos, sin))
+    # Opposite corners share their products. What is used up goes at once: memory bandwidth decides the speed.
+    beyond: Any = None
+    (px, py), (qx, qy) = _half_diagonals(b, cos, sin)
+    for centre, one, other, half in ((x, px, qx, a.length / 2.0), (y, py, qy, a.width / 2.0)):
+        away = ns.absolute(centre) - ns.maximum(ns.absolute(one), ns.absolute(other)) - half
+        beyond = away if beyond is None else ns.maximum(beyond, away)
+    square = _square(ns, a, x + px, y + py)
+    square = ns.minimum(square, _square(ns, a, x - px, y - py))
+    square = ns.minimum(square, _square(ns, a, x + qx, y + qy))
+    return beyond, ns.minimum(square, _square(ns, a, x - qx, y - qy))
+
+
+def _half_diagonals(box: Box, cos: Any, sin: Any) -> Pairs:
+    """From the centre to the corners front left and front right; the others lie opposite."""
+    half_length, half_width = box.length / 2.0, box.width / 2.0
+    ux, uy, vx, vy = half_length * cos, half_length * sin, half_width * sin, half_width * cos
+    return [(ux - vx, uy + vy), (ux + vx, uy - vy)]
+
+
+def _square(ns: Namespace, box: Box, x: Any, y: Any) -> Any:
+    """The squared distance of a point from a box, in the box's frame."""
+    x = x - ns.clip(x, -box.length / 2.0, box.length / 2.0)
+    y = y - ns.clip(y, -box.width / 2.0, box.width / 2.0)
+    return x * x + y * y
+
+
+def _facing(ns: Namespace, footprint: Box | Polygon, points: Pairs) -> Any:
+    """The signed distance of a single point, in the footprint's frame."""
+    apart, square = _separation(ns, footprint, points)
+    return ns.where(apart > 0.0, ns.sqrt(square), apart)
+
+
+def _separation(ns: Namespace, footprint: Box | Polygon, points: Pairs) -> tuple[Any, Any]:
+    """How far the points' hull lies beyond one of the footprint's edges, at best, and the square of the smallest
+    distance of a point from the footprint (from its boundary, if the point is inside a polygon)."""
+    if isinstance(footprint, Box):
+        beyond = []
+        for axis, half in ((0, footprint.length / 2.0), (1, footprint.width / 2.0)):
+            if len(points) == 1:
+                beyond.append(ns.absolute(points[0][axis]) - half)
+                continue
+            least = _fold(ns.minimum, [point[axis] for point in points])
+            most = _fold(ns.maximum, [point[axis] for point in points])
+            beyond.append(ns.maximum(least, -most) - half)
+        return ns.maximum(*beyond), _fold(ns.minimum, [_square(ns, footprint, x, y) for x, y in points])
+    best: Any = None
+    nearest: Any = None
+    for (nx, ny), offset, (tx, ty), start, length in edges(footprint):
+        heights = []
+        for x, y in points:
+            height, along = nx * x + ny * y - offset, tx * x + ty * y - start
+            past = along - ns.clip(along, 0.0, length)
+            square = height * height + past * past
+            nearest = square if nearest is None else ns.minimum(nearest, square)
+            heights.append(height)
+        lowest = _fold(ns.minimum, heights)
+        best = lowest if best is None else ns.maximum(best, lowest)
+    return best, nearest
+
+
+def _inside(ns: Namespace, footprint: Box | Polygon, points: Pairs) -> Any:
+    """The smallest slack of all points to the lines through the footprint's edges."""
+    if isinstance(footprint, Box):
+        x = _fold(ns.maximum, [ns.absolute(point[0]) for point in points])
+        y = _fold(ns.maximum, [ns.absolute(point[1]) for point in points])
+        return ns.minimum(footprint.length / 2.0 - x, footprint.width / 2.0 - y)
+    slacks = []
+    for (nx, ny), offset, *_ in edges(footprint):
+        slacks.append(offset - _fold(ns.maximum, [nx * x + ny * y for x, y in points]))
+    return _fold(ns.minimum, slacks)
+
+
+def _farthest(ns: Namespace, footprint: Box | Polygon, x: Any, y: Any) -> Any:
+    """The largest distance of (x, y) from a point of the footprint, in its frame."""
+    if isinstance(footprint, Box):
+        return ns.hypot(ns.absolute(x) + footprint.length / 2.0, ns.absolute(y) + footprint.width / 2.0)
+    squares = [(x - u) * (x - u) + (y - v) * (y - v) for u, v in footprint.vertices]
+    return ns.sqrt(_fold(ns.maximum, squares))
+
+
+def _fold(step: Any, values: list[Any]) -> Any:
+    result = values[0]
+    for value in values[1:]:
+        result = step(result, value)
+    return result

@@ -10,11 +10,12 @@ import numpy as np
 
 from scenegen.assets.mesh import Floats
 from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
-from scenegen.primitives.hull import Point, convex_hull
+from scenegen.primitives.hull import Point, convex_hull, signed_area
 
 CORNERS = 32  # of an outline at most: clearances are worked out corner by corner
 SAME = 1e-5  # sizes, relative: 1.5708 is a right angle. Outlines are a circle or a box where they are to this
 STRAIGHT = 1e-6  # relative: a corner that stands out less is none
+THINNEST = 1e-6  # metres
 DIGITS = 9  # of metres: a nanometre, so that outlines read back as they were written
 SIDES = 32  # of the polygons that stand for round things
 
@@ -82,16 +83,19 @@ class Shadow:
             return Circle(round(center, DIGITS))
         rings = [corner for disc in self.discs for corner in _around(*disc)]
         corners = tuple((float(x), float(y)) for x, y in [*points.tolist(), *rings])
-        hull = convex_hull(corners).vertices
-        diameter = max(math.dist(hull[0], corner) for corner in hull) if len(hull) > 1 else 0.0
-        if len(hull) < 3 or _area(hull) < 1e-6 * max(diameter, 1e-6):
+        hull = _hull(corners)
+        diameter = max((math.dist(hull[0], corner) for corner in hull), default=0.0)
+        if not hull or signed_area(hull) < THINNEST * max(diameter, THINNEST):
             raise OutlineError("it covers no area of the table")
         x, y = (max(abs(corner[axis]) for corner in hull) for axis in (0, 1))
         outline = simplified(hull, CORNERS)
         slack = SAME * max(x, y)
         if len(outline) == 4 and all(abs(abs(u) - x) <= slack and abs(abs(v) - y) <= slack for u, v in outline):
             return Box(round(2.0 * x, DIGITS), round(2.0 * y, DIGITS))
-        return convex_hull([(round(u, DIGITS) + 0.0, round(v, DIGITS) + 0.0) for u, v in outline])
+        rounded = _hull([(round(u, DIGITS) + 0.0, round(v, DIGITS) + 0.0) for u, v in outline])
+        if not rounded:
+            raise OutlineError("it covers no area of the table")
+        return Polygon(rounded)
 
 
 def _around(x: float, y: float, radius: float) -> list[Point]:
@@ -101,6 +105,14 @@ def _around(x: float, y: float, radius: float) -> list[Point]:
     return [(x + far * math.cos(turn), y + far * math.sin(turn)) for turn in turns]
 
 
+def _hull(points: Sequence[Point]) -> tuple[Point, ...]:
+    """Corners of the convex hull; none where it has no area."""
+    try:
+        return convex_hull(points).vertices
+    except ValueError:
+        return ()
+
+
 def _outermost(points: Floats) -> Floats:
     """The points (P, 2) less those well inside the hull of all: a mesh has many that cannot be corners of it (the
     idea of Akl and Toussaint 1978)."""
@@ -108,18 +120,13 @@ def _outermost(points: Floats) -> Floats:
         return points
     turns = np.arange(16) * (math.tau / 16)
     far = [points[np.argmax(points @ np.array([math.cos(turn), math.sin(turn)]))] for turn in turns]
-    inner = convex_hull([(float(x), float(y)) for x, y in far]).vertices
-    if len(inner) < 3:
+    inner = _hull([(float(x), float(y)) for x, y in far])
+    if not inner:
         return points
     inside = np.ones(len(points), dtype=np.bool_)
     for (ax, ay), (bx, by) in zip(inner, (*inner[1:], inner[0]), strict=True):
         inside &= (bx - ax) * (points[:, 1] - ay) - (by - ay) * (points[:, 0] - ax) > 0.0
     return np.unique(points[~inside], axis=0)
-
-
-def _area(corners: Sequence[Point]) -> float:
-    pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
-    return 0.5 * sum(ax * by - ay * bx for (ax, ay), (bx, by) in pairs)
 
 
 def simplified(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
@@ -171,4 +178,4 @@ def _cost(ring: Sequence[Point], k: int) -> float:
     meeting = _meeting(ring, k)
     if meeting is None:
         return math.inf
-    return _area((ring[k], meeting, ring[(k + 1) % len(ring)]))
+    return signed_area((ring[k], meeting, ring[(k + 1) % len(ring)]))

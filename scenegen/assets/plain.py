@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Mesh, loft, revolve
@@ -9,6 +12,7 @@ from scenegen.assets.outline import simplified
 from scenegen.assets.palette import RGB, mix
 from scenegen.assets.parts import DARK, WHITE, Part, pip
 from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import Point, centroid
 
 PLAIN = ("box", "cylinder", "prism", "urdf")
 BEVEL = 0.05  # of the smallest size: what edges lose
@@ -36,10 +40,10 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
             long = wide = min(0.5 * min(length, width), LARGEST_MARK)
             x, y = length / 2.0 - 0.25 * min(length, width) - long / 2.0, 0.0
         case Polygon(vertices):
-            outline = np.array(simplified(vertices, DRAWN))
+            outline = simplified(vertices, DRAWN)
             x, y, room = _middle(outline)
             smallest = min(2.0 * room, height)
-            centred = outline - (x, y)
+            centred = np.array(outline) - (x, y)
             body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).moved(x, y)
             long = wide = min(room, LARGEST_MARK)
     raised = RAISED * smallest
@@ -67,13 +71,11 @@ def _upright(outline: Floats, inset: Floats, height: float, smallest: float) -> 
     return loft(np.stack([np.column_stack([outline * scale, np.full(len(outline), z)]) for z, scale in levels]))
 
 
-def _middle(outline: Floats) -> tuple[float, float, float]:
+def _middle(outline: Sequence[Point]) -> tuple[float, float, float]:
     """The centroid of a convex polygon, counter-clockwise, and its distance from the nearest edge."""
-    # From the first corner, so that polygons far from the origin lose no digits.
-    a = outline - outline[0]
-    b = np.roll(a, -1, axis=0)
-    areas = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
-    centre = ((a + b) * areas[:, None]).sum(axis=0) / (3.0 * areas.sum())
-    edge = b - a
-    distance = (edge[:, 0] * (centre[1] - a[:, 1]) - edge[:, 1] * (centre[0] - a[:, 0])) / np.hypot(*edge.T)
-    return float(centre[0] + outline[0, 0]), float(centre[1] + outline[0, 1]), float(distance.min())
+    x, y = centroid(Polygon(tuple(outline)))
+    edges = zip(outline, (*outline[1:], outline[0]), strict=True)
+    room = min(
+        ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in edges
+    )
+    return x, y, room

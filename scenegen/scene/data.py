@@ -6,13 +6,12 @@ Format `scenegen/scenes`, version 1. The JSON Schema of `SceneFile` ships in doc
 from __future__ import annotations
 
 import hashlib
-import math
-from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import is_convex, signed_area
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
@@ -60,15 +59,7 @@ class PolygonFootprint(_Strict):
 
     @model_validator(mode="after")
     def _convex(self) -> Self:
-        # Turns add up to one full turn: a star turns one way too, but goes round twice.
-        total = 0.0
-        edges = [(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise([self.vertices[-1], *self.vertices])]
-        for (ux, uy), (vx, vy) in pairwise([edges[-1], *edges]):
-            turn = math.atan2(ux * vy - uy * vx, ux * vx + uy * vy)
-            if not -1e-6 <= turn < math.pi - 1e-9:  # nor nan
-                raise ValueError("the corners are not those of a convex polygon, counter-clockwise")
-            total += turn
-        if abs(total - 2.0 * math.pi) > 1e-3:
+        if not is_convex(self.vertices) or signed_area(self.vertices) <= 0.0:
             raise ValueError("the corners are not those of a convex polygon, counter-clockwise")
         return self
 

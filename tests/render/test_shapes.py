@@ -67,25 +67,31 @@ def test_a_prism_stands_where_the_frame_of_its_corners_says(tmp_path):
             assert not alike(at(picture, camera, (u, v, 0.0)), thing.color)
 
 
-@pytest.mark.parametrize(
-    ("shape", "inside", "outside"),
-    [
-        (Shape("box", Box(0.3, 0.1), 0.05), [(0.14, 0.04), (-0.14, -0.04)], [(0.0, 0.07), (0.17, 0.0)]),
-        (Shape("cylinder", Circle(0.1), 0.02), [(0.09, 0.0), (0.0, -0.09)], [(0.12, 0.0), (0.085, 0.085)]),
-        (Shape("urdf", TRIANGLE, 0.05), [(0.02, 0.01), (0.16, 0.01), (0.01, 0.085)], [(0.11, 0.06), (-0.02, 0.0)]),
-        (Shape("box", Box(0.1, 0.1), 0.35), [(0.04, 0.04), (-0.04, -0.04)], []),
-    ],
-)
-def test_footprints_and_heights_are_drawn_to_size(shape, inside, outside, tmp_path):
-    file = scene_file(["thing"], [[(0.5, 0.5, 0.0)]], shapes=[shape])
-    (thing,) = stage_of(file).things
+def test_footprints_and_heights_are_drawn_to_size(tmp_path):
+    """Points just inside and just outside of each outline, at the height of its top and on the table."""
+    box, post, wedge = (
+        Shape("box", Box(0.3, 0.1), 0.05),
+        Shape("cylinder", Circle(0.1), 0.02),
+        Shape("urdf", TRIANGLE, 0.05),
+    )
+    tower = Shape("box", Box(0.1, 0.1), 0.35)
+    cases = [
+        (box, (0.25, 0.2), [(0.14, 0.04), (-0.14, -0.04)], [(0.0, 0.07), (0.17, 0.0)]),
+        (post, (0.75, 0.2), [(0.09, 0.0), (0.0, -0.09)], [(0.12, 0.0), (0.085, 0.085)]),
+        (wedge, (0.2, 0.6), [(0.02, 0.01), (0.16, 0.01), (0.01, 0.085)], [(0.11, 0.06), (-0.02, 0.0)]),
+        (tower, (0.75, 0.75), [(0.04, 0.04), (-0.04, -0.04)], []),
+    ]
+    names = ["box", "post", "wedge", "tower"]
+    row = [(*place, 0.0) for _, place, _, _ in cases]
+    file = scene_file(names, [row], shapes=[shape for shape, *_ in cases])
     pictures = drawn(file, tmp_path)
-    for picture, camera in pictures.values():
-        for x, y in inside:
-            assert alike(at(picture, camera, (0.5 + x, 0.5 + y, shape.height)), thing.color)
-    picture, camera = pictures["top"]
-    for x, y in outside:
-        assert not alike(at(picture, camera, (0.5 + x, 0.5 + y, 0.0)), thing.color)
+    for thing, (shape, (x, y), inside, outside) in zip(stage_of(file).things, cases, strict=True):
+        for picture, camera in pictures.values():
+            for dx, dy in inside:
+                assert alike(at(picture, camera, (x + dx, y + dy, shape.height)), thing.color)
+        picture, camera = pictures["top"]
+        for dx, dy in outside:
+            assert not alike(at(picture, camera, (x + dx, y + dy, 0.0)), thing.color)
 
 
 def test_regions_lie_on_the_table_under_the_things(tmp_path):

@@ -71,8 +71,9 @@ class Shadow:
         """The convex hull of all shadows: a circle or an axis-aligned box round the origin where it is that, else a
         polygon of at most `CORNERS` corners.
 
-        Round shadows count as polygons drawn round them, and an outline with too many corners is replaced by one drawn
-        round it: a polygon holds all that was added, and reaches at most 0.5 % of a radius further for a round thing.
+        Round shadows count as polygons drawn round them, which reach 0.5 % of the radius further, and an outline with
+        too many corners is replaced by one drawn round it: a polygon holds all that was added, but for a millionth of
+        its size.
         Raises OutlineError where it covers no area.
         """
         points = np.concatenate([*self.corners, np.empty((0, 2))])

@@ -68,9 +68,9 @@ def outline(data: bytes, read_mesh: Callable[[str], bytes]) -> tuple[Footprint, 
     """Footprint and height (metres) of a URDF file, in the frame of its root link.
 
     The footprint is the convex hull of what all shapes cover, as `Shadow.footprint` says: circle or box where it is
-    that and stands round the origin, else a polygon; the height is from the lowest to the highest point: the object
-    stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj or .stl) as the file names it; what it raises passes
-    through. Raises UrdfError.
+    that and stands round the origin, else a polygon. The height is from the lowest to the highest point: the object
+    stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj
+    or .stl) as the file names it; what it raises passes through. Raises UrdfError.
     """
     try:
         return _outline(elements(data), _Meshes(read_mesh))

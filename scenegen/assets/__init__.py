@@ -8,14 +8,17 @@ from scenegen.assets.library import (
     asset_of,
     colors_of,
     has_picture,
+    parts_of,
     shape_of,
     stem,
 )
 from scenegen.assets.parts import Part
+from scenegen.assets.plain import PLAIN
 from scenegen.primitives import Box, Circle
 
 __all__ = [
     "ASSETS",
+    "PLAIN",
     "UNKNOWN",
     "Asset",
     "Box",
@@ -25,6 +28,7 @@ __all__ = [
     "asset_of",
     "colors_of",
     "has_picture",
+    "parts_of",
     "shape_of",
     "stem",
 ]

@@ -7,13 +7,15 @@ of their stem. A name that the library does not know gets a block in a colour of
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from scenegen.assets import flat, vessels
 from scenegen.assets.palette import RGB, shade, stable
 from scenegen.assets.parts import Part
-from scenegen.primitives import Box, Circle, Footprint
+from scenegen.assets.plain import PLAIN, plain
+from scenegen.primitives import Box, Circle, Footprint, Polygon
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,26 +95,63 @@ def shape_of(name: str) -> Shape:
     return Shape(asset.name, asset.footprint, asset.height)
 
 
+def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
+    """What is drawn of an object: closed meshes of its own size in its own frame, z = 0 the table.
+
+    An entry of the library is stretched to the shape's footprint and height; a plain shape is made to measure (of a
+    URDF: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
+    """
+    footprint = shape.footprint
+    if shape.asset in PLAIN or isinstance(footprint, Polygon):
+        return plain(footprint, shape.height, color)
+    asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
+    (length, width), (own_length, own_width) = footprint.extent, asset.footprint.extent
+    scale = length / own_length, width / own_width, shape.height / asset.height
+    return tuple(Part(part.mesh.scaled(*scale), part.color) for part in asset.parts(color))
+
+
+def _family(name: str, asset: str) -> str | None:
+    """What an object gets a shade of its colour with: the array of a plain shape, the library's objects of one name.
+    None where its colour is its own."""
+    if asset in PLAIN:
+        return f"{_array(name)}[]"
+    return asset if _known(name) == asset else None
+
+
+def _array(name: str) -> str:
+    return re.sub(r"\[\d+\]$", "", name)
+
+
+def _family_color(name: str, asset: str, used: Sequence[RGB]) -> RGB:
+    known = _known(_array(name)) if asset in PLAIN else asset
+    if known is None or (asset in PLAIN and ASSETS[known].color in used):
+        return stable(_array(name), used)
+    return ASSETS[known].color
+
+
 def colors_of(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
     """The main colour of every object of a scene, given as (name, asset), in the order given.
 
     An object whose name is its asset's has the asset's own colour; further objects of that asset get shades that can be
     told apart. A name that the library does not know gets a colour of its own. No two objects of an asset share one.
+    A plain shape has the colour of what the library calls by its name, if there is such a thing, else a colour of its
+    own; the elements of an array get shades of it.
     """
-    counts: dict[str, int] = {}
-    for name, asset in objects:
-        if _known(name) == asset:
-            counts[asset] = counts.get(asset, 0) + 1
-    seen: dict[str, int] = {}
+    families = [_family(name, asset) for name, asset in objects]
+    counts = Counter(families)
+    seen: Counter[str] = Counter()
+    first: dict[str, RGB] = {}
     taken: dict[str, list[RGB]] = {}
     colors: list[RGB] = []
-    for name, asset in objects:
-        used = taken.setdefault(asset, [])
-        if _known(name) == asset:
-            color = shade(ASSETS[asset].color, seen.get(asset, 0), counts[asset])
-            seen[asset] = seen.get(asset, 0) + 1
-        else:
+    for (name, asset), family in zip(objects, families, strict=True):
+        used = taken.setdefault("" if asset in PLAIN else asset, [])
+        if family is None:
             color = stable(name, used)
+        else:
+            if family not in first:
+                first[family] = _family_color(name, asset, used)
+            color = shade(first[family], seen[family], counts[family])
+            seen[family] += 1
         used.append(color)
         colors.append(color)
     return tuple(colors)

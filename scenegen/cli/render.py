@@ -51,7 +51,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 def draw(scenes: SceneSet, out: Path, size: tuple[int, int] = (640, 480), workers: int | None = None) -> None:
     """Draw with a progress bar, and say where the pictures are."""
-    from scenegen.assets import ASSETS, has_picture
+    from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
     from scenegen.cli.output import print_error, progress_bar
     from scenegen.errors import quoted
 
@@ -60,7 +60,8 @@ def draw(scenes: SceneSet, out: Path, size: tuple[int, int] = (640, 480), worker
         drawn = scenes.render(
             out, size=size, workers=workers, progress=lambda done, total: bar.update(task, completed=done)
         )
-    unknown = [one.name for one in scenes.header.objects if not has_picture(one.name)]
+    shown = {*ASSETS, *PLAIN} - {UNKNOWN}
+    unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]
     if unknown:
         print_error(f"note: no picture for {quoted(unknown)}: drawn as blocks; there are {', '.join(sorted(ASSETS))}")
     print_error(f"drew {len(drawn.pictures)} pictures in {out}; contact sheet: {drawn.sheet}")

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.render.camera import Camera, Floats, downwards
+from scenegen.render.cloth import cover
 from scenegen.render.stage import Stage
 
 Image = npt.NDArray[np.float32]
@@ -62,7 +63,8 @@ class Lighting:
         depth = np.where(bare, ground, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)
-        tint = np.where(top, _wood(stage, at[..., 0], at[..., 1]), 1.0)
+        wood = _wood(stage, at[..., 0], at[..., 1])
+        tint = np.where(top[..., None], cover(stage, at[..., 0], at[..., 1], wood), 1.0)
 
         every = (slice(None, None, factor), slice(None, None, factor))
         self.camera = camera
@@ -79,7 +81,7 @@ class Lighting:
         under = np.where(bare[every], FAINT * self._hidden(self.depth, bare[every], light_buffer), 0.0)
         self.reach = np.where(bare[every], FAINT - under, 1.0).astype(np.float32)  # of the shadows of things
         dim = _dim(under.astype(np.float32)).repeat(factor, axis=0).repeat(factor, axis=1)
-        backdrop = np.where(bare[..., None], _backdrop(raw.size[1]), colors * tint[..., None])
+        backdrop = np.where(bare[..., None], _backdrop(raw.size[1]), colors * tint)
         self.backdrop = np.clip(backdrop * dim + 0.5, 0.0, 255.0).astype(np.uint8)
 
     def __call__(self, colors: Picture, buffer: Image, light_buffer: Image) -> Picture:

@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 import pybullet
 
-from scenegen.assets import ASSETS
+from scenegen.assets import parts_of
 from scenegen.assets.mesh import Mesh, box, shaded
 from scenegen.assets.palette import RGB
 from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Image, Lighting, Picture, light_camera
-from scenegen.render.stage import Stage
+from scenegen.render.stage import WOOD, Stage
 
-WOOD: RGB = (0.87, 0.77, 0.64)
 LARGEST = 4096  # pixels along a side that pybullet is asked for
 SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularCoeff": 0.03}
 
@@ -47,8 +46,8 @@ class Painter:
         self._studio = _Studio()
         self._things: list[list[int]] = []
         for thing in stage.things:
-            parts = ASSETS[thing.asset].parts(thing.color)
-            self._things.append([self._studio.add(part.mesh.scaled(*thing.scale), part.color) for part in parts])
+            parts = parts_of(thing.shape, thing.color)
+            self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
 
     def __enter__(self) -> Painter:
         return self

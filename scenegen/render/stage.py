@@ -8,24 +8,41 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import TypeAdapter
 
-from scenegen.assets import ASSETS, UNKNOWN, colors_of
-from scenegen.assets.palette import RGB
+from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of
+from scenegen.assets.outline import simplified
+from scenegen.assets.palette import RGB, mix, stable
+from scenegen.assets.plain import DRAWN
 from scenegen.errors import DataError, Diagnostic
-from scenegen.scene.data import SceneFile, ShapeData, footprint_of
+from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.scene.data import Pose, SceneFile, footprint_of
 
-MARGIN = 0.07  # of the table round the workspace, in sides of the workspace; objects may reach over its edge
-BEYOND = 0.60  # how many sides of the workspace the table grows at most for objects that stand off it
-TALLEST = 0.35  # what the camera makes room for, in sides of the workspace
+Floats = npt.NDArray[np.float64]
+
+MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
+RIM = 0.015  # of the table round what reaches beyond that, likewise
+BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
+TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
+WOOD: RGB = (0.87, 0.77, 0.64)
+LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object: its asset, main colour, and factors that bring the asset's meshes to the object's own size."""
+    """An object: what it looks like and its main colour."""
 
-    asset: str
+    shape: Shape
     color: RGB
-    scale: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A region: its footprint at a fixed pose (x, y, heading), and its colour."""
+
+    footprint: Footprint
+    pose: tuple[float, float, float]
+    color: RGB
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +53,7 @@ class Stage:
     table: tuple[float, float, float, float]
     height: float
     things: tuple[Thing, ...]
+    patches: tuple[Patch, ...] = ()
 
     @property
     def side(self) -> float:
@@ -47,7 +65,7 @@ class Stage:
         """Of the table top, in metres."""
         return 0.035 * self.side
 
-    def corners(self) -> npt.NDArray[np.float64]:
+    def corners(self) -> Floats:
         """(12, 3): what a picture has to show, namely the table and the room that objects take above the workspace."""
         x0, y0, x1, y1 = self.table
         u0, v0, u1, v1 = self.workspace
@@ -56,24 +74,33 @@ class Stage:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Stage:
-        things = tuple(Thing(t["asset"], tuple(t["color"]), tuple(t["scale"])) for t in data["things"])
-        return cls(tuple(data["workspace"]), tuple(data["table"]), data["height"], things)
+        """The stage whose `dataclasses.asdict` went through JSON."""
+        return TypeAdapter(cls).validate_python(data)
 
 
-def _thing(shape: ShapeData, color: RGB) -> Thing:
-    asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
-    (length, width), (own_length, own_width) = footprint_of(shape.footprint).extent, asset.footprint.extent
-    return Thing(asset.name, color, (length / own_length, width / own_width, shape.height / asset.height))
+def _reach(footprint: Footprint, poses: Floats, axis: int, sign: float) -> float:
+    """How far a footprint with poses (P, 3) gets along an axis, in metres: the largest of sign * coordinate."""
+    away = sign * poses[:, axis]
+    if isinstance(footprint, Circle):
+        return float(np.max(away)) + footprint.radius
+    if isinstance(footprint, Box):
+        x, y = footprint.length / 2.0, footprint.width / 2.0
+        corners = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
+    else:
+        corners = np.array(footprint.vertices)
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn = np.stack([cos, -sin] if axis == 0 else [sin, cos])
+    return float(np.max(away + np.max(sign * corners @ turn, axis=0)))
 
 
-def _table(workspace: tuple[float, float, float, float], poses: npt.NDArray[np.float64]) -> list[float]:
-    """The workspace and a margin, grown to hold every object that stands a little off it."""
+def _table(workspace: tuple[float, float, float, float], things: list[tuple[Footprint, Floats]]) -> list[float]:
+    """The workspace and a margin, grown to hold all of every thing (footprint, poses) that is not too far off it."""
     side = max(workspace[2] - workspace[0], workspace[3] - workspace[1])
     table = []
     for axis, sign in ((0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)):
         edge = workspace[axis if sign < 0 else axis + 2]
-        reached = float(np.max(sign * (poses[..., axis] - edge))) if poses.size else 0.0
-        table.append(edge + sign * (MARGIN * side + min(max(reached, 0.0), BEYOND * side)))
+        reached = max((_reach(footprint, poses, axis, sign) - sign * edge for footprint, poses in things), default=0.0)
+        table.append(edge + sign * min(max(reached + RIM * side, MARGIN * side), (MARGIN + BEYOND) * side))
     return table
 
 
@@ -85,7 +112,7 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
         missing = [name for name in names if name not in scene.poses]
         if missing:
             raise DataError(Diagnostic(f"scene {number} has no pose for `{missing[0]}`", help="the file is incomplete"))
-        rows.append([[(p := scene.poses[name]).x, p.y, math.remainder(p.theta, 2.0 * math.pi)] for name in names])
+        rows.append([_row(scene.poses[name]) for name in names])
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(names), 3)
 
 
@@ -96,10 +123,35 @@ def stage_of(file: SceneFile) -> Stage:
         raise DataError(Diagnostic("the workspace is empty", help="give its x and y as [lowest, highest] in metres"))
     workspace = (x0, y0, x1, y1)
     side = max(x1 - x0, y1 - y0)
-    shapes = [item.shape for item in file.objects]
-    known = [shape.asset if shape.asset in ASSETS else UNKNOWN for shape in shapes]
+    known = [item.shape.asset if item.shape.asset in {*ASSETS, *PLAIN} else UNKNOWN for item in file.objects]
+    shapes = [
+        Shape(asset, footprint_of(item.shape.footprint), item.shape.height)
+        for item, asset in zip(file.objects, known, strict=True)
+    ]
     colors = colors_of([(item.name, asset) for item, asset in zip(file.objects, known, strict=True)])
-    things = tuple(_thing(shape, color) for shape, color in zip(shapes, colors, strict=True))
+    things = tuple(Thing(shape, color) for shape, color in zip(shapes, colors, strict=True))
+    patches = _patches(file)
+    poses = poses_of(file)
+    standing = [(shape.footprint, poses[:, k]) for k, shape in enumerate(shapes)] if len(poses) else []
+    lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
+    table = _table(workspace, standing + lying)
     tallest = max((shape.height for shape in shapes), default=0.0)
-    table = _table(workspace, poses_of(file))
-    return Stage(workspace, (table[0], table[1], table[2], table[3]), min(tallest, TALLEST * side), things)
+    return Stage(workspace, (table[0], table[1], table[2], table[3]), min(tallest, TALLEST * side), things, patches)
+
+
+def _patches(file: SceneFile) -> tuple[Patch, ...]:
+    """The regions, each in a pale colour of its own."""
+    patches: list[Patch] = []
+    used: list[RGB] = []
+    for region in file.regions:
+        used.append(stable(region.name, used))
+        footprint = footprint_of(region.footprint)
+        if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
+            footprint = Polygon(simplified(footprint.vertices, DRAWN))
+        patches.append(Patch(footprint, _row(region.pose), mix(used[-1], LINEN, 0.35)))
+    return tuple(patches)
+
+
+def _row(pose: Pose) -> tuple[float, float, float]:
+    # A heading of 1e300 radians would cost all digits: the remainder is exact.
+    return pose.x, pose.y, math.remainder(pose.theta, 2.0 * math.pi)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import is_convex, signed_area
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
@@ -55,6 +56,12 @@ class PolygonFootprint(_Strict):
 
     kind: Literal["polygon"] = "polygon"
     vertices: Annotated[list[tuple[FiniteFloat, FiniteFloat]], Field(min_length=3)]
+
+    @model_validator(mode="after")
+    def _convex(self) -> Self:
+        if not is_convex(self.vertices) or signed_area(self.vertices) <= 0.0:
+            raise ValueError("the corners are not those of a convex polygon, counter-clockwise")
+        return self
 
 
 FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Field(discriminator="kind")]

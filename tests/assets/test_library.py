@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegen.assets import ASSETS, Box, Circle, asset_of, colors_of, has_picture, shape_of, stem
-from scenegen.scene.data import ShapeData
+from scenegen.scene.data import ShapeData, footprint_data, footprint_of
 
 
 @pytest.mark.parametrize(
@@ -57,8 +57,10 @@ def test_every_asset_shows_its_heading(asset):
 
 def test_shapes_are_what_scene_files_hold():
     for name in ("plate", "fork", "nobody knows"):
-        shape = ShapeData.model_validate(shape_of(name))
-        assert (shape.asset, shape.height) == (asset_of(name).name, asset_of(name).height)
+        shape = shape_of(name)
+        data = ShapeData(asset=shape.asset, footprint=footprint_data(shape.footprint), height=shape.height)
+        assert (data.asset, data.height) == (asset_of(name).name, asset_of(name).height)
+        assert footprint_of(data.footprint) == asset_of(name).footprint
 
 
 def test_the_main_color_can_be_chosen():

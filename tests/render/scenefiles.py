@@ -12,15 +12,24 @@ from scenegen.scene.data import (
     ShapeData,
     SpecRef,
     WorkspaceData,
+    footprint_data,
 )
 
 
-def scene_file(names, poses, x=(0.0, 1.0), y=(0.0, 1.0), phi=None, source="leftOf(mug, plate)\n", asked=None):
-    """`poses`: for every scene, one (x, y, theta) per name."""
+def shape_data(shape):
+    return ShapeData(asset=shape.asset, footprint=footprint_data(shape.footprint), height=shape.height)
+
+
+def scene_file(
+    names, poses, x=(0.0, 1.0), y=(0.0, 1.0), phi=None, source="leftOf(mug, plate)\n", asked=None, shapes=(), regions=()
+):
+    """`poses`: for every scene, one (x, y, theta) per name. `shapes` are those of the first names."""
+    looks = [*shapes, *map(shape_of, names[len(shapes) :])]
     return SceneFile(
         spec=SpecRef(source=source, sha256=hashlib.sha256(source.encode()).hexdigest()),
         workspace=WorkspaceData(x=x, y=y),
-        objects=[ObjectData(name=name, shape=ShapeData.model_validate(shape_of(name))) for name in names],
+        objects=[ObjectData(name=name, shape=shape_data(look)) for name, look in zip(names, looks, strict=True)],
+        regions=list(regions),
         sampler={"method": "rejection", "seed": 0},
         request=RequestData(phi=asked or {"task": (0.05, 0.2), "safe": (0.0, None)}, n=max(1, len(poses))),
         scenes=[

@@ -43,7 +43,7 @@ def check_writable(path: Path, *inputs: Path) -> None:
                 Diagnostic(f"{path} would overwrite what it is made from", help="name another output file")
             )
     # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
-    with _reported(path), tempfile.TemporaryFile(dir=path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path.parent):
         pass
 
 
@@ -60,20 +60,20 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     the output `file` as well. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
         raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
-    with _reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
         pass
 
 
 def ensure_folder(path: Path) -> None:
     """Make an output folder (its parent must be there) and check that it can be written to. Raises OutputError."""
-    with _reported(path):
+    with reported(path):
         path.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
 
 
 @contextlib.contextmanager
-def _reported(path: Path) -> Iterator[None]:
+def reported(path: Path) -> Iterator[None]:
     try:
         yield
     except ScenegenError:
@@ -89,7 +89,7 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
     What is written goes to a temporary file in the same folder, which is renamed. Raises OutputError and leaves nothing
     behind; OSErrors of the block count as failures to write.
     """
-    with _reported(path):
+    with reported(path):
         _refuse_special(path)
         path = path.resolve() if path.is_symlink() else path  # the link stays, what it points to is written
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")

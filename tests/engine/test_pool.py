@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenegen.engine.pool import AHEAD, WAITING, run_pieces
+from scenegen.engine.pool import WAITING, run_pieces
 from scenegen.errors import RequestError, ScenegenError
 
 HERE = Path(__file__).parent

@@ -149,7 +149,7 @@ def stream_scenes(
         if filler.complete:
             shards.join(lambda sink, blocks: module.write(sink, header(tally), labels, blocks))
         elif keep_partial and filler.found:
-            # The rest is in no checkpoint: killed in the midst of joining, the run can still be resumed to its full size.
+            # The rest is in no checkpoint: killed in the midst of joining, the run can still be resumed to its end.
             rest = filler.rest()
             assert rest is not None
             if inspect is not None:

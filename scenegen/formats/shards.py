@@ -3,7 +3,8 @@
 The folder holds `shard-000000.npy`, ... (blocks, one array after the other), `pool-000001.npy` with what waits for
 later blocks, and `manifest.json`, which names them, the request, and where the run stands. Shards and pool are on disk
 before the manifest that names them is, and that replaces its forerunner in one step. So whenever the process dies, the
-manifest is true: the run goes on from its last checkpoint, and what is newer is made once more, to the same bytes. The scenes in the shards have no format yet, since the header, which some formats want first, is known last.
+manifest is true: the run goes on from its last checkpoint, and what is newer is made once more, to the same bytes. The
+scenes in the shards have no format yet, since the header, which some formats want first, is known last.
 
 A folder with a checkpoint is never deleted without having been asked for it: without `resume` it is refused. One
 without is what a run left that had just begun, and is replaced.

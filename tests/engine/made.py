@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 import sys
@@ -73,7 +74,9 @@ def run(words):
     from strike import strike_at
 
     operations = strike_at(words.pop("kill", None))
-    stream(words.pop("path"), Made(**words.pop("made")), **words)
+    asked, pieces = itertools.count(), words.pop("pieces", 1000)
+    spent = lambda: next(asked) >= pieces  # noqa: E731
+    stream(words.pop("path"), Made(**words.pop("made")), spent=spent, **words)
     return operations()
 
 

@@ -85,6 +85,7 @@ def struck(run, path, moments, expected):
     """Strike a run at each moment, every third one twice, and resume it each time."""
     for number, moment in enumerate(moments):
         assert run(path, kill=moment)[0] == -signal.SIGKILL, moment
+        assert len(list(path.parent.glob("*/pool-*"))) <= 2, moment
         if number % 3 == 0:
             run(path, kill=12.5, resume=True)
         assert run(path, resume=True)[0] == 0, moment
@@ -98,8 +99,33 @@ def test_killed_here_and_there(run, tmp_path, unbroken):
     status, count = run(tmp_path / "x.jsonl")
     assert status == 0 and count > 60
     (tmp_path / "x.jsonl").unlink()
-    some = random.Random(7).sample([half / 2 for half in range(2, 2 * count - 24)], 12)
-    struck(run, tmp_path / "x.jsonl", [*some, *(count + 0.5 - back / 2 for back in range(24))], unbroken[".jsonl"])
+    some = random.Random(7).sample([half / 2 for half in range(2, 2 * count - 16)], 10)
+    struck(run, tmp_path / "x.jsonl", [*some, *(count + 0.5 - back / 2 for back in range(16))], unbroken[".jsonl"])
+
+
+def test_killed_once_all_is_done(run, tmp_path, unbroken):
+    """Then nothing is done again; and a run that had to end early is gone on with, or begun anew."""
+    path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
+    for pieces in (1000, 4):
+        early = {"pieces": pieces, "keep_partial": True}
+        _, count = run(path, **early)
+        written = path.read_bytes()
+        left = 0
+        for back in range(8):
+            path.unlink(missing_ok=True)
+            run(path, kill=count + 0.5 - back / 2, **early)
+            if folder.exists() and path.exists():
+                left += 1
+                assert path.read_bytes() == written
+                manifest = folder / "manifest.json"
+                done = manifest.exists() and json.loads(manifest.read_text())["joined"]
+                status, operations = run(path, resume=True, **early)
+                assert status == 0 and not folder.exists()
+                if pieces == 1000:
+                    assert path.read_bytes() == written and (operations < 20 or not done)
+                else:
+                    assert not done and read_scenes(path).whole().count > 600
+        assert left > 2
 
 
 @pytest.mark.slow
@@ -308,7 +334,7 @@ def peak(path, count, workers=1):
 
 
 def test_memory_is_flat(tmp_path):
-    few = peak(tmp_path / "few.parquet", 500_000)
+    few = peak(tmp_path / "few.parquet", 300_000)
     many = peak(tmp_path / "many.parquet", 2_000_000)
     assert (tmp_path / "many.parquet").stat().st_size > 150e6  # what would have to be held otherwise, and more
     assert many < few + 30

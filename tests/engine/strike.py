@@ -12,6 +12,7 @@ WATCHED = ((os, "fsync"), (Path, "replace"), (Path, "unlink"), (Path, "rmdir"), 
 def strike_at(moment):
     """Die at the sixth file operation for 6.0, after it for 6.5; never for None. Returns their counter."""
     count = 0
+    os.fsync = lambda file: None  # a kill, unlike a loss of power, leaves to the disk what the system already has
 
     def watched(call):
         def watch(*args, **options):

@@ -275,7 +275,11 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _load(file: IO[bytes]) -> Array:
-    table: Array = np.load(file, allow_pickle=False)
+    try:
+        table: Array = np.load(file, allow_pickle=False)
+    except (ValueError, EOFError):
+        help_ = "delete the folder it is in, and start anew"
+        raise DataError(Diagnostic(f"{file.name} is damaged: it cannot be resumed", help=help_)) from None
     return table
 
 

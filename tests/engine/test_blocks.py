@@ -33,7 +33,7 @@ CELLS = st.lists(st.integers(-1, 6), max_size=400)
 REACHED = st.sets(st.integers(0, 6), min_size=1)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.lists(st.integers(0, 400), max_size=6))
 def test_laws(cells, reached, wanted, size, cuts):
     filler = Filler(sorted(reached), wanted, 5, size)

@@ -13,6 +13,8 @@ import numpy.typing as npt
 from scenegen.assets import Shape
 from scenegen.errors import DataError, Diagnostic, RequestError, quoted
 from scenegen.formats import table
+from scenegen.formats.blocks import BLOCK, Block
+from scenegen.formats.lines import block_of
 from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
@@ -82,10 +84,17 @@ class SceneSet:
         return self.header.model_copy(update={"scenes": list(self)})
 
     def save(self, path: str | Path) -> Path:
-        """Write the scenes in the format of the path's ending; the file appears whole or not at all."""
+        """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
         path = Path(path)
-        table.write_scenes(path, self.file())
+        table.write_scenes(path, self.header, tuple(self.phi), self._blocks())
         return path
+
+    def _blocks(self) -> Iterator[Block]:
+        for start in range(0, len(self), BLOCK):
+            part = slice(start, start + BLOCK)
+            rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
+            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), -1)
+            yield Block(rows, phi)
 
     def render(
         self,
@@ -107,19 +116,21 @@ class SceneSet:
 
 
 def read_scenes(path: str | Path) -> SceneSet:
-    """Read a scene file. Raises DataError."""
-    return from_file(table.read_scenes(Path(path)))
+    """Read a scene file of any format. Raises DataError, and RequestError for an ending that no format has."""
+    reading = table.read_scenes(Path(path))
+    return _scene_set(reading.header, reading.labels, reading.whole())
 
 
 def from_file(file: SceneFile) -> SceneSet:
     """The arrays of a scene file."""
     names = [one.name for one in file.objects]
-    poses = np.array(
-        [[[pose.x, pose.y, pose.theta] for pose in (scene.poses[name] for name in names)] for scene in file.scenes]
-    ).reshape(len(file.scenes), len(names), 3)
-    labels = list(file.scenes[0].phi) if file.scenes else []
-    phi = {label: np.array([scene.phi[label] for scene in file.scenes]) for label in labels}
-    return SceneSet(poses, phi, file.model_copy(update={"scenes": []}))
+    labels = tuple(file.scenes[0].phi) if file.scenes else ()
+    return _scene_set(file.model_copy(update={"scenes": []}), labels, block_of(file.scenes, names, labels))
+
+
+def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
+    poses = np.ascontiguousarray(scenes.rows.T).reshape(scenes.count, len(header.objects), 3)
+    return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header)
 
 
 def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:

@@ -9,8 +9,9 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
-from scenegen.errors import DataError, Diagnostic, OutputError
+from scenegen.errors import DataError, Diagnostic, OutputError, ScenegenError
 
 _WRITE_HELP = {
     errno.ENOENT: "the folder does not exist; create it first, or name one that is there",
@@ -42,7 +43,7 @@ def check_writable(path: Path, *inputs: Path) -> None:
                 Diagnostic(f"{path} would overwrite what it is made from", help="name another output file")
             )
     # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
-    with _reported(path), tempfile.TemporaryFile(dir=path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path.parent):
         pass
 
 
@@ -59,35 +60,42 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     the output `file` as well. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
         raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
-    with _reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
         pass
 
 
 def ensure_folder(path: Path) -> None:
     """Make an output folder (its parent must be there) and check that it can be written to. Raises OutputError."""
-    with _reported(path):
+    with reported(path):
         path.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
 
 
 @contextlib.contextmanager
-def _reported(path: Path) -> Iterator[None]:
+def reported(path: Path) -> Iterator[None]:
     try:
         yield
+    except ScenegenError:
+        raise
     except OSError as error:
         raise output_error(path, error) from error
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
-    with _reported(path):
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[IO[bytes]]:
+    """A file to write to that appears at `path`, on disk and whole, when the block ends without an error.
+
+    What is written goes to a temporary file in the same folder, which is renamed. Raises OutputError and leaves nothing
+    behind; OSErrors of the block count as failures to write.
+    """
+    with reported(path):
         _refuse_special(path)
         path = path.resolve() if path.is_symlink() else path  # the link stays, what it points to is written
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(data)
+                yield file
                 file.flush()
                 os.fsync(file.fileno())
             Path(temporary).chmod(0o666 & ~_umask())
@@ -98,6 +106,12 @@ def write_whole(path: Path, data: bytes) -> None:
             raise
 
 
+def write_whole(path: Path, data: bytes) -> None:
+    """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
+    with whole_file(path) as file:
+        file.write(data)
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
@@ -106,16 +120,27 @@ def _umask() -> int:
 
 def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
     """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"). Raises DataError."""
-    try:
-        if path.exists() and not path.is_file():
-            kind = "a folder" if path.is_dir() else "not a regular file"
-            raise DataError(Diagnostic(f"cannot read {path}: it is {kind}", help=f"name {what} instead"))
-        size = path.stat().st_size
+    with opened(path, what) as file:
+        size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
             raise DataError(
                 Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=f"the limit is {limit:,}")
             )
-        return path.read_bytes()
+        return file.read()
+
+
+@contextlib.contextmanager
+def opened(path: Path, what: str) -> Iterator[IO[bytes]]:
+    """A file that the user named, open for reading; `what` is its role. Raises DataError, also for OSErrors of the
+    block."""
+    try:
+        if path.exists() and not path.is_file():
+            kind = "a folder" if path.is_dir() else "not a regular file"
+            raise DataError(Diagnostic(f"cannot read {path}: it is {kind}", help=f"name {what} instead"))
+        with path.open("rb") as file:
+            yield file
+    except ScenegenError:
+        raise
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DataError(Diagnostic(f"cannot read {path}: {reason}", help=missing_help(path, what))) from error

@@ -13,8 +13,6 @@ from scenegen.api.scenes import evaluate, from_file, read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
 from scenegen.formats.scenes_json import dump, load
-from scenegen.formats.table import FORMATS, format_of, write_scenes
-from scenegen.formats.table import read_scenes as read_file
 from scenegen.scene.data import Pose, SceneData
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -95,12 +93,3 @@ def test_damage(text, said):
         load(text.encode(), "x.json")
     (problem,) = caught.value.diagnostics
     assert said in problem.title and problem.help
-
-
-def test_every_format_of_the_table(scenes, tmp_path):
-    for ending in FORMATS:
-        path = tmp_path / f"x{ending.upper()}"
-        module = format_of(path)
-        assert callable(module.dump) and callable(module.load)
-        write_scenes(path, scenes.file())
-        assert read_file(path) == scenes.file()

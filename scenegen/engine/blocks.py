@@ -1,0 +1,151 @@
+"""Candidates, piece by piece, made into blocks of scenes that are spread evenly over the cells.
+
+How n scenes are spread over the cells when no process ever sees more than a few blocks of them:
+
+* Scene number i of the output (before the shuffle within its block) belongs to cell i mod C of the C reached cells in a
+  fixed order. So every block of 65,536 is spread as evenly as whole numbers allow, and so are all n together; which
+  cells get the one scene more is the order's choice, which leaves even gaps (multiples of the golden ratio).
+* Candidates are offered in the order of the pieces. A cell keeps the first that it has room for: what the block in the
+  making and the next one want of it; the others are dropped. That depends on counts per cell only, never on the scenes,
+  so within a cell the kept ones follow the same distribution as the offered ones.
+* A block is finished when every cell has its share of it; it is then shuffled with a seed of its own.
+
+A shuffle across blocks would need all scenes in memory or on disk twice, and nothing needs it: any run of scenes as
+long as a few times C is even over the cells already. Common cells wait for rare ones, at most one block ahead: no more
+stays in memory. The blocks depend on the candidates and their order only, so not on the number of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.formats.blocks import BLOCK, Array, Block, joined
+from scenegen.sampling.collect import GOLDEN
+
+Cell = npt.NDArray[np.intp]
+
+ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
+
+
+class Filler:
+    """Fills blocks. `done` scenes have left in finished blocks, `candidates` in reached cells have been offered, and
+    `strays` are cells that were hit although the plan takes them for out of reach."""
+
+    def __init__(self, reached: Sequence[int], wanted: int, seed: int, size: int = BLOCK) -> None:
+        shift = np.random.default_rng(np.random.SeedSequence([seed, ORDER])).random()
+        cells = np.array(sorted(reached), dtype=np.intp)
+        if not len(cells):
+            raise ValueError("no cell can be reached")
+        self._cells = cells
+        self._index = np.full(cells[-1] + 2, -1, dtype=np.intp)  # of each cell among the reached ones; -1 for others
+        self._index[cells] = np.arange(len(cells))
+        self._turn = np.empty(len(cells), dtype=np.intp)  # the place of each cell in the order
+        self._turn[np.argsort((cells * GOLDEN + shift) % 1.0, kind="stable")] = np.arange(len(cells))
+        self._wanted, self._seed, self._size = wanted, seed, size
+        self._waiting: list[tuple[Block, Cell]] = []  # with the index of each scene's cell
+        self._count = np.zeros(len(cells), dtype=np.intp)  # of those that wait, by index of the cell
+        self.done = self.candidates = 0
+        self.strays: set[int] = set()
+
+    @property
+    def complete(self) -> bool:
+        return self.done == self._wanted
+
+    @property
+    def found(self) -> int:
+        """Scenes that would be handed out now."""
+        return self.done + int(self._count.sum())
+
+    def offer(self, block: Block, cell: Cell) -> Iterator[Block]:
+        """The blocks that are finished by m candidates more; `cell` (m,) is -1 for those out of range."""
+        index = self._index[np.minimum(cell, len(self._index) - 1)]
+        known = index >= 0
+        self.strays.update(np.unique(cell[~known & (cell >= 0)]).tolist())
+        self.candidates += int(known.sum())
+        # In slices, since what is dropped for lack of room might have been of use once a block has left.
+        for start in range(0, block.count, self._size):
+            part = slice(start, start + self._size)
+            self._keep(block.part(start, start + self._size), index[part], known[part])
+            yield from self._finished()
+
+    def rest(self) -> Block | None:
+        """What waits for a block to be finished, in an order without pattern: for a run that has to end early."""
+        if not self._waiting:
+            return None
+        block, index = self._together()
+        self._waiting, self._count = [], np.zeros_like(self._count)
+        return self._leave(block, np.arange(len(index)))
+
+    def state(self) -> tuple[dict[str, object], Array]:
+        """Everything that is not fixed by the request, to go on from later: JSON, and the scenes that wait as
+        (3N + L + 1, m), the number of the cell in the last row."""
+        facts: dict[str, object] = {"done": self.done, "candidates": self.candidates, "strays": sorted(self.strays)}
+        if not self._waiting:
+            return facts, np.empty((0, 0))
+        block, index = self._together()
+        self._waiting = [(block, index)]
+        return facts, np.concatenate([block.rows, block.phi, self._cells[index][None].astype(np.float64)])
+
+    def restore(self, facts: dict[str, object], waiting: Array, coordinates: int) -> None:
+        """The other way round, on a new filler of the same request; `coordinates` is 3N."""
+        done, candidates, strays = facts["done"], facts["candidates"], facts["strays"]
+        assert isinstance(done, int) and isinstance(candidates, int) and isinstance(strays, list)
+        self.done, self.candidates, self.strays = done, candidates, set(strays)
+        if waiting.size:
+            index = self._index[waiting[-1].astype(np.intp)]
+            self._waiting = [(Block(waiting[:coordinates], waiting[coordinates:-1]), index)]
+            self._count = np.bincount(index, minlength=len(self._cells))
+
+    def _shares(self, start: int, stop: int) -> Cell:
+        """How many of the scenes `start` up to `stop` belong to each cell."""
+        count = len(self._cells)
+        shares: Cell = (stop - self._turn + count - 1) // count - (start - self._turn + count - 1) // count
+        return shares
+
+    def _keep(self, block: Block, index: Cell, known: npt.NDArray[np.bool_]) -> None:
+        horizon = min(self.done + 2 * self._size, self._wanted)
+        room = self._shares(self.done, horizon) - self._count
+        kept = np.flatnonzero(known)
+        kept = kept[_rank(index[kept], len(self._cells)) < room[index[kept]]]
+        if len(kept):
+            self._waiting.append((Block(block.rows[:, kept], block.phi[:, kept]), index[kept]))
+            self._count += np.bincount(index[kept], minlength=len(self._cells))
+
+    def _finished(self) -> Iterator[Block]:
+        while not self.complete:
+            shares = self._shares(self.done, min(self.done + self._size, self._wanted))
+            if (self._count < shares).any():
+                return
+            block, index = self._together()
+            leaves = _rank(index, len(self._cells)) < shares[index]
+            stays = np.flatnonzero(~leaves)
+            self._waiting = [(Block(block.rows[:, stays], block.phi[:, stays]), index[stays])] if len(stays) else []
+            self._count = self._count - shares
+            yield self._leave(block, np.flatnonzero(leaves))
+
+    def _leave(self, block: Block, which: Cell) -> Block:
+        seed = np.random.SeedSequence([self._seed, ORDER, self.done])
+        order = which[np.random.default_rng(seed).permutation(len(which))]
+        self.done += len(order)
+        return Block(block.rows[:, order], block.phi[:, order])
+
+    def _together(self) -> tuple[Block, Cell]:
+        blocks, indices = zip(*self._waiting, strict=True)
+        if len(blocks) == 1:
+            return blocks[0], indices[0]
+        first: Block = blocks[0]
+        return joined(blocks, len(first.rows), len(first.phi)), np.concatenate(indices)
+
+
+def _rank(index: Cell, count: int) -> Cell:
+    """The how manieth of its cell each scene is, counted from 0."""
+    # numpy sorts 16-bit integers ten times as fast as others
+    order = np.argsort(index.astype(np.int16) if count <= np.iinfo(np.int16).max else index, kind="stable")
+    size = np.bincount(index, minlength=count)
+    first = np.cumsum(size) - size
+    rank = np.empty(len(index), dtype=np.intp)
+    rank[order] = np.arange(len(index)) - first[index[order]]
+    return rank

@@ -1,0 +1,298 @@
+"""A large scene file on its way: finished blocks in `x.parquet.part/`, joined into `x.parquet` at the end.
+
+The folder holds `shard-000000.npy`, ... (blocks, one array after the other), `pool-000001.npy` with what waits for
+later blocks, and `manifest.json`, which names them, the request, and where the run stands. Shards and pool are on disk
+before the manifest that names them is, and that replaces its forerunner in one step. So whenever the process dies, the
+manifest is true: the run goes on from its last checkpoint, and what is newer is made once more, to the same bytes. The
+scenes in the shards have no format yet, since the header, which some formats want first, is known last.
+
+A folder with a checkpoint is never deleted without having been asked for it: without `resume` it is refused. One
+without is what a run left that had just begun, and is replaced.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
+from scenegen.formats.blocks import Array, Block
+from scenegen.formats.files import whole_file, write_whole
+
+MANIFEST = "manifest.json"
+LOCK = "lock"
+_OURS = re.compile(r"manifest\.json|lock|joined|(shard|pool)-\d{6,}\.npy(\.new)?|\..*\.part")
+
+
+class _Shard(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+    file: str
+    blocks: int
+    scenes: int
+    bytes: int
+
+
+class _Manifest(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+    format: Literal["scenegen/shards"] = "scenegen/shards"
+    version: Literal[1] = 1
+    request: dict[str, Any]
+    coordinates: int
+    shards: list[_Shard] = []
+    checkpoint: int = 0
+    state: dict[str, Any] = {}
+    joined: bool = False
+
+
+class Shards:
+    """The folder, held by this process. `state` and `pool` are those of the last checkpoint; `state` is empty where
+    there is none yet."""
+
+    def __init__(self, path: Path, manifest: _Manifest) -> None:
+        self.path = path
+        self.folder = folder_of(path)
+        self._manifest = manifest
+        self._shard: IO[bytes] | None = None
+        self._blocks = self._scenes = 0
+
+    @property
+    def state(self) -> dict[str, Any]:
+        return self._manifest.state
+
+    @property
+    def joined(self) -> bool:
+        """Whether the scene file is there already, and only the folder is to be removed."""
+        return self._manifest.joined
+
+    def pool(self) -> Array:
+        """What was given to `checkpoint`."""
+        with self._reported(), self._pool_path(self._manifest.checkpoint).open("rb") as file:
+            return _load(file)
+
+    def append(self, block: Block) -> None:
+        """Add a block; it counts from the next checkpoint on."""
+        with self._reported():
+            if self._shard is None:
+                self._shard = self._shard_path(new=True).open("wb")
+            np.save(self._shard, np.concatenate([block.rows, block.phi]), allow_pickle=False)
+        self._blocks += 1
+        self._scenes += block.count
+
+    def checkpoint(self, state: Mapping[str, object], pool: Array) -> None:
+        """Make everything so far last: after this, `kill -9` loses nothing of it. `state` is JSON."""
+        with self._reported():
+            shards = [*self._manifest.shards]
+            if self._shard is not None:
+                path, new = self._shard_path(), self._shard_path(new=True)
+                _sync(self._shard)
+                self._shard.close()
+                self._shard = None
+                new.replace(path)
+                size = path.stat().st_size
+                shards.append(_Shard(file=path.name, blocks=self._blocks, scenes=self._scenes, bytes=size))
+                self._blocks = self._scenes = 0
+            number = self._manifest.checkpoint + 1
+            with self._pool_path(number).open("wb") as file:
+                np.save(file, pool, allow_pickle=False)
+                _sync(file)
+            self._publish(shards=shards, checkpoint=number, state=dict(state))
+            self._pool_path(number - 1).unlink(missing_ok=True)
+
+    def join(self, write: Callable[[IO[bytes], Iterator[Block]], None], *, whole: bool = True) -> None:
+        """Let `write` make the scene file of all blocks up to the last checkpoint, put it in its place, and remove the
+        folder. `whole` says that nothing is left to do, also if the process dies before all of the folder is removed.
+        Raises OutputError."""
+        with self._reported():
+            joined = self.folder / "joined"
+            with whole_file(joined) as file:
+                write(file, self.blocks())
+            joined.replace(self.path)
+            _sync_folder(self.path.parent)
+            if whole:
+                self._publish(joined=True)
+        self.discard()
+
+    def blocks(self) -> Iterator[Block]:
+        """The blocks up to the last checkpoint, in order."""
+        coordinates = self._manifest.coordinates
+        for shard in self._manifest.shards:
+            with (self.folder / shard.file).open("rb") as file:
+                for _ in range(shard.blocks):
+                    table = _load(file)
+                    yield Block(table[:coordinates], table[coordinates:])
+
+    def discard(self) -> None:
+        """Remove the folder. The manifest goes first, since it must not name what is not there; but last where it says
+        that the run has come to its end."""
+        self.close()
+        with self._reported():
+            if not self.joined:
+                (self.folder / MANIFEST).unlink(missing_ok=True)
+            for entry in self.folder.iterdir():
+                if entry.name != MANIFEST:
+                    entry.unlink()
+            (self.folder / MANIFEST).unlink(missing_ok=True)
+            self.folder.rmdir()
+
+    def leave(self) -> None:
+        """Close what is open, and remove a folder without a checkpoint."""
+        self.close()
+        if not self.state and self.folder.exists():
+            self.discard()
+
+    def close(self) -> None:
+        """Close what is open."""
+        if self._shard is not None:
+            self._shard.close()
+            self._shard = None
+
+    def _publish(self, **changes: object) -> None:
+        _sync_folder(self.folder)
+        self._manifest = self._manifest.model_copy(update=changes)
+        write_whole(self.folder / MANIFEST, self._manifest.model_dump_json(indent=1).encode() + b"\n")
+        _sync_folder(self.folder)
+
+    def _shard_path(self, *, new: bool = False) -> Path:
+        return self.folder / f"shard-{len(self._manifest.shards):06d}.npy{'.new' if new else ''}"
+
+    def _pool_path(self, number: int) -> Path:
+        return self.folder / _pool_name(number)
+
+    @contextlib.contextmanager
+    def _reported(self) -> Iterator[None]:
+        try:
+            yield
+        except ScenegenError:
+            raise
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            help_ = f"{self.folder} keeps what is done: mend that, then go on with --resume"
+            raise OutputError(Diagnostic(f"cannot write {self.path}: {reason}", help=help_)) from error
+
+
+def _pool_name(number: int) -> str:
+    return f"pool-{number:06d}.npy"
+
+
+def folder_of(path: Path) -> Path:
+    """Where the shards of a scene file are."""
+    return path.with_name(f"{path.name}.part")
+
+
+@contextlib.contextmanager
+def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, resume: bool) -> Iterator[Shards]:
+    """The folder of a scene file, made or taken up again; `coordinates` is 3N.
+
+    `request` is JSON that fixes the scenes: a folder of another one is refused. At the end the folder stays if there is
+    a checkpoint in it. Raises RequestError, DataError (damage), OutputError.
+    """
+    path = path.resolve() if path.is_symlink() else path
+    folder = folder_of(path)
+    wanted = json.loads(json.dumps(dict(request)))
+    shards = Shards(path, _Manifest(request=wanted, coordinates=coordinates))
+    with contextlib.ExitStack() as held:
+        with shards._reported():
+            folder.mkdir(exist_ok=True)
+            _refuse_foreign(folder)
+            held.enter_context(_locked(folder))
+            found = _load_manifest(folder)
+            if found is not None and (path.exists() or not found.joined):
+                _check(folder, found, wanted, resume)
+                shards = Shards(path, found)
+            else:
+                for entry in folder.iterdir():
+                    if entry.name != LOCK:
+                        entry.unlink()
+        held.callback(shards.leave)
+        yield shards
+
+
+def _refuse_foreign(folder: Path) -> None:
+    odd = [entry.name for entry in folder.iterdir() if not _OURS.fullmatch(entry.name)]
+    if odd:
+        title = f"{folder} is in the way: it holds `{odd[0]}`, which is not of an unfinished run"
+        raise OutputError(Diagnostic(title, help="move it, or name another output file"))
+
+
+def _load_manifest(folder: Path) -> _Manifest | None:
+    """None where there is no checkpoint. Raises DataError where what it names is not there."""
+    path = folder / MANIFEST
+    if not path.exists():
+        return None
+    damage = Diagnostic(f"{folder} is damaged: it cannot be resumed", help="delete it, and start anew")
+    try:
+        manifest = _Manifest.model_validate_json(path.read_bytes())
+    except ValidationError:
+        raise DataError(damage) from None
+    sizes = {entry.name: entry.stat().st_size for entry in folder.iterdir()}
+    there = all(sizes.get(shard.file) == shard.bytes for shard in manifest.shards)
+    if not manifest.joined and not (there and _pool_name(manifest.checkpoint) in sizes):
+        raise DataError(damage)
+    return manifest
+
+
+def _check(folder: Path, found: _Manifest, wanted: Mapping[str, Any], resume: bool) -> None:
+    """Refuse a run that is not to be resumed, or is one of another request."""
+    scenes = sum(shard.scenes for shard in found.shards)
+    if not resume:
+        title = f"{folder} holds {scenes:,} scenes of an unfinished run"
+        raise RequestError(Diagnostic(title, help="go on with --resume, or delete the folder"))
+    for key in sorted({*found.request, *wanted}):
+        before, now = found.request.get(key), wanted.get(key)
+        if before != now:
+            title = f"{folder} is of another request: `{key}` was {_short(before)}, and is {_short(now)} now"
+            raise RequestError(Diagnostic(title, help="ask for the same again, or delete the folder"))
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Nobody else may work on the folder; the lock goes with the process, however that ends."""
+    with (folder / LOCK).open("wb") as file:
+        with contextlib.suppress(ImportError):  # no such thing on Windows
+            import fcntl
+
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                title = f"another process is working on {folder}"
+                raise OutputError(Diagnostic(title, help="wait for it, or name another output file")) from None
+            except OSError:
+                pass  # some network disks know no locks
+        yield
+
+
+def _load(file: IO[bytes]) -> Array:
+    try:
+        table: Array = np.load(file, allow_pickle=False)
+    except (ValueError, EOFError):
+        help_ = "delete the folder it is in, and start anew"
+        raise DataError(Diagnostic(f"{file.name} is damaged: it cannot be resumed", help=help_)) from None
+    return table
+
+
+def _sync(file: IO[bytes]) -> None:
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def _sync_folder(folder: Path) -> None:
+    """New names in a folder last, too, where folders can be synchronised."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

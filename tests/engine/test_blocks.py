@@ -1,0 +1,115 @@
+"""Blocks of scenes: even over the cells, each scene once, the first ones of every cell, whatever the pieces."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenegen.engine.blocks import Filler
+from scenegen.formats.blocks import Block
+
+
+def offered(cells):
+    """Candidates that know their cell and their number: rows (3, m), phi (1, m)."""
+    cells = np.asarray(cells, dtype=np.intp)
+    numbers = np.arange(len(cells), dtype=np.float64)
+    return Block(np.stack([numbers, cells.astype(np.float64), numbers]), cells[None].astype(np.float64)), cells
+
+
+def filled(filler, cells, cuts=()):
+    """The blocks that a filler makes of candidates in these cells, offered in pieces that end at `cuts`."""
+    block, index = offered(cells)
+    ends = [0, *sorted(cuts), len(cells)]
+    return [
+        done
+        for start, stop in itertools.pairwise(ends)
+        for done in filler.offer(block.part(start, stop), index[start:stop])
+    ]
+
+
+CELLS = st.lists(st.integers(-1, 6), max_size=400)
+REACHED = st.sets(st.integers(0, 6), min_size=1)
+
+
+@settings(deadline=None, max_examples=100)
+@given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.lists(st.integers(0, 400), max_size=6))
+def test_laws(cells, reached, wanted, size, cuts):
+    filler = Filler(sorted(reached), wanted, 5, size)
+    blocks = filled(filler, cells, [min(cut, len(cells)) for cut in cuts])
+    rest = filler.rest()
+    # each block has its size, and is as even as whole numbers allow; so are all blocks up to it
+    assert all(block.count == min(size, wanted - k * size) for k, block in enumerate(blocks))
+    for together in ([block] for block in blocks), itertools.accumulate([block] for block in blocks):
+        for some in together:
+            counts = [sum(int((block.rows[1] == cell).sum()) for block in some) for cell in reached]
+            assert max(counts) - min(counts) <= 1 and sum(counts) == sum(block.count for block in some)
+    # nothing twice, nothing from elsewhere, nothing more than is wanted, rows and phi still belong together
+    everything = [*blocks, *([rest] if rest is not None else [])]
+    numbers = np.concatenate([np.empty(0), *(block.rows[0] for block in everything)]).astype(int)
+    assert len(set(numbers)) == len(numbers) == filler.done <= wanted
+    assert all(cells[number] in reached for number in numbers)
+    assert all((block.rows[1] == block.phi[0]).all() and (block.rows[0] == block.rows[2]).all() for block in everything)
+    # within a cell they are handed out in the order in which they came
+    for cell in reached:
+        firsts = [block.rows[0][block.rows[1] == cell] for block in blocks]
+        assert all(one.max() < other.min() for one, other in itertools.pairwise(filter(len, firsts)))
+    assert filler.candidates == sum(cell in reached for cell in cells)
+    assert filler.strays == {cell for cell in cells if cell >= 0 and cell not in reached}
+
+
+@settings(deadline=None, max_examples=100)
+@given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.data())
+def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, data):
+    cut = data.draw(st.integers(0, len(cells)))
+    one = Filler(sorted(reached), wanted, 5, size)
+    expected = filled(one, cells, [cut])
+    before = Filler(sorted(reached), wanted, 5, size)
+    block, index = offered(cells)
+    found = list(before.offer(block.part(0, cut), index[:cut]))
+    after = Filler(sorted(reached), wanted, 5, size)
+    after.restore(*before.state(), 3)
+    assert after.found == before.found
+    found += after.offer(block.part(cut, len(cells)), index[cut:])
+    assert [block.rows.tobytes() for block in found] == [block.rows.tobytes() for block in expected]
+    assert after.state()[0] == one.state()[0] and np.array_equal(after.state()[1], one.state()[1])
+
+
+def test_the_first_of_each_cell_are_kept():
+    """Room in a cell is that of two blocks; the next ones are dropped until a block has left."""
+    filler = Filler([0, 1], 40, 0, 10)
+    assert filled(filler, [0] * 15) == [] and filler.found == 10
+    (block,) = filled(filler, [1] * 5)
+    assert sorted(block.rows[0][block.rows[1] == 0]) == [0, 1, 2, 3, 4]
+
+
+def test_a_rare_cell_does_not_fill_the_memory():
+    source = np.random.default_rng(0)
+    filler = Filler([0, 1], 10**6, 0, 100)
+    for _ in range(50):
+        filled(filler, (source.random(1000) < 0.001).astype(int))
+        assert filler.found - filler.done <= 200
+    assert 0 < filler.done < 10**6
+
+
+def test_blocks_are_shuffled_each_in_its_own_way():
+    filler = Filler([0, 1, 2, 3], 8000, 3, 4000)
+    one, other = filled(filler, np.arange(8000) % 4)
+    assert not np.array_equal(one.rows[1], other.rows[1])
+    for block in (one, other):
+        follows = (np.diff(block.rows[0]) > 0).mean()
+        assert 0.45 < follows < 0.55
+        table = np.histogram2d(block.rows[1], np.arange(4000), bins=(4, 10))[0]
+        assert ((table - 100) ** 2 / 100).sum() < 60  # chi-square, 27 degrees of freedom: beyond it once in 4,000
+
+
+def test_the_odd_scene_goes_to_cells_all_over_the_range():
+    filler = Filler(range(32), 8, 0, 100)
+    (block,) = filled(filler, list(range(32)))
+    assert np.diff(np.sort(block.rows[1])).max() <= 8
+
+
+def test_no_cell():
+    with pytest.raises(ValueError, match="no cell"):
+        Filler([], 10, 0)

@@ -1,0 +1,350 @@
+"""Streaming to files: the same bytes whatever happens on the way, and nothing lost that was checkpointed."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.formats.blocks import joined
+from scenegen.formats.table import FORMATS, read_scenes
+
+HERE = Path(__file__).parent
+SMALL = {"checkpoint": 0.0, "size": 300}
+
+
+class Runs:
+    """Runs in processes of their own."""
+
+    def __init__(self):
+        self.process = subprocess.Popen(
+            [sys.executable, str(HERE / "made.py")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def __call__(self, path, kill=None, **options):
+        """The exit status, and how many file operations there were."""
+        words = {"path": str(path), "made": {"wanted": 2000}, "kill": kill, **SMALL, **options}
+        self.process.stdin.write(json.dumps(words) + "\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
+
+
+@pytest.fixture(scope="module")
+def run():
+    runs = Runs()
+    yield runs
+    runs.process.communicate(timeout=10)
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory):
+    """The files of runs that nothing disturbed, by ending."""
+    sys.path.insert(0, str(HERE))
+    try:
+        from made import Made, stream
+    finally:
+        sys.path.remove(str(HERE))
+    folder = tmp_path_factory.mktemp("unbroken")
+    for ending in FORMATS:
+        stream(folder / f"x{ending}", Made(2000), size=300)
+    return {ending: (folder / f"x{ending}").read_bytes() for ending in FORMATS}
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_what_is_written(ending, tmp_path, unbroken):
+    (tmp_path / f"x{ending}").write_bytes(unbroken[ending])
+    reading = read_scenes(tmp_path / f"x{ending}")
+    scenes = reading.whole()
+    assert scenes.count == 2000 and reading.labels == ("task",) and reading.header.sampler["pieces"] > 5
+    np.testing.assert_array_equal(scenes.phi[0], scenes.rows[3] - scenes.rows[0])
+    assert len(np.unique(scenes.rows[0])) == 2000
+    spread = np.histogram(scenes.phi[0], bins=32, range=(-0.9, 0.9))[0]
+    assert spread.min() >= 2000 // 32 and spread.max() <= 2000 // 32 + 1
+    first = np.histogram(scenes.phi[0, :300], bins=32, range=(-0.9, 0.9))[0]
+    assert first.min() >= 9 and first.max() <= 10
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_workers_and_checkpoints_do_not_change_the_bytes(workers, tmp_path, unbroken):
+    from made import Made, stream
+
+    tally = stream(tmp_path / "x.parquet", Made(2000), workers=workers, size=300, checkpoint=0.0)
+    assert (tmp_path / "x.parquet").read_bytes() == unbroken[".parquet"]
+    assert tally.scenes == 2000
+    assert [entry.name for entry in tmp_path.iterdir()] == ["x.parquet"]
+
+
+def struck(run, path, moments, expected):
+    """Strike a run at each moment, every third one twice, and resume it each time."""
+    for number, moment in enumerate(moments):
+        assert run(path, kill=moment)[0] == -signal.SIGKILL, moment
+        assert len(list(path.parent.glob("*/pool-*"))) <= 2, moment
+        if number % 3 == 0:
+            run(path, kill=12.5, resume=True)
+        assert run(path, resume=True)[0] == 0, moment
+        assert path.read_bytes() == expected, moment
+        assert [entry.name for entry in path.parent.iterdir()] == [path.name], moment
+        path.unlink()
+
+
+def test_killed_here_and_there(run, tmp_path, unbroken):
+    """Struck before and after some of the file operations of a run, and all of the last ones: joining, tidying up."""
+    status, count = run(tmp_path / "x.jsonl")
+    assert status == 0 and count > 60
+    (tmp_path / "x.jsonl").unlink()
+    some = random.Random(7).sample([half / 2 for half in range(2, 2 * count - 16)], 10)
+    struck(run, tmp_path / "x.jsonl", [*some, *(count + 0.5 - back / 2 for back in range(16))], unbroken[".jsonl"])
+
+
+def test_killed_once_all_is_done(run, tmp_path, unbroken):
+    """Then nothing is done again; and a run that had to end early is gone on with, or begun anew."""
+    path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
+    for pieces in (1000, 4):
+        early = {"pieces": pieces, "keep_partial": True}
+        _, count = run(path, **early)
+        written = path.read_bytes()
+        left = 0
+        for back in range(8):
+            path.unlink(missing_ok=True)
+            run(path, kill=count + 0.5 - back / 2, **early)
+            if folder.exists() and path.exists():
+                left += 1
+                assert path.read_bytes() == written
+                manifest = folder / "manifest.json"
+                done = manifest.exists() and json.loads(manifest.read_text())["joined"]
+                status, operations = run(path, resume=True, **early)
+                assert status == 0 and not folder.exists()
+                if pieces == 1000:
+                    assert path.read_bytes() == written and (operations < 20 or not done)
+                else:
+                    assert not done and read_scenes(path).whole().count > 600
+        assert left > 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".jsonl", ".parquet"])
+def test_killed_anywhere(ending, run, tmp_path, unbroken):
+    _, count = run(tmp_path / f"x{ending}")
+    (tmp_path / f"x{ending}").unlink()
+    struck(run, tmp_path / f"x{ending}", [half / 2 for half in range(2, 2 * count + 2)], unbroken[ending])
+
+
+def test_killed_at_any_time_with_workers(tmp_path, unbroken):
+    """By the clock, until the run comes to its end: the parent dies, its workers follow, another crew takes over."""
+    source = random.Random(3)
+    path = tmp_path / "x.parquet"
+    kills = 0
+    while not path.exists():
+        words = {"path": str(path), "made": {"wanted": 2000}, **SMALL, "resume": True, "workers": 2}
+        program = f"import sys; sys.path.insert(0, {str(HERE)!r}); import made; made.run({words!r})"
+        process = subprocess.Popen([sys.executable, "-c", program])
+        try:
+            assert process.wait(timeout=source.uniform(0.5, 1.0) * (1 + kills)) == 0
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            kills += 1
+    assert path.read_bytes() == unbroken[".parquet"]
+    assert kills >= 1 and not (tmp_path / "x.parquet.part").exists()
+
+
+def test_another_request_is_refused(run, tmp_path):
+    from made import Made, stream
+
+    path = tmp_path / "x.jsonl"
+    run(path, kill=30)
+    for other, said in (
+        (Made(2000, seed=1), "`seed` was 0, and is 1 now"),
+        (Made(2001), "`n` was 2000, and is 2001 now"),
+        (Made(2000, plan_digest="other"), '`plan` was "plan", and is "other" now'),
+        (Made(2000, low=-0.8), "`low` was -0.9, and is -0.8 now"),
+    ):
+        with pytest.raises(RequestError, match="is of another request") as caught:
+            stream(path, other, resume=True, size=300)
+        (problem,) = caught.value.diagnostics
+        assert said in problem.title and problem.help
+    with pytest.raises(RequestError, match=r"x\.jsonl\.part holds [\d,]+ scenes of an unfinished run") as caught:
+        stream(path, Made(2000), size=300)
+    assert "--resume" in caught.value.diagnostics[0].help
+    stream(path, Made(2000), resume=True, size=300)
+    assert path.exists()
+
+
+@pytest.mark.parametrize("what", ["shard", "pool", "cut", "manifest", "foreign", "busy"])
+def test_folders_that_cannot_be_resumed(what, run, tmp_path):
+    from made import Made, stream
+
+    path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
+    run(path, kill=30)
+    if what == "shard":
+        shard = min(folder.glob("shard-*"))
+        shard.write_bytes(shard.read_bytes()[:-1])
+    elif what == "pool":
+        max(folder.glob("pool-*")).unlink()
+    elif what == "cut":
+        max(folder.glob("pool-*")).write_bytes(b"")
+    elif what == "manifest":
+        (folder / "manifest.json").write_text("{}")
+    elif what == "foreign":
+        (folder / "thesis.tex").write_text("")
+    before = {entry.name: entry.read_bytes() for entry in folder.iterdir()}
+    said = {"foreign": "is in the way: it holds `thesis.tex`", "busy": "another process is working"}
+    if what == "busy":
+        import fcntl
+
+        with (folder / "lock").open("wb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            with pytest.raises(OutputError, match=said[what]):
+                stream(path, Made(2000), resume=True, size=300)
+    else:
+        with pytest.raises((DataError, OutputError), match=said.get(what, "is damaged: it cannot be resumed")):
+            stream(path, Made(2000), resume=True, size=300)
+    assert {entry.name: entry.read_bytes() for entry in folder.iterdir()} == before
+
+
+def test_what_a_run_leaves_that_had_just_begun_is_replaced(run, tmp_path, unbroken):
+    from made import Made, stream
+
+    path = tmp_path / "x.jsonl"
+    run(path, kill=4)
+    assert (tmp_path / "x.jsonl.part").exists() and not (tmp_path / "x.jsonl.part" / "manifest.json").exists()
+    stream(path, Made(2000), size=300)
+    assert path.read_bytes() == unbroken[".jsonl"]
+
+
+def test_resuming_nothing_just_begins(tmp_path, unbroken):
+    from made import Made, stream
+
+    stream(tmp_path / "x.jsonl", Made(2000), resume=True, size=300)
+    assert (tmp_path / "x.jsonl").read_bytes() == unbroken[".jsonl"]
+
+
+@pytest.mark.parametrize("partial", [False, True])
+@pytest.mark.parametrize("after", [0, 4])
+def test_when_time_is_up(after, partial, tmp_path, unbroken):
+    from made import Made, stream
+
+    path = tmp_path / "x.jsonl"
+    calls = iter(range(100))
+    tally = stream(path, Made(2000), size=300, keep_partial=partial, spent=lambda: next(calls) == after)
+    assert tally.pieces == after and tally.scenes < 2000
+    assert path.exists() == bool(partial and after)
+    assert (tmp_path / "x.jsonl.part").exists() == bool(after and not partial)
+    if path.exists():
+        scenes = read_scenes(path).whole()
+        assert scenes.count == tally.scenes > 600 and len(np.unique(scenes.rows[0])) == scenes.count
+    else:
+        stream(path, Made(2000), size=300, resume=True)
+        assert path.read_bytes() == unbroken[".jsonl"]
+
+
+def test_an_interrupt_keeps_all_of_it(tmp_path, unbroken, monkeypatch):
+    from made import Made, stream
+
+    class Interrupted(Made):
+        def piece(self, k):
+            if k == 3:
+                raise KeyboardInterrupt
+            return super().piece(k)
+
+    path = tmp_path / "x.jsonl"
+    with pytest.raises(KeyboardInterrupt, match=r"keeps [0-9,]+ scenes: go on with --resume"):
+        stream(path, Interrupted(2000), size=300)
+    manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
+    assert manifest["state"]["pieces"] == 3
+    stream(path, Made(2000), size=300, resume=True)
+    assert path.read_bytes() == unbroken[".jsonl"]
+
+
+def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
+    from made import Made, stream
+
+    blocks = []
+
+    def inspect(block):
+        blocks.append(block)
+        if len(blocks) == 3:
+            raise AssertionError("not asked for")
+
+    with pytest.raises(AssertionError):
+        stream(tmp_path / "x.jsonl", Made(2000), size=300, checkpoint=0.0, inspect=inspect)
+    manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
+    assert sum(shard["scenes"] for shard in manifest["shards"]) == 600
+
+
+def test_blocks_in_memory_are_the_blocks_of_the_file(tmp_path, unbroken):
+    from made import Made
+
+    from scenegen.engine.stream import run_blocks
+
+    (tmp_path / "x.parquet").write_bytes(unbroken[".parquet"])
+    written = read_scenes(tmp_path / "x.parquet").whole()
+    for workers in (1, 2):
+        blocks = list(run_blocks(Made(2000), 1, size=300, workers=workers))
+        assert [block.count for block in blocks] == [300] * 6 + [200]
+        together = joined(blocks, 6, 1)
+        assert np.array_equal(together.rows, written.rows) and np.array_equal(together.phi, written.phi)
+
+
+def test_disk_full(tmp_path, monkeypatch, unbroken):
+    import errno
+
+    from made import Made, stream
+
+    path = tmp_path / "x.jsonl"
+    save, calls = np.save, []
+
+    def full(*args, **options):
+        calls.append(1)
+        if len(calls) == 6:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        save(*args, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "save", full)
+        with pytest.raises(OutputError, match="no space left") as caught:
+            stream(path, Made(2000), **SMALL)
+    assert "--resume" in caught.value.diagnostics[0].help
+    stream(path, Made(2000), resume=True, size=300)
+    assert path.read_bytes() == unbroken[".jsonl"]
+
+
+PEAK = """
+import resource, sys
+sys.path.insert(0, sys.argv[1])
+from made import Made, stream
+made = Made(int(sys.argv[3]), objects=4, size=100_000, spread="base", low=-0.95)
+stream(sys.argv[2], made, workers=int(sys.argv[4]))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def peak(path, count, workers=1):
+    """MB of memory at most while `count` scenes of 12 coordinates go to a file."""
+    words = [sys.executable, "-c", PEAK, str(HERE), str(path), str(count), str(workers)]
+    began = time.monotonic()
+    size = float(subprocess.run(words, capture_output=True, text=True, check=True, timeout=600).stdout)
+    print(f"{count:,} scenes, {workers} workers: {size:.0f} MB, {time.monotonic() - began:.1f} s")
+    return size
+
+
+def test_memory_is_flat(tmp_path):
+    few = peak(tmp_path / "few.parquet", 500_000)
+    many = peak(tmp_path / "many.parquet", 2_000_000)
+    assert many < few + 50  # the scenes more are 156 MB
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_memory_is_flat_for_ten_million(workers, tmp_path):
+    few = peak(tmp_path / "few.parquet", 1_000_000, workers)
+    many = peak(tmp_path / "many.parquet", 10_000_000, workers)
+    (tmp_path / "many.parquet").unlink()
+    assert many < few + 50  # the scenes more are 936 MB

@@ -1,5 +1,6 @@
-"""Contraction: narrower boxes that hold the same solutions (HC4: Benhamou et al. 1999, "Revising hull and box consistency").
+"""Contraction: narrower boxes that hold the same solutions.
 
+This is HC4 (Benhamou et al. 1999, "Revising hull and box consistency") on a tape whose nodes keep what they know.
 Forward, every node's interval is met with the bounds of its children; backward, every child's with what its parent's
 leaves it. Intervals on inner nodes are kept from sweep to sweep, so that what one atom says of a difference of two
 coordinates reaches every other atom over the same objects.
@@ -33,17 +34,27 @@ def start(tape: Tape, wanted: Sequence[Wanted], lowest: Array, highest: Array) -
     lo, hi = np.full((len(tape.nodes), len(wanted)), -np.inf), np.full((len(tape.nodes), len(wanted)), np.inf)
     for row, node in tape.rows.items():
         lo[node], hi[node] = lowest[row], highest[row]
-    scale = SLACK * max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
+    scale = size_of(lowest, highest)
     for column, ends in enumerate(wanted):
-        for node, (low, high) in ends.items():
-            at = tape.where[node]
-            lo[at, column] = max(lo[at, column], low - scale - SLACK * abs(low))
-            hi[at, column] = min(hi[at, column], high + scale + SLACK * abs(high))
+        impose(tape, ends, lo[:, column], hi[:, column], scale)
     return lo, hi
 
 
+def size_of(lowest: Array, highest: Array) -> float:
+    """The size of the numbers that coordinates in a box are, at least 1."""
+    return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
+
+
+def impose(tape: Tape, wanted: Wanted, lo: Array, hi: Array, size: float) -> None:
+    """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
+    for node, (low, high) in wanted.items():
+        at = tape.where[node]
+        lo[at] = max(lo[at], low - SLACK * (size + abs(low)))
+        hi[at] = min(hi[at], high + SLACK * (size + abs(high)))
+
+
 def contract(nodes: Sequence[Node], lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
-    """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which boxes may hold a solution, (K,).
+    """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which may hold a solution, (K,).
 
     No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left.
     """

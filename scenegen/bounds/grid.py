@@ -1,6 +1,6 @@
 """A cover of a few coupled coordinates by disjoint boxes: branch and prune.
 
-The boxes are over `dims`, coordinates or differences of coordinates. Boxes are contracted, bisected along the edge whose
+The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
 halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
 """
 
@@ -105,7 +105,9 @@ def _settled(
     low, high = forward(nodes, lo, hi, given)
     settled = np.ones(lo.shape[1], dtype=bool)
     for node, least, most in demands:
-        room = 8 * SLACK * (1.0 + (abs(least) if np.isfinite(least) else 0.0) + (abs(most) if np.isfinite(most) else 0.0))
+        room = (
+            8 * SLACK * (1.0 + (abs(least) if np.isfinite(least) else 0.0) + (abs(most) if np.isfinite(most) else 0.0))
+        )
         settled &= (low[node] >= least - room) & (high[node] <= most + room)
     return settled
 

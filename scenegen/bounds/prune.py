@@ -94,7 +94,12 @@ class Cover:
 
 
 def prune(
-    core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], seed: Sequence[int] = (0,), tape: Tape | None = None
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    seed: Sequence[int] = (0,),
+    tape: Tape | None = None,
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
@@ -108,7 +113,9 @@ def prune(
         weights = _weights(parts)
         if sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True)) >= GOOD:
             break
-        waste = [weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)]
+        waste = [
+            weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
+        ]
         worst = int(np.argmax(waste))
         if waste[worst] <= 0.01:
             break
@@ -125,7 +132,8 @@ def prune(
 def _weights(parts: Sequence[Part]) -> Array:
     logs = np.array([part.proposal.log_volume for part in parts if part.proposal is not None])
     volumes: Array = np.exp(logs - logs.max())
-    return volumes / volumes.sum()
+    volumes /= volumes.sum()
+    return volumes
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,9 +203,7 @@ class _Search:
         return True
 
     def _proposal(self, part: Part, coupling: Sequence[int], relative: bool, budget: int) -> Proposal | None:
-        return propose(
-            self.tape, self.lowest, self.highest, part.lo, part.hi, part.pending, coupling, relative, budget
-        )
+        return propose(self.tape, self.lowest, self.highest, part.lo, part.hi, part.pending, coupling, relative, budget)
 
     def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:
         """Draw a few scenes and note which share is kept; returns the share that meets each open demand."""

@@ -70,7 +70,9 @@ def alternatives(core: Core, wanted: Mapping[int, Ends], index: int) -> list[tup
     low, high = wanted[index]
     below = node.kind == "min"
     meets: Ends = (-math.inf, high) if below else (low, math.inf)
-    fails: Ends = (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
+    fails: Ends = (
+        (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
+    )
     rest = {key: ends for key, ends in wanted.items() if key != index}
     found = []
     for position, arg in enumerate(node.args):

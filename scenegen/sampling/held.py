@@ -63,6 +63,8 @@ def hold(
     that are none, and where nothing is left to sample.
     """
     lowest, highest = spec.box()
+    for which in spec.fixed:
+        lowest[3 * which + 2] = highest[3 * which + 2] = _heading(float(lowest[3 * which + 2]))
     known: dict[str, tuple[float, ...]] = {}
     for name, given in fixed.items():
         held = _as_held(name, given)

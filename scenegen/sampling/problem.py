@@ -100,6 +100,12 @@ class Problem:
         return phi
 
     @property
+    def held(self) -> tuple[Tensor, Tensor] | None:
+        """The rows that spec or request hold in place, indices and values, (H,) each; None where there are none."""
+        rows = np.flatnonzero(self.lowest == self.highest)
+        return (torch.from_numpy(rows), torch.from_numpy(self.lowest[rows])) if len(rows) else None
+
+    @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
         return piece_size(len(self.spec.objects))

@@ -35,6 +35,8 @@ def start(tape: Tape, wanted: Sequence[Wanted], lowest: Array, highest: Array) -
     for row, node in tape.rows.items():
         lo[node], hi[node] = lowest[row], highest[row]
     scale = size_of(lowest, highest)
+    for node in tape.loops:
+        lo[node], hi[node] = -scale * SLACK, scale * SLACK
     for column, ends in enumerate(wanted):
         impose(tape, ends, lo[:, column], hi[:, column], scale)
     return lo, hi
@@ -59,7 +61,7 @@ def contract(nodes: Sequence[Node], lo: Array, hi: Array, rounds: int = ROUNDS) 
     No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left.
     """
     alive = np.ones(lo.shape[1], dtype=bool)
-    leaves = [index for index, node in enumerate(nodes) if isinstance(node, Coord)]
+    leaves = [index for index, node in enumerate(nodes) if _is_leaf(nodes, node)]
     with np.errstate(all="ignore"):
         before = hi[leaves] - lo[leaves]
         for _ in range(rounds):
@@ -98,6 +100,13 @@ def forward(nodes: Sequence[Node], lo: Array, hi: Array, given: Sequence[int]) -
                 np.fmax(out_lo[index], lo[index], out=out_lo[index])
                 np.fmin(out_hi[index], hi[index], out=out_hi[index])
     return out_lo, out_hi
+
+
+def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
+    """Coordinates, and differences of two of them: whose intervals are worth narrowing."""
+    if isinstance(node, Apply):
+        return node.primitive == "sub" and all(isinstance(nodes[arg], Coord) for arg in node.args)
+    return isinstance(node, Coord)
 
 
 def _value(node: Node, lo: Array, hi: Array) -> Interval | None:

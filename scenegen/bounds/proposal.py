@@ -264,7 +264,11 @@ def _grid(
     demands = [one for one in pending if _variables(tape, frame, one.support) <= inside]
     # rows that are sums along the frame keep within the workspace, so they are part of what is contracted
     hanging = [tape.rows[row] for row in frame.up if {frame.up[row][1]} & inside]
-    nodes, number = tape.restrict([*names, *(one.node for one in demands), *hanging])
+    wanted = [*names, *(one.node for one in demands), *hanging]
+    nodes, number = tape.restrict(wanted)
+    loops = [loop for loop in tape.loops if tape.support(loop) <= number.keys()]
+    if loops:
+        nodes, number = tape.restrict([*wanted, *loops])
     old = sorted(number, key=lambda index: number[index])
     dims = [number[name] for name in names]
     given = [number[index] for index in old if index in tape.differences]

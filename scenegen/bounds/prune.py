@@ -8,7 +8,7 @@ half of what is drawn is expected to be kept or nothing helps any more.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,7 +30,7 @@ PILOT = 1024  # scenes drawn from a part to see what is wasted
 LIVE = 1 << 22  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
 GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
 FAILS = 0.25  # an open junction that fails this often is worth a split
-LOOSE = 0.7  # a demand that this share of the scenes meets by itself is not worth a grid
+LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
 COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
 LARGE = 20_000  # nodes of a tape from which on one sweep must do
 
@@ -183,26 +183,30 @@ class _Search:
     def _equip(self, part: Part, budget: int) -> bool:
         """Give a part the proposal with the least volume. False where a cover proves the part empty."""
         atoms = [one for one in part.pending if not isinstance(self.core.nodes[one.core], Junction)]
-        plain = self._proposal(part, (), False, 1)
-        if plain is None:
+        best = self._proposal(part, (), False, 1)
+        if best is None:
             return False
-        met = self._pilot(part, plain)
-        coupling = [one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < LOOSE]
-        if part.acceptance >= GOOD or not coupling:
-            return True
-        best = plain
-        tied = any(node in self.tape.differences for one in atoms if one.core in coupling for node in one.support)
-        for relative in (True, False) if tied else (False,):
-            proposal = self._proposal(part, coupling, relative, budget)
-            if proposal is None:
-                return False
-            if proposal.log_volume < best.log_volume - 0.01:
-                best = proposal
-        if best is not plain:
-            self._pilot(part, best)
+        met = self._pilot(part, best)
+        coupling: set[int] = set()
+        # A demand that fails often may be tied to others that do not: these come in the second time.
+        for loose in LOOSE:
+            more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
+            if part.acceptance >= GOOD or not more:
+                break
+            coupling |= more
+            tied = any(node in self.tape.differences for one in atoms if one.core in coupling for node in one.support)
+            before = best
+            for relative in (True, False) if tied else (False,):
+                proposal = self._proposal(part, coupling, relative, budget)
+                if proposal is None:
+                    return False
+                if proposal.log_volume < best.log_volume - 0.01:
+                    best = proposal
+            if best is not before:
+                met = self._pilot(part, best)
         return True
 
-    def _proposal(self, part: Part, coupling: Sequence[int], relative: bool, budget: int) -> Proposal | None:
+    def _proposal(self, part: Part, coupling: Collection[int], relative: bool, budget: int) -> Proposal | None:
         return propose(self.tape, self.lowest, self.highest, part.lo, part.hi, part.pending, coupling, relative, budget)
 
     def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:

@@ -20,6 +20,8 @@ Array = npt.NDArray[np.float64]
 
 LONGEST = 8  # terms that a sum may have before it counts as one opaque number; keeps the work linear
 
+MOST_LOOPS = 100
+
 # Primitives that depend on where two places lie to each other only: the arguments that are (x, y) of each.
 RELATIVE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
     "dist": ((0, 1), (2, 3)),
@@ -53,13 +55,15 @@ class Form:
 class Tape:
     """`where[i]` is the tape's node with the value of core node i. `rows` maps a storage row to its node;
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
-    coordinate or one difference alone, and linearly, to that node."""
+    coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
+    three objects, two differences add up to the third."""
 
     nodes: tuple[Node, ...]
     where: tuple[int, ...]
     rows: dict[int, int]
     differences: dict[int, tuple[int, int]]
     affine: dict[int, int]
+    loops: tuple[int, ...]
 
     def support(self, node: int) -> frozenset[int]:
         """The coordinates and differences that a node is computed from; what is below a difference is not looked at."""
@@ -193,7 +197,25 @@ def make_tape(core: Core, lowest: Array, highest: Array) -> Tape:
             form = Form(0.0, ((writer.write(form), 1.0),))
         forms.append(form)
         where.append(writer.write(form) if isinstance(node, Atom) else form.terms[0][0] if _is_formula(node) else -1)
-    return Tape(tuple(writer.nodes), tuple(where), rows, writer.differences, writer.affine)
+    loops = _loops(writer)
+    return Tape(tuple(writer.nodes), tuple(where), rows, writer.differences, writer.affine, loops)
+
+
+def _loops(writer: _Writer) -> tuple[int, ...]:
+    """A node (a - b) + (b - c) - (a - c) for every three rows whose differences all occur, up to a number."""
+    node = {pair: index for index, pair in writer.differences.items()}
+    after: dict[int, list[int]] = {}
+    for a, b in sorted(node):
+        after.setdefault(a, []).append(b)
+    found: list[int] = []
+    for (a, b), first in sorted(node.items()):
+        for c in after.get(b, ()):
+            if (a, c) in node:
+                both = writer.add(Apply("add", (first, node[b, c])))
+                found.append(writer.add(Apply("sub", (both, node[a, c]))))
+                if len(found) >= MOST_LOOPS:
+                    return tuple(found)
+    return tuple(found)
 
 
 def _is_formula(node: Node) -> bool:

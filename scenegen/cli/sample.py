@@ -64,7 +64,7 @@ def sample(
     \b
       scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
-      scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5 --out around_the_plate.json
+      scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is

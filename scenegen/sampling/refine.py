@@ -35,8 +35,9 @@ def refine(
     """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, where it can be done.
 
     `target` (L, B) is where a label that is out of its range is headed; labels within their range do not take part
-    until they leave it. Scenes that arrive stop moving; positions stay in the workspace, and the rows in `held` (indices
-    and values) where they are told to be. Scenes that do not arrive are returned as they are: the caller verifies.
+    until they leave it. Scenes that arrive stop moving; positions stay in the workspace, and the rows in `held`
+    (indices and values) where they are told to be. Scenes that do not arrive are returned as they are: the caller
+    verifies.
     """
     rows = clamp_to(workspace, rows, held)
     scale = torch.tensor([workspace.width, workspace.height, 1.0], dtype=rows.dtype).repeat(rows.shape[0] // 3)[:, None]

@@ -27,6 +27,7 @@ Conjunct = tuple[int, float, float]
 """Formula node of the core, lowest and highest value: one end is infinite."""
 
 EFFORTS = (1, 16, 256)  # boxes that one proof may look at: what is proved with few is minimised with few
+WORK = 30_000  # tape nodes that all proofs together may visit: about two seconds
 POINTS = 64  # scenes tried in every round of a proof: one that meets the demand ends it
 WIDE = 32  # boxes that are split at a time
 LARGEST = 20_000  # nodes of a tape from which on nothing is proved beyond one sweep
@@ -35,8 +36,8 @@ SHOWN = 4  # atoms that a message names
 
 @dataclass(frozen=True, slots=True)
 class Clash:
-    """Conjuncts that clash. `proved`: no scene in the box meets them all, and each is needed for that; otherwise a
-    search found no scene that does, and these are the ones that stood in its way."""
+    """Conjuncts that clash. `proved`: no scene in the box meets them all, and each is needed for that proof (as far as
+    the effort went); otherwise a search found no scene that does, and these are the ones that stood in its way."""
 
     conjuncts: tuple[Conjunct, ...]
     proved: bool
@@ -48,22 +49,30 @@ class Clash:
 
 
 def clash(
-    core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], *, search: bool = True
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    *,
+    search: bool = True,
+    work: int = WORK,
 ) -> Clash | None:
     """What clashes in a demand over the box lowest..highest (3N,); None where a scene meets it.
 
     `wanted` maps formula nodes to the ends that their value should lie in. Where nothing can be proved and a short
-    search finds no scene either, the result has `proved` False; `search=False` returns None then.
+    search finds no scene either, the result has `proved` False; `search=False` returns None then. `work` bounds the
+    effort, in visits of nodes (about 60 microseconds each); where it does not suffice, less is proved and less dropped.
     """
     tape = make_tape(core, lowest, highest)
     conjuncts = take_apart(core, wanted)
+    proof = _Proof(core, tape, lowest, highest, work)
     for boxes in EFFORTS:
-        proof = _Proof(core, tape, lowest, highest, boxes)
+        proof.boxes = boxes
         if proof.refutes(conjuncts):
             return Clash(tuple(proof.smallest(conjuncts)), True)
     if not search:
         return None
-    found = find(core, lowest, highest, wanted)
+    found = find(core, lowest, highest, wanted, work=work)
     if found.verdict == "yes" or found.nearest is None:
         return None
     return Clash(_in_the_way(core, found.nearest, conjuncts), False)
@@ -140,15 +149,16 @@ def _joined(conjuncts: Sequence[Conjunct]) -> dict[int, Ends]:
     return demand
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Proof:
-    """Branch and prune without measure: only whether anything is left."""
+    """Branch and prune without measure: only whether anything is left. `boxes` bounds one proof, `work` all."""
 
     core: Core
     tape: Tape
     lowest: Array
     highest: Array
-    boxes: int
+    work: int
+    boxes: int = 1
 
     def refutes(self, conjuncts: Sequence[Conjunct]) -> bool:
         """Whether it is proved, within the boxes allowed, that no scene meets the conjuncts."""
@@ -156,18 +166,20 @@ class _Proof:
         demand = push_down(core, _joined(conjuncts))
         if any(low > high for low, high in demand.values()):
             return True
-        large = len(tape.nodes) > LARGEST
+        rounds = 1 if len(tape.nodes) > LARGEST else 4
         demands = [demand]
         lo, hi = start(tape, demands, self.lowest[:, None], self.highest[:, None])
         looked = 1
-        while True:
-            kept = np.flatnonzero(contract(tape.nodes, lo, hi, rounds=1 if large else 4))
+        while self.work > 0:
+            self.work -= rounds * len(tape.nodes)
+            kept = np.flatnonzero(contract(tape.nodes, lo, hi, rounds=rounds))
             if not len(kept):
                 return True
             lo, hi, demands = lo[:, kept], hi[:, kept], [demands[column] for column in kept]
-            if large or looked >= self.boxes or self._met(conjuncts, lo, hi):
+            if rounds == 1 or looked >= self.boxes or self._met(conjuncts, lo, hi):
                 return False
             next_lo, next_hi, next_demands = [lo[:, WIDE:]], [hi[:, WIDE:]], demands[WIDE:]
+            self.work -= len(tape.nodes) * min(WIDE, len(demands)) // 4
             for column in range(min(WIDE, len(demands))):
                 split = self._split(demands[column], lo[:, column], hi[:, column])
                 if split is None:
@@ -178,6 +190,7 @@ class _Proof:
                     next_demands.append(other)
                     looked += 1
             lo, hi, demands = np.concatenate(next_lo, axis=1), np.concatenate(next_hi, axis=1), next_demands
+        return False
 
     def smallest(self, conjuncts: list[Conjunct]) -> list[Conjunct]:
         """Drop conjuncts, in halves, quarters and at last one by one, while the rest is still refuted."""

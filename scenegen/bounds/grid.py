@@ -87,7 +87,8 @@ def make_grid(
         lo, hi = np.concatenate([lo[:, kept], new_lo], axis=1), np.concatenate([hi[:, kept], new_hi], axis=1)
         open_ = np.concatenate([open_[kept], ~settled])
         volume = np.concatenate([volume[kept], _volume(new_lo, new_hi, where)])
-        if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / lo.shape[1]) * before:
+        # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
+        if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / max(1, lo.shape[1])) * before:
             break
     order = np.argsort(-volume, kind="stable")
     return Grid(tuple(names), lo[where][:, order], hi[where][:, order], np.cumsum(volume[order]))

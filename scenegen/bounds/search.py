@@ -21,6 +21,9 @@ Array = npt.NDArray[np.float64]
 SCENES = 1024  # of one round of the search
 KEPT = 32
 ROUNDS = 40
+FIRST = 128  # scenes that are looked at before anything else
+WORK = 30_000  # tape nodes that contraction may visit; the search may visit as many, SEARCHES times
+SEARCHES = 20
 SHRINK = 0.85  # of the step from round to round
 LIVE = 1 << 21  # numbers of one round at most
 LARGEST = 20_000  # nodes from which on there is no search
@@ -37,33 +40,38 @@ class Reach:
     nearest: Array | None = None
 
 
-def can_reach(core: Core, node: int, lowest: Array, highest: Array) -> Reach:
+def can_reach(core: Core, node: int, lowest: Array, highest: Array, *, work: int = WORK) -> Reach:
     """Whether the formula `node` can be satisfied (>= 0) anywhere in the box lowest..highest (3N,)."""
-    return find(core, lowest, highest, {node: (0.0, np.inf)})
+    return find(core, lowest, highest, {node: (0.0, np.inf)}, work=work)
 
 
-def find(core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends]) -> Reach:
+def find(core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], *, work: int = WORK) -> Reach:
     """Whether all wanted formula nodes can lie within their ends at once, in the box lowest..highest (3N,).
 
-    Contraction first; then uniform scenes of the contracted box, the best of which are moved by ever smaller steps.
-    The random numbers are always the same.
+    A few uniform scenes first; then contraction; then uniform scenes of the contracted box, the best of which are moved
+    by ever smaller steps. The random numbers are always the same. `work` bounds the effort, in visits of nodes.
     """
-    if len(core.nodes) > LARGEST:
-        return Reach("unknown")
+    rng = np.random.default_rng(0)
+    easy, margins = _best(
+        core, wanted, lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), FIRST))
+    )
+    if margins[0] >= 0.0:
+        return Reach("yes", easy[:, 0], float(margins[0]), easy[:, 0])
+    if len(core.nodes) > min(LARGEST, work):
+        return Reach("unknown", None, float(margins[0]), easy[:, 0])
     tape = make_tape(core, lowest, highest)
     lo, hi = start(tape, [push_down(core, wanted)], lowest[:, None], highest[:, None])
-    if not contract(tape.nodes, lo, hi)[0]:
-        return Reach("no")
+    if not contract(tape.nodes, lo, hi, rounds=max(1, min(4, work // len(tape.nodes))))[0]:
+        return Reach("no", None, float(margins[0]), easy[:, 0])
     low, high = lowest.copy(), highest.copy()
     for row, at in tape.rows.items():
         low[row], high[row] = max(low[row], lo[at, 0]), min(high[row], hi[at, 0])
     free = np.flatnonzero(high > low)
-    rng = np.random.default_rng(0)
     count = max(KEPT, min(SCENES, LIVE // len(core.nodes)))
     rows = low[:, None] + (high - low)[:, None] * rng.random((len(low), count))
     best, margins = _best(core, wanted, rows)
     step = 0.3
-    for _ in range(ROUNDS):
+    for _ in range(min(ROUNDS, SEARCHES * work // len(core.nodes))):
         if margins[0] >= 0.0 or not len(free):
             break
         step *= SHRINK

@@ -1,5 +1,7 @@
 """When time is up: how many there are, which label and which atom stood in the way, and what to do."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -17,11 +19,11 @@ HOPELESS = "leftOf(a, b) & sin(theta(a)) * sin(theta(a)) + cos(theta(a)) * cos(t
 @pytest.mark.parametrize("spread", ["flat", "base"])
 def test_a_hopeless_range_names_label_and_atom(spread):
     with pytest.raises(RequestError) as caught:
-        sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=1.0, spread=spread)
+        sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=5.0, spread=spread)
     (problem,) = caught.value.diagnostics
     assert problem.title.startswith("found none of 16 scenes in ")
     assert problem.span.text.startswith("sin(theta(a))")
-    assert " decides phi in 100% of those that fail" in problem.label
+    assert int(re.search(r"decides phi in (\d+)% of those that fail", problem.label)[1]) > 90
     assert problem.note.startswith("phi of `task` was outside `0:0.2` in 100.0% of ")
     assert "--timeout" in problem.help and "--keep-partial" not in problem.help
 
@@ -57,7 +59,7 @@ def test_keep_partial_keeps_what_there_is(exp1):
 
 def test_keep_partial_of_nothing_is_nothing():
     with pytest.raises(RequestError, match="found none"):
-        sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=0.1, keep_partial=True)
+        sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=0.1, spread="base", keep_partial=True)
 
 
 def test_time_changes_no_scene(exp1):

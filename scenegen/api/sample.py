@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenegen.sampling.collect import Sampled
+    from scenegen.sampling.held import Held
     from scenegen.sampling.problem import Budget, Problem, Progress
     from scenegen.sampling.request import Range
 
@@ -44,15 +45,17 @@ def sample(
     timeout: float = 60.0,
     raw: bool = False,
     keep_partial: bool = False,
+    fix: Mapping[str, Held | tuple[float, ...]] | None = None,
     progress: Progress | None = None,
 ) -> SceneSet:
     """n scenes whose phi lies in the wanted range of every label, re-scored by the exact spec in float64.
 
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free. With two ends
     the range is cut into cells that get equal shares of the scenes; `spread="base"` switches that off. From a Spec the
-    scenes are drawn by plain rejection: exactly distributed within a cell, and slow for rare ranges. From a Model they
-    are its proposals, moved onto their target: as fast for rare ranges, and approximately distributed. `raw` returns a
-    model's own output instead, neither moved nor filtered.
+    scenes are drawn by pruned rejection: independent, and exactly distributed within a cell. From a Model they are its
+    proposals, moved onto their target: approximately distributed. `raw` returns a model's own output instead, neither
+    moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that the others complete
+    a given scene.
 
     The same arguments give the same scenes; `timeout` (seconds) can only cut a run short. Raises RequestError for a
     request that is wrong or out of reach, and where fewer than n scenes were found in time, unless `keep_partial`.
@@ -66,7 +69,10 @@ def sample(
             Diagnostic(f"the timeout cannot be {timeout:g} s", help="give it a positive number of seconds")
         )
     ranges = {label: _range(label, ends) for label, ends in (phi or {}).items()}
-    problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread)
+    if raw and fix:
+        title = "`raw` is a model's own output, and a model does not know of objects that are held"
+        raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
+    problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix)
     budget = Budget(timeout)
     if method == "model":
         assert isinstance(source, Model)
@@ -153,5 +159,7 @@ def _verify(problem: Problem, sampled: Sampled, phi: Mapping[str, npt.NDArray[np
         margin = interpret(problem.core, list(sampled.rows), NUMPY)[REQUIRE]
         again = np.vstack([again, np.broadcast_to(margin, (1, sampled.count))])
     inside = (again >= problem.cells.low[:, None]) & (again <= problem.cells.high[:, None])
-    if not (problem.spec.workspace.contains(sampled.rows).all() and inside.all()):
+    still = problem.lowest == problem.highest
+    held = (sampled.rows[still] == problem.lowest[still, None]).all()
+    if not (problem.spec.workspace.contains(sampled.rows).all() and inside.all() and held):
         raise AssertionError("a sampler handed out a scene that was not asked for")

@@ -36,6 +36,15 @@ def sample(
     spread: Annotated[
         str, typer.Option("--spread", help="flat: evenly over the range of phi; base: as they occur.")
     ] = "flat",
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fix",
+            help="Hold an object where it is; repeat for more.",
+            metavar="NAME=X,Y[,THETA]",
+            show_default=False,
+        ),
+    ] = None,
     timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
     keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
     raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
@@ -55,6 +64,7 @@ def sample(
     \b
       scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
+      scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
@@ -71,10 +81,12 @@ def sample(
         check_writable(out, source)
     subject = _load(source, spec)
     from scenegen.api.train import Model
+    from scenegen.sampling.held import parse_fixed
     from scenegen.sampling.request import parse_ranges
 
     labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
     ranges = parse_ranges(phi or [], labels)
+    fixed = parse_fixed(fix or [])
     if render is not None:
         check_folder(render, out)
     import torch
@@ -91,6 +103,7 @@ def sample(
             timeout=timeout,
             raw=raw,
             keep_partial=keep_partial,
+            fix=fixed,
             progress=bar,
         )
     complain(*scenes.warnings)

@@ -46,10 +46,15 @@ def wrap_heading(theta: Tensor) -> Tensor:
     return torch.where(theta >= TWO_PI, torch.zeros_like(theta), theta)
 
 
-def clamp_to(workspace: Workspace, rows: Tensor) -> Tensor:
-    """Scenes with every centre moved to the nearest point of the workspace and headings in [0, 2 pi)."""
+def clamp_to(workspace: Workspace, rows: Tensor, held: tuple[Tensor, Tensor] | None = None) -> Tensor:
+    """Scenes with every centre moved to the nearest point of the workspace and headings in [0, 2 pi).
+
+    `held` are rows that may not move, (H,) indices, and their values, (H,).
+    """
     out = rows.clone()
     out[0::3].clamp_(*workspace.x)
     out[1::3].clamp_(*workspace.y)
     out[2::3] = wrap_heading(out[2::3])
+    if held is not None:
+        out[held[0]] = held[1][:, None]
     return out

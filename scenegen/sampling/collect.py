@@ -65,10 +65,17 @@ class Collector:
             room = most - self._count[cell]
             if room > 0:
                 mine = np.flatnonzero(found == cell)[:room]
-                self._rows.setdefault(cell, []).append(rows[:, mine])
-                self._phi.setdefault(cell, []).append(phi[:, mine])
+                whole = len(mine) == rows.shape[1]
+                self._rows.setdefault(cell, []).append(rows if whole else rows.take(mine, axis=1))
+                self._phi.setdefault(cell, []).append(phi if whole else phi.take(mine, axis=1))
                 self._count[cell] += len(mine)
         return found
+
+    def expect(self, cells: Set[int]) -> None:
+        """Declare that exactly these cells can be reached: their shares are fixed from now on."""
+        for cell in sorted(cells):
+            self._count.setdefault(cell, 0)
+        self._dead.update(cell for cell in range(self.cells.count) if cell not in cells)
 
     def give_up(self, cell: int) -> None:
         """Declare a cell out of reach: its share goes to the others."""
@@ -78,12 +85,16 @@ class Collector:
     @property
     def unreached(self) -> list[int]:
         """Cells in which no scene has been found so far, in order."""
-        return [cell for cell in range(self.cells.count) if cell not in self._count]
+        return [cell for cell in range(self.cells.count) if not self._count.get(cell)]
 
     @property
     def undecided(self) -> list[int]:
         """Cells that have neither been reached nor given up nor ruled out."""
-        return [cell for cell in self.unreached if cell in self.possible and cell not in self._dead]
+        return [
+            cell
+            for cell in self.unreached
+            if cell in self.possible and cell not in self._dead and cell not in self._count
+        ]
 
     def quotas(self, *, hopeful: bool = False) -> Mapping[int, int]:
         """How many scenes each reached cell is to have; `hopeful` counts undecided cells as reachable."""
@@ -110,9 +121,9 @@ class Collector:
         rows: list[Array] = []
         phi: list[Array] = []
         for cell, share in self.quotas().items():
-            if share:
+            if share and self._count.get(cell):
                 rows.append(np.concatenate(self._rows[cell], axis=1)[:, :share])
                 phi.append(np.concatenate(self._phi[cell], axis=1)[:, :share])
         together, values = np.concatenate(rows, axis=1), np.concatenate(phi, axis=1)
         order = self.generator.permutation(together.shape[1])
-        return together[:, order], values[:, order]
+        return together.take(order, axis=1), values.take(order, axis=1)

@@ -118,7 +118,7 @@ def _candidates(
     limits = [problem.cells.limits(int(cell)) for cell in wanted]
     low, high = (torch.from_numpy(np.stack(ends, axis=1)) for ends in zip(*limits, strict=True))
     proposed = propose(target, generator).to(torch.float64)
-    rows = refine(problem.robustness, problem.spec.workspace, proposed, target, low, high)
+    rows = refine(problem.robustness, problem.spec.workspace, proposed, target, low, high, problem.held)
     inside = problem.spec.workspace.contains(rows.numpy())
     moved = int((rows != proposed).any(dim=0).sum())
     phi = problem.score(rows)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,8 +12,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from scenegen.bounds import label_bounds, spec_bounds
-from scenegen.lang.core import Core, gated
+from scenegen.bounds import label_bounds
+from scenegen.bounds.clash import clash, explain
+from scenegen.bounds.contract import contract, start
+from scenegen.bounds.tape import Tape, make_tape
+from scenegen.bounds.wanted import EVERYTHING, Ends, both, push_down
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.lang.core import REQUIRE, Core, gated
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
@@ -20,7 +26,8 @@ from scenegen.robustness import Robustness
 from scenegen.sampling.base import draw, piece_generator, piece_size
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.collect import Collector
-from scenegen.sampling.request import Range, Request, check_request
+from scenegen.sampling.held import Held, hold
+from scenegen.sampling.request import Range, Request, check_request, empty_range
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int, int], None]
@@ -28,7 +35,10 @@ Progress = Callable[[int, int, int], None]
 
 SLACK = 1e-9  # how far from the range torch's phi is trusted to tell that a scene is out of it
 
-SHUFFLE, PILOT, GUIDED = 1, 2, 3  # random streams beside the base draws' (stream 0)
+# random streams beside the base draws' (stream 0)
+SHUFFLE, PILOT, GUIDED, PLAN, REJECTION = 1, 2, 3, 4, 5
+
+LARGE = 1 << 22  # nodes times cells from which on cells are held against plain bounds, not contracted
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +57,8 @@ class Budget:
 class Problem:
     """What every sampler gets. `core`, `robustness` and `cells` are over the gated core: where the spec requires
     something, its margin is one label more, the last, wanted from 0 up. `lowest` and `highest` (3N,) are the box of
-    poses; their rows are equal for objects that are held in place."""
+    poses; their rows are equal where an object is held, by the spec or by the request. `possible` are the cells that
+    bounds do not rule out; `tape` is the core as contraction reads it."""
 
     spec: CheckedSpec
     core: Core
@@ -57,10 +68,21 @@ class Problem:
     robustness: Robustness
     cells: Cells
     possible: frozenset[int]
+    tape: Tape
 
-    def collector(self) -> Collector:
+    def collector(self, reachable: Set[int] = frozenset(), ruled_out: Set[int] = frozenset()) -> Collector:
+        """A collector for the request. `reachable`: the cells that are to have scenes, where that is known already;
+        `ruled_out`: cells proved empty beside those that are not possible."""
         seed = np.random.SeedSequence([self.request.seed, SHUFFLE])
-        return Collector(self.cells, self.request.n, self.possible, np.random.default_rng(seed))
+        collector = Collector(self.cells, self.request.n, self.possible - ruled_out, np.random.default_rng(seed))
+        if reachable:
+            collector.expect(reachable)
+        return collector
+
+    def wanted(self, cell: int | None = None) -> dict[int, Ends]:
+        """What a cell, or the whole range, wants of each formula node of the core."""
+        low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
+        return _wanted(self.core, low, high)
 
     def score(self, rows: Tensor) -> Array:
         """Exact phi of float64 rows, (3N, B) -> (L, B).
@@ -78,6 +100,12 @@ class Problem:
         return phi
 
     @property
+    def held(self) -> tuple[Tensor, Tensor] | None:
+        """The rows that spec or request hold in place, indices and values, (H,) each; None where there are none."""
+        rows = np.flatnonzero(self.lowest == self.highest)
+        return (torch.from_numpy(rows), torch.from_numpy(self.lowest[rows])) if len(rows) else None
+
+    @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
         return piece_size(len(self.spec.objects))
@@ -88,18 +116,81 @@ class Problem:
         return draw(self.lowest, self.highest, self.piece_size, generator)
 
 
-def pose(spec: CheckedSpec, ranges: Mapping[str, Range], *, n: int, seed: int = 0, spread: str = "flat") -> Problem:
-    """Check a request against its spec. Raises RequestError, also where interval bounds rule the whole range out."""
-    request = check_request(ranges, n, seed, spread, spec_bounds(spec))
+def pose(
+    spec: CheckedSpec,
+    ranges: Mapping[str, Range],
+    *,
+    n: int,
+    seed: int = 0,
+    spread: str = "flat",
+    fixed: Mapping[str, Held | tuple[float, ...]] | None = None,
+) -> Problem:
+    """Check a request against its spec. Raises RequestError, also where contraction proves the whole range empty.
+
+    `fixed` holds objects where they are, (x, y) or (x, y, theta) by name; without theta the heading stays free.
+    """
+    lowest, highest, held = hold(spec, fixed or {})
     core = gated(spec.core)
+    low, high = label_bounds(spec.core, lowest, highest)
+    bounds = {name: (float(a), float(b)) for name, a, b in zip(spec.core.labels, low, high, strict=True)}
+    tape = make_tape(core, lowest, highest)
+    _refuse_points(core, lowest, highest, ranges)
+    request = dataclasses.replace(check_request(ranges, n, seed, spread, bounds), fixed=held)
     cells = cut(request, tuple(core.labels))
     if core is not spec.core:
         cells.low[-1] = 0.0
-    lowest, highest = spec.box()
-    least, most = label_bounds(core, lowest, highest)
-    possible = []
-    for cell in range(cells.count):
-        low, high = cells.limits(cell)
-        if ((low <= most) & (high >= least)).all():
-            possible.append(cell)
-    return Problem(spec, core, lowest, highest, request, Robustness(core), cells, frozenset(possible))
+    possible = _possible(core, tape, cells, lowest, highest)
+    problem = Problem(spec, core, lowest, highest, request, Robustness(core), cells, possible, tape)
+    if not possible:
+        raise RequestError(impossible(problem))
+    return problem
+
+
+def impossible(problem: Problem) -> Diagnostic:
+    """What to say of a request that is proved to have no scene: which atoms clash."""
+    return _impossible(problem.core, problem.lowest, problem.highest, problem.request.ranges, problem.wanted())
+
+
+def _impossible(
+    core: Core, lowest: Array, highest: Array, ranges: Mapping[str, Range], wanted: Mapping[int, Ends]
+) -> Diagnostic:
+    asked = [f"phi of `{name}` in {wanted}" for name, wanted in ranges.items()]
+    title = f"no scene can have {' and '.join(asked)}" if asked else "no scene meets what the spec requires"
+    found = clash(core, lowest, highest, wanted)
+    if found is None:
+        return Diagnostic(title, help="ask for another range")
+    return explain(core, found, title, "ask for another range; `scenegen check` shows what each part can reach")
+
+
+def _refuse_points(core: Core, lowest: Array, highest: Array, ranges: Mapping[str, Range]) -> None:
+    """A single value has probability 0 and is answered with a band; where no scene has it at all, say that instead."""
+    if not any(wanted.low is not None and wanted.low == wanted.high for wanted in ranges.values()):
+        return
+    if any(name not in core.labels or empty_range(wanted) is not None for name, wanted in ranges.items()):
+        return
+    low = np.array([-np.inf if (r := ranges.get(name)) is None or r.low is None else r.low for name in core.labels])
+    high = np.array([np.inf if (r := ranges.get(name)) is None or r.high is None else r.high for name in core.labels])
+    if REQUIRE in core.labels:
+        low[-1] = 0.0
+    wanted = _wanted(core, low, high)
+    if not any(map(np.isnan, (*low, *high))) and clash(core, lowest, highest, wanted, search=False) is not None:
+        raise RequestError(_impossible(core, lowest, highest, ranges, wanted))
+
+
+def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
+    wanted: dict[int, Ends] = {}
+    for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
+        wanted[node] = both(wanted.get(node, EVERYTHING), (least, most))
+    return wanted
+
+
+def _possible(core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array) -> frozenset[int]:
+    """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone."""
+    if len(tape.nodes) * cells.count > LARGE:
+        least, most = label_bounds(core, lowest, highest)
+        limits = map(cells.limits, range(cells.count))
+        return frozenset(cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all())
+    wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
+    shape = (len(lowest), cells.count)
+    lo, hi = start(tape, wanted, *(np.broadcast_to(ends[:, None], shape) for ends in (lowest, highest)))
+    return frozenset(map(int, np.flatnonzero(contract(tape.nodes, lo, hi))))

@@ -24,16 +24,25 @@ SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 
 
 def refine(
-    robustness: Robustness, workspace: Workspace, rows: Tensor, target: Tensor, low: Tensor, high: Tensor
+    robustness: Robustness,
+    workspace: Workspace,
+    rows: Tensor,
+    target: Tensor,
+    low: Tensor,
+    high: Tensor,
+    held: tuple[Tensor, Tensor] | None = None,
 ) -> Tensor:
     """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, where it can be done.
 
     `target` (L, B) is where a label that is out of its range is headed; labels within their range do not take part
-    until they leave it. Scenes that arrive stop moving; positions stay in the workspace. Scenes that do not arrive are
-    returned as they are: the caller verifies.
+    until they leave it. Scenes that arrive stop moving; positions stay in the workspace, and the rows in `held`
+    (indices and values) where they are told to be. Scenes that do not arrive are returned as they are: the caller
+    verifies.
     """
-    rows = clamp_to(workspace, rows)
+    rows = clamp_to(workspace, rows, held)
     scale = torch.tensor([workspace.width, workspace.height, 1.0], dtype=rows.dtype).repeat(rows.shape[0] // 3)[:, None]
+    if held is not None:
+        scale[held[0]] = 0.0
     active = torch.arange(rows.shape[1])
     for step in range(SOFT_STEPS + HARD_STEPS):
         part = rows[:, active].detach().requires_grad_(True)
@@ -48,7 +57,7 @@ def refine(
         active = active[moving]
         damping = SOFT_DAMPING if step < SOFT_STEPS else HARD_DAMPING
         moved = part.detach()[:, moving] + scale * _newton(jacobian, residual, damping)
-        rows[:, active] = clamp_to(workspace, moved)
+        rows[:, active] = clamp_to(workspace, moved, held)
     return rows
 
 

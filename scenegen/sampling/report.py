@@ -18,12 +18,23 @@ SHOWN = 4096  # candidates looked at to find out which atom fails most
 
 
 def finish(
-    problem: Problem, collector: Collector, info: dict[str, object], tried: str, rows: Array, phi: Array, done: bool
+    problem: Problem,
+    collector: Collector,
+    info: dict[str, object],
+    tried: str,
+    rows: Array,
+    phi: Array,
+    done: bool,
+    *,
+    early: bool = False,
 ) -> Sampled:
-    """What a sampler hands out. `rows` (3N, B) and `phi` (L, B) are its last misses; `done` says that nothing lacks."""
+    """What a sampler hands out. `rows` (3N, B) and `phi` (L, B) are its last misses; `done` says that nothing lacks,
+    `early` that time was up before it was known which cells can be reached."""
     cells = {"asked": collector.cells.count, "reached": collector.cells.count - len(collector.unreached)}
     warnings = (*problem.request.warnings, *_unreached(collector, tried))
-    why = None if done else _shortfall(problem, collector, tried, rows, phi)
+    why = None if done else _shortfall(problem, collector, tried, rows, phi, early)
+    if problem.request.fixed:
+        info = {**info, "fix": {name: list(pose) for name, pose in problem.request.fixed.items()}}
     if collector.found:
         kept, values = collector.scenes()
     else:
@@ -51,11 +62,11 @@ def _percent(share: float) -> str:
     return "over 99.9%" if 0.999 < share < 1.0 else f"{share:.1%}"
 
 
-def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, phi: Array) -> Diagnostic:
+def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, phi: Array, early: bool) -> Diagnostic:
     """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B)."""
     found, n = collector.found, problem.request.n
     title = f"found {found or 'none'} of {n:,} scenes in {tried}"
-    if found >= n:
+    if early or found >= n:
         title = f"time was up after {tried}, too early to tell which parts of the range can be reached"
         note = f"nothing was found yet in {len(collector.undecided)} of {problem.cells.count} cells"
         help_ = "give it more time with --timeout, ask for `--spread base`, or save what there is with --keep-partial"

@@ -49,6 +49,7 @@ class Request:
     seed: int = 0
     spread: Spread = "flat"
     warnings: tuple[Diagnostic, ...] = ()
+    fixed: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # (x, y) or (x, y, theta)
 
 
 def parse_ranges(options: Sequence[str], labels: Sequence[str]) -> dict[str, Range]:
@@ -85,12 +86,12 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
-        alone = not colon and _number(text) is not None
+        alone = not colon and number(text) is not None
         help_ = f"write a band: {_band_text(text)}" if alone else "for instance 0.05:0.2"
         raise RequestError(Diagnostic("a range is written LO:HI, LO: or :HI", whole, "", help_))
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
-        value = _number(part) if part.strip() else None
+        value = number(part) if part.strip() else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
             raise RequestError(Diagnostic(f"`{part}` is not a number", here, "", "write a range such as 0.05:0.2"))
@@ -106,7 +107,7 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     return result
 
 
-def _number(text: str) -> float | None:
+def number(text: str) -> float | None:
     """A finite decimal number, or None. Python's own float() also takes `nan`, `inf` and `1_000`."""
     if not re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", text, re.ASCII):
         return None

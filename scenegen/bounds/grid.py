@@ -1,0 +1,136 @@
+"""A cover of a few coupled coordinates by disjoint boxes: branch and prune.
+
+The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
+halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.contract import SLACK, contract, forward
+from scenegen.lang.core import Node
+
+Array = npt.NDArray[np.float64]
+
+LARGEST = 1 << 21  # numbers that one contraction may work on at a time
+FEWEST = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
+SHARE = 0.25  # boxes smaller than this share of the largest are left for a later round
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """K disjoint boxes lo..hi, (d, K), over the tape's nodes `dims`; `cumulative` (K,) are their volumes, added up."""
+
+    dims: tuple[int, ...]
+    lo: Array
+    hi: Array
+    cumulative: Array
+
+    @property
+    def volume(self) -> float:
+        return float(self.cumulative[-1]) if len(self.cumulative) else 0.0
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """`count` points uniform over the union of the boxes, (d, count)."""
+        if len(self.cumulative) == 1:
+            out: Array = rng.random((len(self.dims), count))
+            return out * (self.hi - self.lo) + self.lo
+        box = np.searchsorted(self.cumulative, rng.random(count) * self.volume, side="right")
+        np.minimum(box, len(self.cumulative) - 1, out=box)
+        out = rng.random((len(self.dims), count))
+        out *= (self.hi - self.lo).take(box, axis=1)
+        out += self.lo.take(box, axis=1)
+        return out
+
+
+def make_grid(
+    nodes: Sequence[Node],
+    names: Sequence[int],
+    lo: Array,
+    hi: Array,
+    dims: Sequence[int],
+    given: Sequence[int],
+    demands: Sequence[tuple[int, float, float]],
+    budget: int,
+) -> Grid:
+    """Cover what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
+
+    `dims` are the positions to cover (called `names` in the result), `given` those whose intervals are kept when bounds
+    are worked out anew, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
+    not split further. At most `budget` boxes. An empty grid proves that there is no solution.
+    """
+    lo, hi = lo[:, None].copy(), hi[:, None].copy()
+    alive = contract(nodes, lo, hi)
+    lo, hi = lo[:, alive], hi[:, alive]
+    where = list(dims)
+    whole_width = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
+    open_ = ~_settled(nodes, lo, hi, given, demands)
+    volume = _volume(lo, hi, where)
+    while open_.any() and lo.shape[1] < budget:
+        largest = volume[open_].max()
+        chosen = np.flatnonzero(open_ & (volume >= SHARE * largest))
+        if largest <= 0.0:
+            break
+        room = max(1, min(budget - lo.shape[1], LARGEST // (2 * len(where) * len(nodes))))
+        if len(chosen) > room:
+            chosen = np.sort(chosen[np.argsort(-volume[chosen], kind="stable")[:room]])
+        before = float(volume.sum())
+        new_lo, new_hi = _split(nodes, lo[:, chosen], hi[:, chosen], where, whole_width)
+        kept = np.ones(lo.shape[1], dtype=bool)
+        kept[chosen] = False
+        settled = _settled(nodes, new_lo, new_hi, given, demands)
+        lo, hi = np.concatenate([lo[:, kept], new_lo], axis=1), np.concatenate([hi[:, kept], new_hi], axis=1)
+        open_ = np.concatenate([open_[kept], ~settled])
+        volume = np.concatenate([volume[kept], _volume(new_lo, new_hi, where)])
+        # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
+        if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / max(1, lo.shape[1])) * before:
+            break
+    order = np.argsort(-volume, kind="stable")
+    return Grid(tuple(names), lo[where][:, order], hi[where][:, order], np.cumsum(volume[order]))
+
+
+def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:
+    volume: Array = np.prod(np.maximum(hi[dims] - lo[dims], 0.0), axis=0)
+    return volume
+
+
+def _settled(
+    nodes: Sequence[Node], lo: Array, hi: Array, given: Sequence[int], demands: Sequence[tuple[int, float, float]]
+) -> npt.NDArray[np.bool_]:
+    """Boxes in which every scene meets the demands, as far as bounds can tell."""
+    low, high = forward(nodes, lo, hi, given)
+    settled = np.ones(lo.shape[1], dtype=bool)
+    for node, least, most in demands:
+        room = (
+            8 * SLACK * (1.0 + (abs(least) if np.isfinite(least) else 0.0) + (abs(most) if np.isfinite(most) else 0.0))
+        )
+        settled &= (low[node] >= least - room) & (high[node] <= most + room)
+    return settled
+
+
+def _split(nodes: Sequence[Node], lo: Array, hi: Array, dims: list[int], whole: Array) -> tuple[Array, Array]:
+    """Both halves of every box, cut where cutting and contracting leaves the least volume, or else along the relatively
+    longest edge; empty halves are dropped."""
+    count, ways = lo.shape[1], len(dims)
+    middle = 0.5 * (lo[dims] + hi[dims])
+    trial_lo, trial_hi = np.tile(lo, (1, 2 * ways)), np.tile(hi, (1, 2 * ways))
+    for way, dim in enumerate(dims):
+        below = slice(2 * way * count, (2 * way + 1) * count)
+        above = slice((2 * way + 1) * count, (2 * way + 2) * count)
+        trial_hi[dim, below] = middle[way]
+        trial_lo[dim, above] = middle[way]
+    alive = contract(nodes, trial_lo, trial_hi, rounds=2)
+    volume = np.where(alive, _volume(trial_lo, trial_hi, dims), 0.0).reshape(ways, 2, count)
+    left = volume.sum(axis=1)
+    relative = (hi[dims] - lo[dims]) / whole[:, None]
+    # Volumes that differ by a few percent say nothing: the longer edge is then the better cut.
+    best = np.argmin(left / np.maximum(left.max(axis=0), 1e-300) - 0.1 * relative / relative.max(axis=0), axis=0)
+    column = np.arange(count)
+    picked = np.concatenate([(2 * best) * count + column, (2 * best + 1) * count + column])
+    picked = picked[alive[picked]]
+    return trial_lo[:, picked], trial_hi[:, picked]

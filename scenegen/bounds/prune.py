@@ -1,0 +1,238 @@
+"""Branch and prune: a disjoint cover of the scenes that meet a demand, each part with a way to draw from it.
+
+The demand is split into alternatives (see wanted.py), boxes are contracted, and what is left of each alternative gets a
+proposal. A short pilot draw from each tells where volume is wasted; the worst is split or covered more finely, until
+half of what is drawn is expected to be kept or nothing helps any more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.contract import contract, start
+from scenegen.bounds.proposal import Open, Proposal, open_nodes, propose
+from scenegen.bounds.tape import Tape, make_tape
+from scenegen.bounds.wanted import Ends, alternatives, push_down
+from scenegen.lang.core import Core, Junction
+from scenegen.lang.interpret import evaluate
+from scenegen.primitives import NUMPY
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+PARTS = 256  # alternatives of a cover at most
+PILOT = 1024  # scenes drawn from a part to see what is wasted
+LIVE = 1 << 22  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
+GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
+FAILS = 0.25  # an open junction that fails this often is worth a split
+LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
+COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
+LARGE = 20_000  # nodes of a tape from which on one sweep must do
+
+
+@dataclass(slots=True)
+class Part:
+    """One alternative: `apart` are the formula nodes (of the core) and ends that tell its scenes from the others'."""
+
+    apart: tuple[tuple[int, float, float], ...]
+    demand: Mapping[int, Ends]
+    lo: Array
+    hi: Array
+    pending: Sequence[Open] = ()
+    proposal: Proposal | None = None
+    acceptance: float = 0.0
+    fails: Mapping[int, float] = field(default_factory=dict)
+    final: bool = False
+
+    def owns(self, values: Sequence[Array], span: slice) -> Bool | None:
+        """Which of the scenes whose node values are given belong to this part; None for all."""
+        mine: Bool | None = None
+        for node, low, high in self.apart:
+            value = values[node][span]
+            held = (value >= low) & (value <= high)
+            mine = held if mine is None else np.logical_and(mine, held, out=mine)
+        return mine
+
+
+@dataclass(frozen=True, slots=True)
+class Cover:
+    """Disjoint parts that hold every scene meeting a demand; none: it is proved that there is no such scene.
+
+    `log_share` is the natural logarithm of their volume over the volume of the whole box, `weights` their shares of it.
+    """
+
+    parts: tuple[Part, ...]
+    weights: Array
+    log_share: float
+
+    @property
+    def expected(self) -> float:
+        """The share of drawn scenes that the pilots kept."""
+        return float(sum(weight * part.acceptance for weight, part in zip(self.weights, self.parts, strict=True)))
+
+    def draw(self, out: Array, rng: np.random.Generator) -> tuple[Bool, list[slice]]:
+        """Fill `out` (3N, m) with scenes uniform over the proposals; returns which lie in their box, and where the
+        scenes of each part are."""
+        counts = rng.multinomial(out.shape[1], self.weights)
+        usable = np.ones(out.shape[1], dtype=bool)
+        spans = []
+        begin = 0
+        for part, count in zip(self.parts, map(int, counts), strict=True):
+            span = slice(begin, begin + count)
+            spans.append(span)
+            begin += count
+            if count and part.proposal is not None:
+                inside = part.proposal.draw(out[:, span], rng)
+                if inside is not None:
+                    usable[span] = inside
+        return usable, spans
+
+
+def prune(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    seed: Sequence[int] = (0,),
+    tape: Tape | None = None,
+) -> Cover:
+    """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
+
+    Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
+    """
+    tape = make_tape(core, lowest, highest) if tape is None else tape
+    rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
+    search = _Search(core, tape, lowest, highest, wanted, rng)
+    parts = search.open_up([(push_down(core, wanted), ())])
+    while parts:
+        weights = _weights(parts)
+        if sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True)) >= GOOD:
+            break
+        waste = [
+            weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
+        ]
+        worst = int(np.argmax(waste))
+        if waste[worst] <= 0.01:
+            break
+        part = parts.pop(worst)
+        parts[worst:worst] = search.improve(part, PARTS - len(parts))
+    log_base = float(np.log((highest - lowest)[highest > lowest]).sum())
+    if not parts:
+        return Cover((), np.empty(0), -math.inf)
+    logs = np.array([part.proposal.log_volume for part in parts if part.proposal is not None])
+    top = float(logs.max())
+    return Cover(tuple(parts), _weights(parts), top + math.log(np.exp(logs - top).sum()) - log_base)
+
+
+def _weights(parts: Sequence[Part]) -> Array:
+    logs = np.array([part.proposal.log_volume for part in parts if part.proposal is not None])
+    volumes: Array = np.exp(logs - logs.max())
+    volumes /= volumes.sum()
+    return volumes
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    core: Core
+    tape: Tape
+    lowest: Array
+    highest: Array
+    wanted: Mapping[int, Ends]
+    rng: np.random.Generator
+
+    def open_up(self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]]) -> list[Part]:
+        """Parts for demands, contracted together; those proved empty are left out."""
+        if not entries:
+            return []
+        columns = (len(self.lowest), len(entries))
+        boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
+        lo, hi = start(self.tape, [demand for demand, _ in entries], *boxes)
+        alive = contract(self.tape.nodes, lo, hi, rounds=1 if len(self.tape.nodes) > LARGE else 4)
+        found = []
+        for column in np.flatnonzero(alive):
+            demand, apart = entries[int(column)]
+            part = Part(apart, demand, lo[:, column].copy(), hi[:, column].copy())
+            part.pending = open_nodes(self.tape, demand, part.lo, part.hi)
+            if self._equip(part, COARSE):
+                found.append(part)
+        return found
+
+    def improve(self, part: Part, room: int) -> list[Part]:
+        """What to put in the place of a part that wastes too much."""
+        failing = [
+            (share, node)
+            for node, share in part.fails.items()
+            if share >= FAILS and len(_args(self.core, node)) <= room and node in part.demand
+        ]
+        if failing:
+            _, node = max(failing)
+            split = alternatives(self.core, part.demand, node)
+            return self.open_up(
+                [(demand, (*part.apart, *((key, *ends) for key, ends in apart.items()))) for demand, apart in split]
+            )
+        part.final = True
+        if part.proposal is not None and part.proposal.grids:
+            return [part] if self._equip(part, FINE) else []
+        return [part]
+
+    def _equip(self, part: Part, budget: int) -> bool:
+        """Give a part the proposal with the least volume. False where a cover proves the part empty."""
+        atoms = [one for one in part.pending if not isinstance(self.core.nodes[one.core], Junction)]
+        best = self._proposal(part, (), False, 1)
+        if best is None:
+            return False
+        met = self._pilot(part, best)
+        coupling: set[int] = set()
+        # A demand that fails often may be tied to others that do not: these come in the second time.
+        for loose in LOOSE:
+            more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
+            if part.acceptance >= GOOD or not more:
+                break
+            coupling |= more
+            tied = any(node in self.tape.differences for one in atoms if one.core in coupling for node in one.support)
+            before = best
+            for relative in (True, False) if tied else (False,):
+                proposal = self._proposal(part, coupling, relative, budget)
+                if proposal is None:
+                    return False
+                if proposal.log_volume < best.log_volume - 0.01:
+                    best = proposal
+            if best is not before:
+                met = self._pilot(part, best)
+        return True
+
+    def _proposal(self, part: Part, coupling: Collection[int], relative: bool, budget: int) -> Proposal | None:
+        return propose(self.tape, self.lowest, self.highest, part.lo, part.hi, part.pending, coupling, relative, budget)
+
+    def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:
+        """Draw a few scenes and note which share is kept; returns the share that meets each open demand."""
+        count = max(64, min(PILOT, LIVE // len(self.core.nodes)))
+        rows = np.empty((len(self.lowest), count))
+        inside = proposal.draw(rows, self.rng)
+        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY)]
+        usable = np.ones(count, dtype=bool) if inside is None else inside
+        kept = usable.copy()
+        for node, (low, high) in self.wanted.items():
+            kept &= (values[node] >= low) & (values[node] <= high)
+        mine = part.owns(values, slice(None))
+        part.proposal = proposal
+        part.acceptance = float((kept if mine is None else kept & mine).mean())
+        met = {}
+        total = max(1, int(usable.sum()))
+        for one in part.pending:
+            value = values[one.core]
+            met[one.core] = int((usable & (value >= one.low) & (value <= one.high)).sum()) / total
+        part.fails = {
+            one.core: 1.0 - met[one.core] for one in part.pending if isinstance(self.core.nodes[one.core], Junction)
+        }
+        return met
+
+
+def _args(core: Core, index: int) -> tuple[int, ...]:
+    node = core.nodes[index]
+    return node.args if isinstance(node, Junction) else ()

@@ -1,0 +1,152 @@
+"""Contraction, alternatives and covers lose no scene that meets the demand, and count none twice."""
+
+import math
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenegen.bounds.contract import contract, start
+from scenegen.bounds.prune import prune
+from scenegen.bounds.tape import make_tape
+from scenegen.bounds.wanted import alternatives, push_down
+from scenegen.lang.check import check_text
+from scenegen.lang.core import Junction
+from scenegen.lang.interpret import evaluate
+from scenegen.primitives import NUMPY
+
+made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
+specs, seeds = made["specs"], made["seeds"]
+WIDTHS = st.sampled_from([1.0, 0.1, 1e-3, 1e-7, 0.0])
+
+
+def scenes_of(spec, seed, count):
+    """Uniform scenes, half of them on a coarse grid, (3N, count)."""
+    rng = np.random.default_rng(seed)
+    lowest, highest = spec.box()
+    rows = lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), count))
+    rows[:, count // 2 :] = np.clip(np.round(rows[:, count // 2 :], 1), lowest[:, None], highest[:, None])
+    return rows
+
+
+def demands(spec, rows, width, rng):
+    """For every scene a demand that it meets: each label's value and some room, open at one end now and then."""
+    values = np.stack([np.broadcast_to(value, rows.shape[1]) for value in evaluate(spec.core, list(rows), NUMPY)])
+    found = []
+    for scene in range(rows.shape[1]):
+        ends = {}
+        for node in spec.core.labels.values():
+            low, high = values[node, scene] - width * rng.random(), values[node, scene] + width * rng.random()
+            ends[node] = [(low, high), (low, math.inf), (-math.inf, high)][rng.integers(3)]
+        found.append(ends)
+    return found, values
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(specs(labels=("task", "safe")), seeds, WIDTHS)
+def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width):
+    rng = np.random.default_rng(seed)
+    rows = scenes_of(spec, seed, 12)
+    wanted, values = demands(spec, rows, width, rng)
+    lowest, highest = (ends[:, None] for ends in spec.box())
+    # boxes around the scenes, of any size, within the workspace
+    size = rng.random(rows.shape) * (highest - lowest) * rng.choice([1.0, 1e-3, 0.0], rows.shape)
+    low, high = np.maximum(rows - size, lowest), np.minimum(rows + size, highest)
+    tape = make_tape(spec.core, *spec.box())
+    lo, hi = start(tape, [push_down(spec.core, ends) for ends in wanted], low, high)
+    assert contract(tape.nodes, lo, hi).all()
+    for row, node in tape.rows.items():
+        assert ((lo[node] <= rows[row]) & (rows[row] <= hi[node])).all()
+    for node, (a, b) in tape.differences.items():
+        assert ((lo[node] - 1e-12 <= rows[a] - rows[b]) & (rows[a] - rows[b] <= hi[node] + 1e-12)).all()
+    for core_node, node in enumerate(tape.where):
+        if node >= 0:
+            room = 1e-9 * (1 + np.abs(values[core_node]))
+            assert (lo[node] - room <= values[core_node]).all() and (values[core_node] <= hi[node] + room).all()
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(specs(labels=("task",)), seeds, WIDTHS)
+def test_a_scene_meets_exactly_one_alternative(spec, seed, width):
+    """Also where margins tie: half of the scenes lie on a grid."""
+    rng = np.random.default_rng(seed)
+    rows = scenes_of(spec, seed, 12)
+    wanted, values = demands(spec, rows, width, rng)
+    for scene, ends in enumerate(wanted):
+        demand = push_down(spec.core, ends)
+        assert all(low <= values[node, scene] <= high for node, (low, high) in demand.items())
+        for node in [node for node in demand if isinstance(spec.core.nodes[node], Junction)]:
+            held = [
+                all(low <= values[key, scene] <= high for key, (low, high) in apart.items())
+                for _, apart in alternatives(spec.core, demand, node)
+            ]
+            assert sum(held) == 1
+
+
+def inside(proposal, tape, rows):
+    """How many products of boxes and bins of a proposal hold each scene, (B,)."""
+    count = np.ones(rows.shape[1], dtype=int)
+    for row, low, width in proposal.spans:
+        count *= (rows[row] >= low - 1e-12) & (rows[row] <= low + width + 1e-12)
+    for grid in proposal.grids:
+        values = np.stack(
+            [
+                rows[tape.differences[dim][0]] - rows[tape.differences[dim][1]]
+                if dim in tape.differences
+                else rows[tape.nodes[dim].row]
+                for dim in grid.dims
+            ]
+        )
+        near = (values[:, None] >= grid.lo[:, :, None] - 1e-12) & (values[:, None] <= grid.hi[:, :, None] + 1e-12)
+        count *= near.all(axis=0).sum(axis=0)
+    for chain in proposal.chains:
+        bins = []
+        for row, low, width in zip(chain.rows, chain.low, chain.width, strict=True):
+            place = (rows[row] - low) / width
+            count *= (place >= -1e-6) & (place <= 256 + 1e-6)
+            bins.append(np.clip(place.astype(int), 0, 255))
+        for link in chain.links:
+            first = np.searchsorted(chain.sums[link.child], link.offset[bins[link.parent]] - 1e-15, side="left")
+            total = link.offset[bins[link.parent]] + link.weight[bins[link.parent]]
+            place = chain.sums[link.child][bins[link.child] + 1]
+            count *= (first <= bins[link.child]) & (place <= total * (1 + 1e-12) + 1e-15)
+    return count
+
+
+FORMULAS = {
+    "leftOf(a, b) & leftOf(b, c) & aboveOf(a, c)": (0.05, 0.15),
+    "leftOf(a, b) | closeTo(a, c, 0.3) | angle(b, NORTH, 0.4)": (0.02, 0.2),
+    "closeTo(a, b, 0.2) & closeTo(b, c, 0.2) & farFrom(a, c, 0.25)": (0.0, 0.1),
+    "(closeTo(a, (0.2, 0.2), 0.2) | closeTo(a, (0.8, 0.8), 0.2)) & !closeTo(a, b, 0.1)": (0.0, 0.05),
+    "min(x(a), 0.5) <= x(b) & max(y(a), 0.3) <= 0.6 & abs(theta(a) - theta(b)) <= 0.5": (0.0, 0.2),
+    "dist(a, b) <= dist(b, c) & sin(theta(a)) * x(a) <= y(b)": (0.0, 0.02),
+    "leftOf(a, b) & (leftOf(a, b) | aboveOf(a, b)) & !leftOf(c, b)": (-0.1, 0.1),
+}
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_cover_holds_every_scene_of_the_range_once(text):
+    low, high = FORMULAS[text]
+    spec = check_text(text)
+    lowest, highest = spec.box()
+    node = spec.core.labels["task"]
+    cover = prune(spec.core, lowest, highest, {node: (low, high)})
+    rows = lowest[:, None] + (highest - lowest)[:, None] * np.random.default_rng(3).random((len(lowest), 400_000))
+    values = [np.broadcast_to(value, rows.shape[1]) for value in evaluate(spec.core, list(rows), NUMPY)]
+    hits = np.flatnonzero((values[node] >= low) & (values[node] <= high))
+    assert len(hits) > 100
+    rows, values = rows[:, hits], [value[hits] for value in values]
+    tape = make_tape(spec.core, lowest, highest)
+    owners = np.zeros(len(hits), dtype=int)
+    for part in cover.parts:
+        owned = part.owns(values, slice(None))
+        owned = np.ones(len(hits), dtype=bool) if owned is None else owned
+        owners += owned
+        assert (inside(part.proposal, tape, rows[:, owned]) == 1).all()
+    assert (owners == 1).all()
+    # and the probability that follows from volume and acceptance is the share of plain hits
+    share = math.exp(cover.log_share) * cover.expected
+    assert share == pytest.approx(len(hits) / 400_000, rel=0.25)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.frame import Frame, Tape
-from scenegen.sampling.moves import KINDS, Draw, Proposal, Tuning, bring_home
+from scenegen.sampling.kinds import KINDS
+from scenegen.sampling.moves import Deck, Draw, Proposal, Tuning, bring_home
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -54,7 +55,7 @@ def which_cell(phi: Sequence[Array], cells: Cells) -> Index:
         count = len(edge) - 1
         along = (phi[label] - edge[0]) * (count / (edge[-1] - edge[0]))
         along = np.nan_to_num(along, nan=0.0, posinf=count, neginf=0.0)
-        found = found * count + np.clip(along, 0, len(share) - 1).astype(np.intp)
+        found = found * count + np.clip(along, 0, count - 1).astype(np.intp)
     return found
 
 
@@ -72,6 +73,7 @@ class Chains:
     region: Region
     fresh: Mask
     pool: list[Array]
+    decks: tuple[Deck, Deck]
     weight: Array | None = None
     evaluations: int = 0
     families: list[Index] = field(default_factory=list)
@@ -83,7 +85,16 @@ class Chains:
         phi = tape(rows)
         anywhere = np.full(len(phi), -np.inf)
         return cls(
-            frame, tape, cells, rng, rows, phi, Region(anywhere, -anywhere), np.ones(count, dtype=bool), list(rows),
+            frame,
+            tape,
+            cells,
+            rng,
+            rows,
+            phi,
+            Region(anywhere, -anywhere),
+            np.ones(count, dtype=bool),
+            list(rows),
+            _decks(frame, rng),
             evaluations=count,
         )
 
@@ -96,9 +107,17 @@ class Chains:
         index = np.arange(0, self.count, max(1, self.count // count))[:count]
         weight = None if self.weight is None else self.weight[index]
         return Chains(
-            self.frame, self.tape, self.cells, self.rng,
-            [row[index] for row in self.rows], [value[index] for value in self.phi], self.region, self.fresh[index],
-            self.pool, weight,
+            self.frame,
+            self.tape,
+            self.cells,
+            self.rng,
+            [row[index] for row in self.rows],
+            [value[index] for value in self.phi],
+            self.region,
+            self.fresh[index],
+            self.pool,
+            _decks(self.frame, self.rng),
+            weight,
         )
 
     def narrow(self, region: Region) -> float:
@@ -134,7 +153,7 @@ class Chains:
 
     def move(self, kind: str, tuning: Tuning) -> tuple[float, Proposal]:
         """One move of all chains. Returns the share of chains that took it, and what was proposed."""
-        draw = Draw(self.frame, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
+        draw = Draw(self.frame, *self.decks, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
         proposal = KINDS[kind](draw)
         if not proposal.rows:
             return 0.0, proposal
@@ -145,8 +164,7 @@ class Chains:
         phi = self.tape(rows)
         held = self.region.holds(phi)
         taken = held if taken is None else taken & held
-        weight = self.weight
-        if weight is not None:
+        if self.weight is not None:
             weight = self.region.weigh(phi, self.cells)
             taken &= self.rng.random(self.count) * self.weight < weight
             self.weight = np.where(taken, weight, self.weight)
@@ -184,3 +202,7 @@ def _systematic(share: Array, rng: np.random.Generator, count: int) -> Index:
     place *= count / place[-1]
     points = np.arange(count) + rng.random()
     return np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
+
+
+def _decks(frame: Frame, rng: np.random.Generator) -> tuple[Deck, Deck]:
+    return Deck(frame.dimension, rng), Deck(len(frame.parts), rng)

@@ -59,9 +59,7 @@ class Frame:
 
     def draw(self, count: int, rng: np.random.Generator) -> list[Array]:
         """`count` poses from the uniform distribution over the box, one (count,) array per moving row."""
-        return [
-            rng.random(count) * (high - low) + low for low, high in zip(self.low, self.high, strict=True)
-        ]
+        return [rng.random(count) * (high - low) + low for low, high in zip(self.low, self.high, strict=True)]
 
     def complete(self, moving: Sequence[Array], lowest: Array, highest: Array, rng: np.random.Generator) -> Array:
         """Whole scenes (3N, B) around the moving rows; the rows that phi does not read are drawn afresh."""
@@ -108,9 +106,7 @@ def read_rows(core: Core) -> set[int]:
 def watched(core: Core) -> Core:
     """The core whose labels are its atoms and its conjunctions and disjunctions (an even choice of them): what chains
     are to forget, too. A disjunct's value tells the modes of a spec apart where no single atom does."""
-    formulas = [
-        [index for index, node in enumerate(core.nodes) if isinstance(node, kind)] for kind in (Atom, Junction)
-    ]
+    formulas = [[index for index, node in enumerate(core.nodes) if isinstance(node, kind)] for kind in (Atom, Junction)]
     chosen = [index for kind in formulas for index in kind[:: max(1, -(-len(kind) // _WATCHED))]]
     return replace(core, labels={str(index): index for index in chosen}, requirement=None)
 

@@ -42,17 +42,6 @@ class Statistics:
 
     def __call__(self, chains: Chains) -> Array:
         """(S, P), standardised over the chains; statistics that are the same in all chains are left at 0."""
-        table = self.raw(chains)
-        return (table - table.mean(axis=1, keepdims=True)) * self.unit(table)
-
-    def unit(self, table: Array) -> Array:
-        """(S, 1): what brings each statistic of a table (S, P) to variance 1; 0 for those that do not vary."""
-        middle = table.mean(axis=1, keepdims=True)
-        spread = table.std(axis=1, keepdims=True)
-        return np.where(spread > 1e-9 * (1.0 + np.abs(middle)), 1.0 / np.maximum(spread, 1e-300), 0.0)
-
-    def raw(self, chains: Chains) -> Array:
-        """(S, P), in their own units."""
         rows = chains.rows
         values: list[Array] = []
         for row, circular in zip(rows, self._frame.circular, strict=True):
@@ -62,7 +51,12 @@ class Statistics:
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
         values += chains.phi
-        return np.nan_to_num(np.array(values))
+        table = np.nan_to_num(np.array(values))
+        middle = table.mean(axis=1, keepdims=True)
+        table -= middle
+        spread = np.sqrt((table * table).mean(axis=1, keepdims=True))
+        out: Array = table * np.where(spread > 1e-9 * (1.0 + np.abs(middle)), 1.0 / np.maximum(spread, 1e-300), 0.0)
+        return out
 
 
 def correlation(before: Array, after: Array) -> Array:

@@ -2,8 +2,8 @@
 
 A population of uniform scenes descends level by level to the wanted range; from then on its chains wander within it by
 Metropolis moves under the base distribution, and scenes are taken far enough apart to have forgotten one another. Exact
-in the limit of long chains; the report says how far from it a run is. With a spread over cells the chains wander through
-all of them under weights that make them equally frequent, so that one descent serves every cell.
+in the limit of long chains; the report says how far from it a run is. With a spread over cells the chains wander
+through all of them under weights that make them equally frequent, so that one descent serves every cell.
 
 The plan is made once; piece k is an independent population that follows it (`run_piece`), wherever it runs.
 """
@@ -25,11 +25,13 @@ from scenegen.sampling.frame import Tape, frame_of
 from scenegen.sampling.levels import Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
 from scenegen.sampling.problem import Budget, Problem, Progress
+from scenegen.sampling.rejection import rejection
 from scenegen.sampling.report import finish
 
 Array = npt.NDArray[np.float64]
 
 _SETTLING = 2  # times the distance between two scenes that survivors of one ancestor get to forget it
+FEWEST = 4  # pieces at least: the error bar of the probability is their spread
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
 # Student's t for 95 % by degrees of freedom, two-sided; beyond the table the normal's value is near enough.
 _STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
@@ -37,7 +39,7 @@ _STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Scenes of one population: rows (3N, B), phi (L, B), all in the wanted range, in the order in which they were taken.
+    """Scenes of one population: rows (3N, B), phi (L, B), all in the wanted range, in the order of their taking.
 
     `probability` is its estimate of the probability of the range under the base distribution, unbiased as its levels
     are given; `accepted` is the mean share of chains that took a move while scenes were taken, `stuck` the share that
@@ -55,6 +57,8 @@ class Piece:
 
 def splitting(problem: Problem, budget: Budget, progress: Progress | None = None) -> Sampled:
     """Scenes for a problem, or as many as the budget allows (`shortfall` then says why)."""
+    if not frame_of(problem).dimension:  # nothing that phi depends on can move: all scenes are alike to it
+        return rejection(problem, budget, progress)
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are not taken
         return _splitting(problem, budget, progress)
 
@@ -81,7 +85,7 @@ def _splitting(problem: Problem, budget: Budget, progress: Progress | None) -> S
         if progress is not None:
             progress(collector.found, problem.request.n, evaluations)
         done = collector.complete and not collector.deficits(hopeful=True)
-        if done or budget.spent or barren >= BARREN:
+        if (done and len(pieces) >= FEWEST) or budget.spent or barren >= BARREN:
             break
     info, warnings = _account(problem, plan, pieces, evaluations)
     sampled = finish(problem, collector, info, f"{evaluations:,} evaluations of splitting", *last, done)
@@ -150,7 +154,7 @@ def _account(
         "method": "splitting",
         "seed": problem.request.seed,
         "candidates": evaluations,
-        "levels": sum(stage.region.weights is None for stage in plan.stages),
+        "levels": plan.levels,
         "pieces": len(pieces),
         "chains": plan.chains,
         "thinning": plan.thinning,
@@ -193,7 +197,10 @@ def _stalled(problem: Problem, end: Stalled, collector: Collector) -> Sampled:
     rng = generator(problem.request.seed, -2)
     rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
     info: dict[str, object] = {
-        "method": "splitting", "seed": problem.request.seed, "candidates": end.evaluations, "levels": end.levels,
+        "method": "splitting",
+        "seed": problem.request.seed,
+        "candidates": end.evaluations,
+        "levels": end.levels,
     }
     tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
     return finish(problem, collector, info, tried, rows, np.array([phi[:shown] for phi in end.phi]), False)

@@ -92,12 +92,20 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
                 new[part.theta] = _turned(new[part.theta], along_x, along_y, exchange)
         if swapping:
             first, second = draw.pick(2)
-            for a, b in _alike(frame, first, second, AXES):
+            pairs = _alike(frame, first, second, AXES)
+            # An object that misses x or y is mirrored otherwise: exchanged with it, the map would not undo itself.
+            if _places(first) != _places(second) or len(pairs) < sum(_places(first)):
+                return Proposal((), (), parting=False)
+            for a, b in pairs:
                 new[a], new[b] = new[b], new[a]
         moved = [(row, value) for row, value in new.items() if value is not draw.rows[row]]
         return Proposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)
 
     return move
+
+
+def _places(part: Part) -> tuple[bool, bool]:
+    return part.x is not None, part.y is not None
 
 
 def _turned(theta: Array, along_x: bool, along_y: bool, exchange: bool) -> Array:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Budget, Problem, Progress
     from scenegen.sampling.request import Range
 
-METHODS = ("auto", "rejection", "model")
+METHODS = ("auto", "rejection", "splitting", "model")
 
 Ends = tuple[float | None, float | None]
 
@@ -52,10 +52,11 @@ def sample(
 
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free. With two ends
     the range is cut into cells that get equal shares of the scenes; `spread="base"` switches that off. From a Spec the
-    scenes are drawn by pruned rejection: independent, and exactly distributed within a cell. From a Model they are its
-    proposals, moved onto their target: approximately distributed. `raw` returns a model's own output instead, neither
-    moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that the others complete
-    a given scene.
+    scenes are drawn by pruned rejection: independent, and exactly distributed within a cell; the method `splitting`
+    reaches rare ranges with Markov chains, exact in the limit of long chains. From a Model they are its proposals, moved
+    onto their target: approximately distributed. `raw` returns a model's own output instead, neither moved nor
+    filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given
+    scene.
 
     The same arguments give the same scenes; `timeout` (seconds) can only cut a run short. Raises RequestError for a
     request that is wrong or out of reach, and where fewer than n scenes were found in time, unless `keep_partial`.
@@ -77,6 +78,10 @@ def sample(
     if method == "model":
         assert isinstance(source, Model)
         sampled = _from_model(problem, source, budget, raw, progress)
+    elif method == "splitting":
+        from scenegen.sampling.splitting import splitting
+
+        sampled = splitting(problem, budget, progress)
     else:
         from scenegen.sampling.rejection import rejection
 

@@ -32,7 +32,9 @@ def sample(
         Path | None,
         typer.Option("--out", help="The scenes file; default: standard output.", metavar="FILE", show_default=False),
     ] = None,
-    method: Annotated[str, typer.Option("--method", help="auto, rejection (a spec), model (a model file).")] = "auto",
+    method: Annotated[
+        str, typer.Option("--method", help="auto, rejection or splitting (a spec), model (a model file).")
+    ] = "auto",
     spread: Annotated[
         str, typer.Option("--spread", help="flat: evenly over the range of phi; base: as they occur.")
     ] = "flat",

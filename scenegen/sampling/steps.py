@@ -1,0 +1,153 @@
+"""Moves that go somewhere: walks, shifts, turns, redraws and differences. See scenegen.sampling.moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.frame import Part
+from scenegen.sampling.moves import Draw, Kind, Proposal
+from scenegen.scene.workspace import AXES
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Rows = list[Array]
+
+
+def _row(draw: Draw) -> Proposal:
+    (row,) = draw.row_deck.deal()
+    half = draw.capped(row, draw.factor())
+    return Proposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
+
+
+def _object(draw: Draw) -> Proposal:
+    return draw.walk(draw.pick(1)[0].rows)
+
+
+def _pair(draw: Draw) -> Proposal:
+    return draw.walk([row for part in draw.pick(2) for row in part.rows])
+
+
+def _two(draw: Draw) -> Proposal:
+    """Two rows of any objects: one atom hands over to another."""
+    return draw.walk(draw.row_deck.deal(2))
+
+
+def _all(draw: Draw) -> Proposal:
+    return draw.walk(range(draw.frame.dimension))
+
+
+def _shift_all(draw: Draw) -> Proposal:
+    return _shifted(draw, draw.frame.parts)
+
+
+def _shift_some(draw: Draw) -> Proposal:
+    return _shifted(draw, draw.pick(int(draw.rng.integers(2, len(draw.frame.parts) + 1))))
+
+
+def _shift_run(draw: Draw) -> Proposal:
+    """Objects that follow one another in the spec: where they stand in a row, only the gaps at both ends change."""
+    first, last = sorted(draw.rng.integers(len(draw.frame.parts), size=2).tolist())
+    return _shifted(draw, draw.frame.parts[first : last + 1])
+
+
+def _shifted(draw: Draw, parts: Sequence[Part]) -> Proposal:
+    """Several objects by the same step along x, y or both."""
+    axes = (("x",), ("y",), ("x", "y"))[int(draw.rng.integers(3))]
+    factor = draw.factor()
+    rows: list[int] = []
+    values: Rows = []
+    for axis in axes:
+        mine = [row for part in parts if (row := getattr(part, axis)) is not None]
+        if mine:
+            step = draw.noise(draw.step(mine, factor))
+            rows += mine
+            values += [draw.rows[row] + step for row in mine]
+    return Proposal(tuple(rows), tuple(values))
+
+
+def _anew(draw: Draw, rows: Sequence[int]) -> Proposal:
+    """Rows drawn anew where the plan's chains lived. Chains that have left those parts stay: they could not be met."""
+    low, high = draw.tuning.low, draw.tuning.high
+    values: Rows = []
+    allowed: Mask | None = None
+    for row in rows:
+        old = draw.rows[row]
+        here = (old >= low[row]) & (old <= high[row])
+        allowed = here if allowed is None else allowed & here
+        value = draw.rng.random(draw.count)
+        value *= high[row] - low[row]
+        value += low[row]
+        values.append(value)
+    return Proposal(tuple(rows), tuple(values), allowed)
+
+
+def _redraw_row(draw: Draw) -> Proposal:
+    return _anew(draw, draw.row_deck.deal())
+
+
+def _redraw_two(draw: Draw) -> Proposal:
+    return _anew(draw, draw.row_deck.deal(2))
+
+
+def _redraw_object(draw: Draw) -> Proposal:
+    return _anew(draw, draw.pick(1)[0].rows)
+
+
+def _redraw_axis(draw: Draw) -> Proposal:
+    """One coordinate of all objects: what a disjunct along the other axis leaves free."""
+    by_axis = [[row for part in draw.frame.parts if (row := getattr(part, axis)) is not None] for axis in AXES]
+    axes = [rows for rows in by_axis if rows]
+    return _anew(draw, axes[int(draw.rng.integers(len(axes)))])
+
+
+def _turn(draw: Draw) -> Proposal:
+    """One object around another, by an angle 2 atan(t) with t symmetric about 0: the distance between them stays."""
+    moved, pivot = draw.pick(2)
+    if moved.x is None or moved.y is None or pivot.x is None or pivot.y is None:
+        return Proposal((), ())
+    rows = draw.rows
+    t = draw.noise(min(1.0, draw.factor()))
+    square = t * t
+    over = 1.0 / (1.0 + square)
+    cos, sin = (1.0 - square) * over, 2.0 * t * over
+    dx, dy = rows[moved.x] - rows[pivot.x], rows[moved.y] - rows[pivot.y]
+    return Proposal((moved.x, moved.y), (rows[pivot.x] + cos * dx - sin * dy, rows[pivot.y] + sin * dx + cos * dy))
+
+
+def _difference(draw: Draw) -> Proposal:
+    """Some objects by the difference of two scenes of a frozen pool (ter Braak 2006, with a pool that does not move):
+    steps along the shape of the wanted set, and from one of its modes to another."""
+    parts = draw.frame.parts
+    many = len(parts) if draw.rng.random() < 0.5 else int(draw.rng.integers(1, len(parts) + 1))
+    rows = [row for part in draw.pick(many) for row in part.rows]
+    size = len(draw.pool[0])
+    first, second = draw.rng.integers(size, size=(2, draw.count))
+    factor = 1.0 if draw.rng.random() < 0.25 else draw.factor()
+    return Proposal(
+        tuple(rows),
+        tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows),
+    )
+
+
+STEPS: Mapping[str, Kind] = {
+    "row": _row,
+    "two rows": _two,
+    "object": _object,
+    "all": _all,
+    "redraw row": _redraw_row,
+    "redraw two rows": _redraw_two,
+    "redraw object": _redraw_object,
+    "redraw axis": _redraw_axis,
+    "difference": _difference,
+    "pair": _pair,
+    "shift all": _shift_all,
+    "shift some": _shift_some,
+    "shift run": _shift_run,
+    "turn": _turn,
+}
+SCALED = frozenset(
+    {"row", "two rows", "object", "pair", "all", "shift all", "shift some", "shift run", "turn", "difference"}
+)

@@ -1,0 +1,206 @@
+"""Splitting hands out the true conditional distribution, and knows how probable the range is."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from scenegen.lang.check import check_text
+from scenegen.resources import shipped_specs
+from scenegen.sampling.levels import Stalled, make_plan
+from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.request import Range
+from scenegen.sampling.splitting import probability, run_piece, splitting
+
+N = 20_000
+
+
+def drawn(text_or_spec, ranges, n=N, seed=0, spread="base"):
+    spec = check_text(text_or_spec, "test") if isinstance(text_or_spec, str) else text_or_spec
+    found = splitting(pose(spec, ranges, n=n, seed=seed, spread=spread), Budget())
+    assert found.shortfall is None and found.count == n
+    return found
+
+
+def within_error(info, truth):
+    """Whether a known probability lies in twice the 95 % interval: one run in thousands falls outside."""
+    return abs(info["log10_probability"] - math.log10(truth)) < 2 * info["log10_error"]
+
+
+def uniform(values, low, high):
+    return stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue > 1e-3
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """phi from 0.2 to 0.23 is a ring around a point, 2 to 5 cm away from it: 0.66 % of the table."""
+    return drawn("closeTo(mug, (0.3, 0.6), 0.25)", {"task": Range(0.2, 0.23)})
+
+
+def test_a_ring_around_a_point_is_filled_evenly(ring):
+    dx, dy = ring.rows[0] - 0.3, ring.rows[1] - 0.6
+    assert uniform(dx**2 + dy**2, 0.02**2, 0.05**2)
+    assert uniform(np.arctan2(dy, dx), -math.pi, math.pi)
+    assert uniform(ring.rows[2], 0, 2 * math.pi)
+    assert within_error(ring.info, math.pi * (0.05**2 - 0.02**2))
+
+
+def test_every_scene_is_in_the_range_and_there_once(ring):
+    assert ring.phi.min() >= 0.2 and ring.phi.max() <= 0.23
+    assert len(np.unique(ring.rows[:2], axis=1).T) == N
+    np.testing.assert_allclose(0.25 - np.hypot(ring.rows[0] - 0.3, ring.rows[1] - 0.6), ring.phi[0], atol=1e-14)
+
+
+def test_a_band_of_differences_has_its_triangular_density():
+    found = drawn("leftOf(a, b)", {"task": Range(0.9, 0.98)}, seed=1)
+    apart = found.phi[0]
+    # the density of a difference d of two uniform places is 1 - d; the left one is uniform on [0, 1 - d]
+    cdf = lambda d: ((1 - 0.9) ** 2 - (1 - d) ** 2) / ((1 - 0.9) ** 2 - (1 - 0.98) ** 2)  # noqa: E731
+    assert stats.kstest(apart, cdf).pvalue > 1e-3
+    assert uniform(found.rows[0] / (1 - apart), 0, 1)
+    assert uniform(found.rows[1], 0, 1) and uniform(found.rows[4], 0, 1)
+    assert within_error(found.info, ((1 - 0.9) ** 2 - (1 - 0.98) ** 2) / 2)
+
+
+def test_both_sides_of_an_angle_get_equal_shares():
+    found = drawn("angle(knife, 0, 0.01)", {"task": Range(0.002, 0.004)}, seed=2)
+    off = (found.rows[2] + math.pi) % (2 * math.pi) - math.pi
+    assert uniform(np.abs(off), 0.006, 0.008)
+    assert abs((off > 0).sum() - N / 2) < 4 * math.sqrt(N / 4)
+    assert within_error(found.info, 2 * 0.002 / (2 * math.pi))
+
+
+@pytest.fixture(scope="module")
+def flat(exp1):
+    return drawn(exp1, {"task": Range(0.1, 0.3)}, seed=3, spread="flat")
+
+
+def test_the_cells_share_exactly(flat):
+    counts, _ = np.histogram(flat.phi[0], np.linspace(0.1, 0.3, 33))
+    assert counts.tolist() == [N // 32] * 32
+
+
+@pytest.mark.parametrize("cell", [0, 13, 31])
+def test_within_a_cell_scenes_follow_the_base_distribution(flat, cell, phi1, direct, same_distribution):
+    low, high = np.linspace(0.1, 0.3, 33)[cell : cell + 2]
+    truth = direct(2_000_000)
+    phi = phi1(truth)[0]
+    truth = truth[:, (phi >= low) & (phi <= high)]
+    mine = flat.rows[:, (flat.phi[0] >= low) & (flat.phi[0] <= high)]
+    for row in range(6):
+        assert same_distribution(mine[row], truth[row])
+    assert same_distribution(mine[0] - mine[3], truth[0] - truth[3])
+    assert same_distribution(phi1(mine)[1], phi1(truth)[1])
+
+
+def test_a_rare_end_of_the_range_gets_its_share_too():
+    """The last of the 32 cells is a 600th as likely as the first."""
+    found = drawn("leftOf(a, b) & leftOf(c, d)", {"task": Range(0.6, 0.98)}, n=3200, seed=4, spread="flat")
+    counts, _ = np.histogram(found.phi[0], np.linspace(0.6, 0.98, 33))
+    assert counts.tolist() == [100] * 32
+
+
+def test_cells_out_of_reach_are_reported(exp1):
+    found = drawn(exp1, {"task": Range(0.0, 0.2), "safe": Range(0.0, 0.2)}, n=2550, seed=5, spread="flat")
+    # with mug and plate 0.1875 apart along x and y their distance is at least 0.265, and safe is over 0.0125
+    assert found.info["cells"] == {"asked": 256, "reached": 255}
+    assert "1 of 256 cells" in found.warnings[0].title and "task 0.1875:0.2, safe 0:0.0125" in found.warnings[0].note
+    counts, _, _ = np.histogram2d(*found.phi, bins=[np.linspace(0, 0.2, 17)] * 2)
+    assert sorted(set(counts.ravel())) == [0.0, 10.0]
+
+
+def test_two_labels_and_two_modes_against_plain_draws(exp1, phi1, direct, same_distribution):
+    """Experiment 1's query has two modes, one with the mug further left and one with it further up."""
+    low, high = np.array([0.15, 0.05]), np.array([0.23, 0.11])
+    found = drawn(exp1, {"task": Range(0.15, 0.23), "safe": Range(0.05, 0.11)}, seed=6)
+    truth = direct(3_000_000)
+    phi = phi1(truth)
+    truth = truth[:, ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)]
+    for row in range(6):
+        assert same_distribution(found.rows[row], truth[row])
+    for first, second in ((0, 3), (1, 4)):
+        assert same_distribution(found.rows[first] - found.rows[second], truth[first] - truth[second])
+    assert within_error(found.info, truth.shape[1] / 3_000_000)
+
+
+def test_what_is_required_shapes_the_base_distribution(exp1, phi1, direct, same_distribution):
+    core = replace(exp1.core, labels={"task": exp1.core.labels["task"]}, requirement=exp1.core.labels["safe"])
+    found = drawn(replace(exp1, core=core), {"task": Range(0.02, 0.04)}, seed=7)
+    truth = direct(1_000_000)
+    task, safe = phi1(truth)
+    wanted = (task >= 0.02) & (task <= 0.04) & (safe >= 0)
+    truth = truth[:, wanted]
+    assert phi1(found.rows)[1].min() >= 0
+    for row in range(6):
+        assert same_distribution(found.rows[row], truth[row])
+    assert within_error(found.info, wanted.sum() / (safe >= 0).sum())
+
+
+def test_objects_held_in_place_stay_there(exp1, same_distribution):
+    found = drawn(replace(exp1, fixed={1: (0.5, 0.25, 1.0)}), {"task": Range(0.2, 0.25)}, n=5000, seed=8)
+    assert (found.rows[3:] == np.array([[0.5], [0.25], [1.0]])).all()
+    mug = np.random.default_rng(1).random((2, 400_000))
+    phi = np.minimum(0.5 - mug[0], mug[1] - 0.25)
+    mug = mug[:, (phi >= 0.2) & (phi <= 0.25)]
+    assert same_distribution(found.rows[0], mug[0]) and same_distribution(found.rows[1], mug[1])
+
+
+def test_a_table_of_its_own_size():
+    found = drawn("workspace [-2 m, 30 cm] x [5, 6]\ntask: leftOf(mug, plate)", {"task": Range(2.2)}, n=2000)
+    assert found.rows[0::3].min() >= -2 and found.rows[0::3].max() <= 0.3
+    assert found.rows[1::3].min() >= 5 and found.rows[1::3].max() <= 6
+    assert within_error(found.info, 0.5 * (0.1 / 2.3) ** 2)
+
+
+@pytest.mark.parametrize("name", ["sort_3"])
+def test_the_four_orderings_get_equal_shares(name):
+    assert orderings(name, seed=0) > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_the_four_orderings_of_seven_get_equal_shares(seed):
+    assert orderings("sort_7", seed) > 1e-3
+
+
+def orderings(name, seed):
+    """p of the chi-square test that left to right, right to left, up and down are equally frequent."""
+    spec = check_text(shipped_specs()[name].read_text(), name)
+    rows = drawn(spec, {"sorted": Range(0.0375, 0.0625)}, seed=seed).rows
+    x, y = np.diff(rows[0::3], axis=0), np.diff(rows[1::3], axis=0)
+    counts = [int((way > 0).all(axis=0).sum()) for way in (x, -x, y, -y)]
+    return stats.chisquare(counts).pvalue
+
+
+def test_pieces_are_unbiased_about_the_probability():
+    """Fixed levels make the product of the shares an unbiased estimate (Cerou et al. 2012), whatever the moves."""
+    problem = pose(check_text("leftOf(a, b) & belowOf(a, b)"), {"task": Range(0.8, 0.82)}, n=16, spread="base")
+    plan = make_plan(problem, Budget())
+    assert not isinstance(plan, Stalled) and plan.levels >= 8
+    estimates = np.array([run_piece(problem, plan, k).probability for k in range(40)])
+    truth = (0.2**2 / 2) ** 2 - (0.18**2 / 2) ** 2
+    error = estimates.std(ddof=1) / math.sqrt(len(estimates))
+    assert abs(estimates.mean() - truth) < 4 * error
+    # the ideal: every level as if drawn anew, (1 - p) / p / chains for each
+    ideal = math.sqrt(plan.levels / plan.chains)
+    assert 0.7 * ideal < estimates.std(ddof=1) / truth < 2 * ideal
+
+
+def test_the_error_bar_is_students():
+    bar = probability([1e-6, 2e-6, 3e-6, 2e-6])
+    assert bar["log10_probability"] == round(math.log10(2e-6), 5)
+    low, high = stats.t.interval(0.95, 3, loc=2e-6, scale=stats.sem([1e-6, 2e-6, 3e-6, 2e-6]))
+    assert bar["log10_error"] == pytest.approx((high - low) / 2 / 2e-6 / math.log(10), rel=0.01)
+    assert probability([0.0, 0.0]) == {"log10_probability": None, "log10_error": None}
+    assert probability([0.5])["log10_error"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "truth"), [("table_setting_published", 2.18e-6), ("table_setting", 2.95e-6)])
+def test_how_rare_the_band_of_experiment_2_is(name, truth):
+    spec = check_text(shipped_specs()[name].read_text(), name)
+    info = drawn(spec, {"task": Range(0.0175, 0.0425)}, n=200_000, seed=0).info
+    assert abs(10 ** info["log10_probability"] / truth - 1) < 0.05
+    assert abs(info["log10_probability"] - math.log10(truth)) < info["log10_error"] + 0.003  # the reference is rounded

@@ -1,0 +1,120 @@
+"""Plan and pieces: the same scenes however they are run, and an end where there is nothing to be found."""
+
+import time
+
+import numpy as np
+import pytest
+
+from scenegen.api.sample import sample
+from scenegen.api.spec import Spec
+from scenegen.errors import RequestError
+from scenegen.formats.scenes_json import dump
+from scenegen.lang.check import check_text
+from scenegen.sampling.levels import Stalled, make_plan
+from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.request import Range
+from scenegen.sampling.splitting import run_piece, splitting
+
+RARE = {"task": Range(0.05, 0.06)}
+
+
+@pytest.fixture(scope="module")
+def problem(exp2):
+    return pose(exp2, RARE, n=1000, seed=3, spread="base")
+
+
+@pytest.fixture(scope="module")
+def plan(problem):
+    plan = make_plan(problem, Budget())
+    assert not isinstance(plan, Stalled)
+    return plan
+
+
+def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
+    first = run_piece(problem, plan, 2)
+    other = run_piece(problem, plan, 0)
+    again = run_piece(problem, plan, 2)
+    assert first.rows.tobytes() == again.rows.tobytes() and first.phi.tobytes() == again.phi.tobytes()
+    assert first.probability == again.probability
+    assert not set(first.rows[0].tolist()) & set(other.rows[0].tolist())
+
+
+def test_a_plan_made_again_is_the_same(problem, plan):
+    again = make_plan(problem, Budget())
+    assert run_piece(problem, again, 0).rows.tobytes() == run_piece(problem, plan, 0).rows.tobytes()
+
+
+def test_bytes_of_the_scene_file(exp2):
+    runs = [sample(Spec(exp2), {"task": (0.05, 0.06)}, n=100, seed=4, method="splitting") for _ in range(2)]
+    assert dump(runs[0].file()) == dump(runs[1].file())
+    info = runs[0].header.sampler
+    assert info["method"] == "splitting" and info["levels"] > 15 and info["pieces"] >= 4
+    assert -7 < info["log10_probability"] < -5.5 and 0 < info["log10_error"] < 0.3
+    assert 0 < info["acceptance"] < 1 and 0 < info["effective_share"] <= 1 and info["stuck"] < 0.01
+
+
+def test_another_seed_is_another_set(exp2):
+    runs = [splitting(pose(exp2, RARE, n=50, seed=seed), Budget()).rows for seed in (0, 2**63 - 1)]
+    assert not set(runs[0][0].tolist()) & set(runs[1][0].tolist())
+
+
+def test_time_cuts_short_and_changes_no_scene(exp1):
+    problem = pose(exp1, {"task": Range(0.3, 0.35)}, n=60_000, seed=1, spread="base")
+    whole = splitting(problem, Budget())
+
+    class OnePiece(Budget):
+        """Time is up with the first piece, whenever that is."""
+
+        left = True
+
+        @property
+        def spent(self):
+            return not OnePiece.left
+
+    def stop(*_):
+        OnePiece.left = False
+
+    short = splitting(problem, OnePiece(), stop)
+    assert whole.count == 60_000 > short.count > 0 and short.shortfall is not None
+    assert set(short.rows[0].tolist()) < set(whole.rows[0].tolist())
+
+
+def test_an_infeasible_query_ends_and_names_the_atom(exp1):
+    """A distance of 0.16 cannot leave task at -0.17: experiment 1's query (-0.17, -0.09)."""
+    started = time.process_time()
+    wanted = {"task": (-0.172, -0.168), "safe": (-0.092, -0.088)}
+    with pytest.raises(RequestError) as caught:
+        sample(Spec(exp1), wanted, n=16, method="splitting", timeout=600)
+    (problem,) = caught.value.diagnostics
+    assert problem.title.startswith("found none of 16 scenes in ") and "levels" in problem.title
+    assert problem.span is not None and "decides phi" in problem.label
+    assert time.process_time() - started < 30
+
+
+def test_no_time_no_scenes(exp2):
+    found = splitting(pose(exp2, RARE, n=16), Budget(1e-9))
+    assert found.count == 0 and found.shortfall is not None
+
+
+def test_what_cannot_be_held_apart_from_the_rest_does_not_stall():
+    """phi is the same on a whole part of the table: levels cannot part the scenes there."""
+    spec = check_text("min(x(a) - 0.9, 0 * x(a)) <= 0 & x(b) >= 0.999")
+    found = splitting(pose(spec, {"task": Range(-0.0005, 0.1)}, n=100, spread="base"), Budget())
+    assert found.count == 100 and found.rows[3].min() >= 0.9985
+
+
+def test_nothing_that_moves():
+    spec = check_text("x(a) >= 0.2")
+    held = splitting(pose(_held(spec), {"task": Range(0.0)}, n=10), Budget())
+    assert held.count == 10 and (held.rows[0] == 0.5).all()
+
+
+def _held(spec):
+    from dataclasses import replace
+
+    return replace(spec, fixed={0: (0.5, 0.5, 0.0)})
+
+
+def test_phi_free_of_all_limits(exp1):
+    found = splitting(pose(exp1, {}, n=500), Budget())
+    assert found.count == 500 and np.ptp(found.rows[0]) > 0.9

@@ -53,8 +53,8 @@ def sample(
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free. With two ends
     the range is cut into cells that get equal shares of the scenes; `spread="base"` switches that off. From a Spec the
     scenes are drawn by pruned rejection: independent, and exactly distributed within a cell; the method `splitting`
-    reaches rare ranges with Markov chains, exact in the limit of long chains. From a Model they are its proposals, moved
-    onto their target: approximately distributed. `raw` returns a model's own output instead, neither moved nor
+    reaches rare ranges with Markov chains, exact in the limit of long chains. From a Model they are its proposals,
+    moved onto their target: approximately distributed. `raw` returns a model's own output instead, neither moved nor
     filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given
     scene.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,7 +52,7 @@ def check(
             if position:
                 typer.echo("")
             _print(path, spec)
-        warnings = [*spec.checked.warnings, *_hopeless(path, spec)]
+        warnings = [*spec.checked.warnings, *spec.hopeless()]
         if not json:
             complain(*warnings)
         found = [_as_json(one) for one in warnings]
@@ -91,16 +90,6 @@ def _print(path: Path, spec: Spec) -> None:
         top = lines[0]
         typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} in [{top.low:.4g}, {top.high:.4g}]")
         typer.echo("\n".join(tree(lines, more)))
-
-
-def _hopeless(path: Path, spec: Spec) -> Iterator[Diagnostic]:
-    """A warning for each label that no scene can satisfy, as far as interval bounds can tell."""
-    from scenegen.errors import Diagnostic
-
-    for label, (_, highest) in spec.bounds().items():
-        if highest < 0.0:
-            title = f"{path}: `{label}` can never be satisfied: phi is at most {highest:.4g}"
-            yield Diagnostic(title, help="look for a part of it whose bounds are negative", severity="warning")
 
 
 def _facts(spec: Spec) -> dict[str, Any]:

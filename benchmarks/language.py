@@ -5,8 +5,11 @@ Prints ratios; asserts nothing.
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from scenegen.errors import Source
 from scenegen.lang import tables
@@ -57,6 +60,44 @@ def main() -> None:
             f"parse + check {checked:.2f} s, print {printed:.2f} s, compile {compiled:.3f} s: "
             f"all {whole / baseline:.1f} times the baseline"
         )
+    megabytes(lark_grammar=grammar)
+    shipped()
+
+
+def megabytes(lark_grammar: str) -> None:
+    """Large specs: 1 MB of text, and 100,000 atoms over 2,000 objects from a few lines."""
+    lines = ["object " + ", ".join(f"o{k}" for k in range(500))]
+    while sum(map(len, lines)) < 1_000_000:
+        k = len(lines)
+        lines.append(
+            f"l{k}: leftOf(o{k % 500}, o{(k + 1) % 500}) & !closeTo(o{k % 499}, o{k % 499 + 1}, {k % 40 + 1} cm)"
+        )
+    texts = {
+        "1 MB of labels": "\n".join(lines),
+        "2,000 objects, 100,000 atoms": "object b[2000]\ntask: forall i in 1..50: forall p in b: x(p) >= i * 1 mm\n",
+        "450 objects, 101,025 gaps": "object mug[450]\nrequire noOverlap()\ntask: leftOf(mug[1], mug[2])\n",
+    }
+    lark = tables.build(lark_grammar)
+    for name, text in texts.items():
+        started = time.perf_counter()
+        lark.parse(text)
+        baseline = time.perf_counter() - started
+        started = time.perf_counter()
+        spec = check_text(text)
+        print(
+            f"{name}: Lark's own tree {baseline:.2f} s (baseline), parse + check {time.perf_counter() - started:.2f} s, "
+            f"{len(spec.core.nodes):,} nodes"
+        )
+
+
+def shipped() -> None:
+    """`scenegen check` of every spec that ships, in a process of its own, beside a bare `import numpy`."""
+    bare = best(lambda: subprocess.run([sys.executable, "-c", "import numpy"], check=True))
+    print(f"import numpy in a fresh process: {bare:.2f} s (baseline)")
+    for path in sorted((Path(__file__).parent.parent / "specs").glob("*.spec")):
+        command = [sys.executable, "-m", "scenegen", "check", str(path)]
+        taken = best(lambda command=command: subprocess.run(command, check=True, capture_output=True))
+        print(f"check {path.name}: {taken:.2f} s = {taken / bare:.1f} times the baseline")
 
 
 if __name__ == "__main__":

@@ -91,11 +91,13 @@ class Spec:
 
         core, box = gated(self.checked.core), self.checked.box()
         demand = {core.labels[REQUIRE]: ENDS} if REQUIRE in core.labels else {}
-        missing = []
+        bounds, missing = self.bounds(), []
         for name in self.labels:
             wanted = {**demand, core.labels[name]: ENDS}
             if find(core, *box, wanted, work=WORK).verdict != "yes":
-                missing.append((f"`{name}`", "satisfied", wanted))
+                highest = bounds[name][1]
+                most = f": phi is at most {highest:.4g}" if highest < 0.0 else ""
+                missing.append((f"`{name}`", f"satisfied{most}", wanted))
         if demand and len(missing) == len(self.labels):  # some label's scene would have met the requirement, too
             missing.insert(0, ("what the spec requires", "met", demand))
         found: list[Diagnostic] = []

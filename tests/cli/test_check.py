@@ -3,27 +3,19 @@
 import json
 import subprocess
 import sys
-import time
 
 import pytest
 
-BAR = 0.5  # seconds, from the issue
 
-
-def test_light_and_fast(root):
-    """Best of five: what else the machine does is not what is measured."""
+def test_it_loads_nothing_heavy(root):
+    """How fast it is, benchmarks/language.py says; here it is held to what makes it so."""
     program = (
         "import sys; from scenegen.cli.app import run; status = run(sys.argv[1:]);"
         "sys.exit(status or ','.join(m for m in ('torch', 'pybullet', 'PIL') if m in sys.modules) or None)"
     )
-    command = [sys.executable, "-c", program, "check", str(root / "specs" / "first.spec")]
-    times = []
-    for _ in range(5):
-        began = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-        times.append(time.perf_counter() - began)
-        assert (done.returncode, done.stderr) == (0, "")
-    assert min(times) < BAR
+    specs = [str(path) for path in sorted((root / "specs").glob("*.spec"))]
+    done = subprocess.run([sys.executable, "-c", program, "check", *specs], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("name", ["first", "mug_left_of_plate", "table_setting"])
@@ -71,5 +63,24 @@ def test_a_label_that_no_scene_satisfies_gets_a_warning(scenegen, here):
     (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & x(mug) >= x(plate) + 2\nsafe: leftOf(mug, plate)\n")
     outcome = scenegen("check", "hopeless.spec")
     assert outcome.status == 0
-    assert outcome.err.startswith("warning: hopeless.spec: `task` can never be satisfied: phi is at most -1\n")
-    assert "`safe`" not in outcome.err
+    assert outcome.err.startswith(
+        "warning: `task` can never be satisfied: phi is at most -1\n --> hopeless.spec:1:28\n"
+    )
+    assert "bounds prove it" in outcome.err and "`safe`" not in outcome.err
+
+
+def test_what_clashes_is_named_with_its_lines(scenegen, here):
+    text = (
+        "object mug, plate\ntask: closeTo(mug, plate, 5 cm)\n    & angle(mug, NORTH)\n    & x(mug) >= x(plate) + 0.1\n"
+    )
+    (here / "hopeless.spec").write_text(text)
+    outcome = scenegen("check", "hopeless.spec")
+    assert "hopeless.spec:2:7" in outcome.err and "hopeless.spec:4:7" in outcome.err and "angle" not in outcome.err
+
+
+def test_a_requirement_that_no_scene_meets_is_told_once(scenegen, here):
+    text = "object a = box(0.9, 0.9, 0.1), b = box(0.9, 0.9, 0.1)\nrequire insideWorkspace()\nrequire noOverlap()\n"
+    (here / "hopeless.spec").write_text(text + "task: leftOf(a, b)\nother: leftOf(b, a)\n")
+    outcome = scenegen("check", "hopeless.spec")
+    assert outcome.err.startswith("warning: what the spec requires can never be met\n")
+    assert outcome.err.count("warning:") == 1

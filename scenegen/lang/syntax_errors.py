@@ -136,7 +136,11 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
     # `&&` is noticed at its second character: look one back as well.
     for at, length in ((start - 1, 2), (start, 2), (start, 1)):
         found = text[at : at + length] if at >= 0 else ""
-        if found in _FOREIGN and not (length == 2 and at < start and found not in ("&&", "||", "==", "**", "//")):
+        if (
+            len(found) == length
+            and found in _FOREIGN
+            and not (length == 2 and at < start and found not in ("&&", "||", "==", "**", "//"))
+        ):
             title, help_ = _FOREIGN[found]
             return Diagnostic(title, Span(source, at, at + length), "", help_)
     return None

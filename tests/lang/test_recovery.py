@@ -1,5 +1,6 @@
 """Several syntax errors from one run: every broken statement is reported once, whole ones never are."""
 
+import json
 import time
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.errors import Source, SpecError
+from scenegen.errors import Source, SpecError, render, to_json
+from scenegen.lang.layout import format_source
 from scenegen.lang.parse import MOST_ERRORS, parse, parse_tolerant
 from scenegen.lang.print import print_module
 
@@ -100,6 +102,35 @@ def test_a_shipped_spec_cut_off_anywhere(path):
         assert len(kept) + 1 >= len(finished)
         assert kept[: len(finished) - 1] == tuple(finished[:-1])
         assert len(found) <= 1
+
+
+SCRAPS = [
+    *'()[]{}:;,.|&=#x\n"°∧\U0001f36d',
+    "->",
+    "forall ",
+    "in ",
+    "object ",
+    "const A = ",
+    "task: ",
+    "workspace ",
+    "25 cm",
+]
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(st.sampled_from(SPECS + ERRORS), st.randoms(use_true_random=False), st.integers(1, 5))
+def test_damaged_texts_get_diagnostics_with_places_and_nothing_else(path, random, times):
+    text = path.read_bytes().decode("utf-8", errors="replace")[:4000]
+    for _ in range(times):
+        at = random.randrange(len(text) + 1)
+        text = text[:at] + random.choice(["", *SCRAPS]) + text[at + random.choice([0, 0, 1, 5]) :]
+    module, found = parse_tolerant(Source("a.spec", text))
+    assert module is not None or found
+    for one in found:
+        assert render(one) and json.dumps(to_json(one))
+        assert one.span is None or 0 <= one.span.start <= one.span.end <= len(text)
+    if not found:
+        assert format_source(module.source)
 
 
 def test_places_are_those_of_the_whole_text():

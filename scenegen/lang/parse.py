@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,48 +14,134 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang import ast, tables
 from scenegen.lang.build import Builder
-from scenegen.lang.syntax_errors import explain
+from scenegen.lang.recovery import blank, next_opening
+from scenegen.lang.syntax_errors import explain, stop
 
 _ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
 
 MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
+MOST_ERRORS = 20  # of one run; whoever has more has one mistake that causes the others
+
+_STATEMENT_RULES = frozenset("workspace objects region const define require import_ label".split())
 
 
 def parse(source: Source) -> ast.Module:
-    """The syntax tree of a spec's text. Raises SpecError with one diagnostic for the first mistake."""
+    """The syntax tree of a spec's text. Raises SpecError with the first mistake of every statement that has one."""
+    problem = _unreadable(source)
+    if problem is not None:
+        raise SpecError(problem)
+    tree, problems = _statement_by_statement(source, _parser())
+    if problems:
+        raise SpecError(*problems)
+    module = _module(source, tree)
+    deep = _too_deep(module)
+    if deep is not None:
+        raise SpecError(deep)
+    return module
+
+
+def parse_tolerant(source: Source) -> tuple[ast.Module | None, list[Diagnostic]]:
+    """What can be parsed, and what is wrong with the rest: for editors, which meet unfinished texts all the time.
+
+    The module holds the statements that parse, None stands for it where not one does; places are those of the whole
+    text. The diagnostics are those that `parse` raises. After MOST_ERRORS of them the rest of the text is left alone.
+    """
+    problem = _unreadable(source)
+    if problem is not None:
+        return None, [problem]
+    builder = _Keeping()
+    tree, problems = _statement_by_statement(source, tables.parser(builder), builder.kept)
+    module = _module(source, tree) if not problems else ast.Module(source, tuple(builder.kept), None)
+    deep = _too_deep(module)
+    if deep is not None:
+        return None, [*problems, deep]
+    return (module if module.statements or module.bare is not None else None), problems
+
+
+def _unreadable(source: Source) -> Diagnostic | None:
+    """What keeps a text from being read at all."""
     text = source.text
     if len(text) > MAX_CHARACTERS:
-        size = f"{len(text):,} characters; the limit is {MAX_CHARACTERS:,}"
-        raise SpecError(Diagnostic(f"{source.name} is too long: {size}"))
+        return Diagnostic(f"{source.name} is too long: {len(text):,} characters; the limit is {MAX_CHARACTERS:,}")
     if "\0" in text:
-        raise SpecError(Diagnostic(f"{source.name} is a binary file", help="a spec is a text file in UTF-8"))
+        return Diagnostic(f"{source.name} is a binary file", help="a spec is a text file in UTF-8")
     odd = _ODD_BREAKS.search(text)
     if odd is not None:
         # Some editors show a new line here, the comment rule of the grammar does not see one: better to ask.
         here = Span(source, odd.start(), odd.end())
         title = f"character U+{ord(odd[0]):04X} cannot stand in a spec"
-        raise SpecError(
-            Diagnostic(title, here, "some programs take it for a line break", "put a plain line break here")
-        )
+        return Diagnostic(title, here, "some programs take it for a line break", "put a plain line break here")
     if not _has_content(text):
-        raise SpecError(
-            Diagnostic(
-                f"{source.name} is empty",
-                Span(source, len(text), len(text)),
-                "there is no formula here",
-                "write one, for instance: leftOf(mug, plate)",
-            )
+        return Diagnostic(
+            f"{source.name} is empty",
+            Span(source, len(text), len(text)),
+            "there is no formula here",
+            "write one, for instance: leftOf(mug, plate)",
         )
-    try:
-        tree: Any = _parser().parse(text)
-    except (UnexpectedToken, UnexpectedCharacters) as error:
-        raise SpecError(explain(source, error)) from None
-    except UnexpectedInput as error:  # Lark has no other kind today
-        raise SpecError(Diagnostic(f"cannot parse {source.name}: {error}")) from None
-    module = ast.Module(source, tuple(tree), None) if isinstance(tree, list) else ast.Module(source, (), tree)
-    _limit_nesting(module)
-    return module
+    return None
+
+
+def _module(source: Source, tree: Any) -> ast.Module:
+    return ast.Module(source, tuple(tree), None) if isinstance(tree, list) else ast.Module(source, (), tree)
+
+
+class _Keeping:
+    """A builder that keeps every finished statement: what stands before a mistake is not lost with it."""
+
+    def __init__(self) -> None:
+        self.kept: list[ast.Statement] = []
+        self._builder = Builder()
+
+    def __getattr__(self, rule: str) -> Any:
+        build = getattr(self._builder, rule)
+        if rule not in _STATEMENT_RULES:
+            return build
+
+        def keep(items: list[Any]) -> ast.Statement:
+            statement: ast.Statement = build(items)
+            self.kept.append(statement)
+            return statement
+
+        return keep
+
+
+def _statement_by_statement(
+    source: Source, parser: Lark, kept: list[ast.Statement] | None = None
+) -> tuple[Any, list[Diagnostic]]:
+    """The tree (of what follows the last mistake) and the first mistake of every statement, at most MOST_ERRORS.
+
+    After a mistake everything up to the next opening of a statement is blanked and the rest parsed on its own: the
+    parser's tables stay as they are. With `kept`, a statement that the mistake does not belong to is saved into it.
+    """
+    problems: list[Diagnostic] = []
+    text, begin = source.text, 0
+    while True:
+        try:
+            return parser.parse(text), problems
+        except (UnexpectedToken, UnexpectedCharacters) as error:
+            problem, stopped = explain(Source(source.name, text), error), stop(text, error)
+        except UnexpectedInput as error:  # Lark has no other kind today
+            return None, [*problems, Diagnostic(f"cannot parse {source.name}: {error}")]
+        problem = _here(problem, source)
+        if problem not in problems:
+            problems.append(problem)
+        if kept is not None and not text[:stopped].rpartition("\n")[2].strip():
+            # The mistake opens a line: what stands before it may be a statement in itself.
+            done = max(begin, kept[-1].end if kept else 0)
+            with contextlib.suppress(UnexpectedInput):
+                parser.parse(blank(text[:stopped], begin, done))
+        following = next_opening(source.text, begin, stopped)
+        if following is None or len(problems) == MOST_ERRORS:
+            return None, problems
+        text, begin = blank(text, begin, following), following
+
+
+def _here(problem: Diagnostic, source: Source) -> Diagnostic:
+    """A diagnostic about the blanked text, about the whole one."""
+    if problem.span is None:
+        return problem
+    return replace(problem, span=Span(source, problem.span.start, problem.span.end))
 
 
 @cache
@@ -65,23 +153,22 @@ def _has_content(text: str) -> bool:
     return any(line.split("#", 1)[0].strip() for line in text.splitlines())
 
 
-def _limit_nesting(module: ast.Module) -> None:
+def _too_deep(module: ast.Module) -> Diagnostic | None:
     """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
     roots = [expr for statement in module.statements for expr in ast.expressions(statement)]
     level: list[Any] = roots if module.bare is None else [module.bare]
     for _ in range(MAX_NESTING):
         if not level:
-            return
+            return None
         level = [child for node in level for child in ast.children(node)]
-    if level:
-        raise SpecError(
-            Diagnostic(
-                "this formula is nested too deeply",
-                level[0].span(module.source),
-                f"more than {MAX_NESTING:,} levels down",
-                "split it: give parts of it a name with `def`",
-            )
-        )
+    if not level:
+        return None
+    return Diagnostic(
+        "this formula is nested too deeply",
+        level[0].span(module.source),
+        f"more than {MAX_NESTING:,} levels down",
+        "split it: give parts of it a name with `def`",
+    )
 
 
 def plain_breaks(text: str) -> str:

@@ -12,11 +12,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
 from scenegen.lang.habits import explain_habit
-
-KEYWORDS = tuple(
-    "workspace object region const def require import forall exists in at and or not implies true false".split()
-)
-_STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
+from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column
 
 # operators of other languages -> what to write here
 _FOREIGN = {
@@ -75,7 +71,8 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
     else:
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
-        explain_habit(source, start, end, len(_open_brackets(text, start)[0]), accepts)
+        _unfinished(source, start, end, accepts)
+        or explain_habit(source, start, end, len(_open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
         or _bracket(source, start)
         or _statement(source, start, end, accepts)
@@ -89,6 +86,13 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
             _character_help(text[start:end]),
         )
     )
+
+
+def stop(text: str, error: UnexpectedToken | UnexpectedCharacters) -> int:
+    """The character at which Lark stopped; the end of the text where it is there that something is missing."""
+    if isinstance(error, UnexpectedCharacters):
+        return int(error.pos_in_stream or 0)
+    return len(text) if error.token.type == "$END" else int(error.token.start_pos or 0)
 
 
 def _shown(text: str) -> str:
@@ -183,13 +187,13 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         help_ = "write workspace [0, 1] x [0, 1]"
         return Diagnostic(f"unexpected {_shown(word)}", here, "expected an interval such as [0, 1]", help_)
     stack, _ = _open_brackets(text, start)
-    opening = nearest(previous, _STATEMENTS) if previous not in KEYWORDS else None
+    opening = nearest(previous, STATEMENTS) if previous not in KEYWORDS else None
     if opening is not None and before[: len(before) - len(previous)].rstrip()[-1:] in ("", "\n", ")", "]"):
         place = Span(source, len(before) - len(previous), len(before))
         return Diagnostic(f"unknown statement `{previous}`", place, "", f"did you mean `{opening}`?")
     known = [one for one in ("and", "or", "implies") if f"_{one.upper()}" in accepts]
     if text[end : end + 1] != "(":
-        known += [one for one in _STATEMENTS if one.upper() in accepts]
+        known += [one for one in STATEMENTS if one.upper() in accepts]
     close = nearest(word, known) if word.isidentifier() else None
     if close is not None and len(word) > 2 and word not in KEYWORDS:
         return Diagnostic(f"unexpected `{word}`", here, "", f"did you mean `{close}`?")
@@ -228,6 +232,8 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
 
 
 def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+    if source.text[start - 1 : end] == "->":  # where a number may stand, `-` is taken for its sign
+        start -= 1
     word = source.text[start:end]
     if word in (*_BINARY, "and", "or", "implies") and "NAME" in accepts:
         return Diagnostic(
@@ -248,7 +254,7 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
     """A statement that opens where a bracket is open, or after a formula without a name."""
     text, word = source.text, source.text[start:end]
     named = word.isidentifier() and re.match(r"\s*:", text[end:]) is not None
-    if not (named or word in _STATEMENTS) or accepts & {"NAME", "IN", "COLON"}:
+    if not (named or word in STATEMENTS) or accepts & {"NAME", "IN", "COLON"}:
         return None
     stack, _ = _open_brackets(text, start)
     if stack:
@@ -257,6 +263,26 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
         return None
     help_ = "give the formula before it a name: `task: ...`"
     return Diagnostic(f"unexpected `{word}`", Span(source, start, end), "an unnamed formula stands alone", help_)
+
+
+def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+    """A statement that opens a line while the one before it still waits for something."""
+    text, word = source.text, source.text[start:end]
+    opened = start
+    if word == ":" and "COLON" not in accepts:
+        before = text[text.rfind("\n", 0, start) + 1 : start].rstrip()
+        opened = start - column(text, start) if before.isidentifier() else start
+    elif word not in STATEMENTS or accepts & {"$END", "LABEL"}:
+        return None
+    if column(text, opened) or (opened == start and word == ":") or not text[:opened].strip():
+        return None
+    stack, _ = _open_brackets(text, opened)
+    if stack:
+        return _unclosed(source, stack)
+    if word == ":":
+        return None
+    label = f"expected {_expected(accepts)} before it"
+    return Diagnostic("a statement opens here", Span(source, start, end), label, "finish the statement before it")
 
 
 def _colon(source: Source, start: int) -> Diagnostic:

@@ -2,18 +2,21 @@
 
 Every problem a user can cause is a `Diagnostic`: a title, optionally a place in a text (a spec file, or an option as it
 was typed), a label under the caret and a line of help. Problems travel in `ScenegenError`; `render` is the only code
-that turns them into text, for terminals, pipes and notebooks alike.
+that turns them into text, for terminals, pipes and notebooks alike, and `to_json` into data for editors and scripts.
 """
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 TAB = 4  # columns a tab takes in a printed source line
 WIDTH = 100  # columns of a source line that are shown around the caret
+LONGEST_NAME = 80  # characters of a `quoted` name; the middle of a longer one is left out
+LONGEST = 1000  # characters of a title, label, note or help
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,13 @@ class Source:
         start = self.text.rfind("\n", 0, min(max(offset, 0), len(self.text))) + 1
         end = self.text.find("\n", start)
         return self.text[start : len(self.text) if end < 0 else end].rstrip("\r")
+
+    def utf16(self, offset: int) -> tuple[int, int]:
+        """0-based line and character of a character offset as language servers count: in UTF-16 code units, of which a
+        character beyond U+FFFF takes two."""
+        line, column = self.position(offset)
+        before = self.line(offset)[: column - 1]
+        return line - 1, column - 1 + sum(char > "\uffff" for char in before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +147,17 @@ def _printable(text: str) -> str:
     return "".join(" " * TAB if char == "\t" else char if char.isprintable() else "\u00b7" for char in text)
 
 
+def _cut(text: str) -> str:
+    """The text without the middle of names that would flood a terminal, and with an end."""
+    shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shortened(found[1])}`", text)
+    return shorter if len(shorter) <= LONGEST else shorter[:LONGEST] + "..."
+
+
+def _shortened(name: str) -> str:
+    half = (LONGEST_NAME - 3) // 2
+    return name if len(name) <= LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
+
+
 def _window(line: str, column: int) -> tuple[str, int]:
     """Cut a long line to the part around the caret; returns it with the caret's new 0-based column."""
     if len(line) <= WIDTH:
@@ -148,9 +169,13 @@ def _window(line: str, column: int) -> tuple[str, int]:
 
 
 def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
-    """The text of one diagnostic, several lines, without a final line break."""
+    """The text of one diagnostic, several lines, without a final line break.
+
+    Of a place that reaches over several lines the first is shown, with the number of the last. Very long names are cut
+    in the middle: `Diagnostic` and `to_json` have them whole.
+    """
     out = [
-        _paint(diagnostic.severity, diagnostic.severity, color) + _paint(f": {diagnostic.title}", "bold", color),
+        _paint(diagnostic.severity, diagnostic.severity, color) + _paint(f": {_cut(diagnostic.title)}", "bold", color),
     ]
     gutter = ""
     if diagnostic.span is not None:
@@ -164,14 +189,17 @@ def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
         carets = "^" * max(1, sum(TAB if char == "\t" else 1 for char in under))
         gutter = " " * len(str(number))
         bar = _paint("|", "frame", color)
-        label = f" {diagnostic.label}" if diagnostic.label else ""
+        last = span.source.position(max(span.start, span.end - 1))[0]
+        if last > number:
+            carets += "..."
+        label = " ".join(["", *filter(None, [_cut(diagnostic.label), f"(to line {last})" if last > number else ""])])
         out.append(f"{gutter}{_paint('-->', 'frame', color)} {span.place}")
         out.append(f"{gutter} {bar}")
         out.append(f"{_paint(str(number), 'frame', color)} {bar} {_printable(shown)}".rstrip())
         out.append(f"{gutter} {bar} {pad}{_paint(carets + label, diagnostic.severity, color)}")
     for kind, text in (("note", diagnostic.note), ("help", diagnostic.help)):
         if text:
-            first, *rest = text.splitlines()
+            first, *rest = _cut(text).splitlines()
             out.append(f"{gutter} {_paint(f'= {kind}:', 'help', color)} {first}")
             out.extend(f"{gutter}   {' ' * len(kind)}  {line}" for line in rest)
     return "\n".join(out)
@@ -180,3 +208,27 @@ def render(diagnostic: Diagnostic, *, color: bool = False) -> str:
 def render_all(diagnostics: Iterable[Diagnostic], *, color: bool = False) -> str:
     """Several diagnostics, parted by blank lines."""
     return "\n\n".join(render(diagnostic, color=color) for diagnostic in diagnostics)
+
+
+def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
+    """A diagnostic as data, shaped like those of the Language Server Protocol.
+
+    `severity`, `message`, `label`, `help` and `note` are always there ("" where there is nothing to say). Where the
+    problem has a place there are also `file` and `range`, whose `start` and exclusive `end` have a 0-based `line` and
+    `character` in UTF-16 code units, as that protocol counts.
+    """
+    found: dict[str, Any] = {
+        "severity": diagnostic.severity,
+        "message": diagnostic.title,
+        "label": diagnostic.label,
+        "help": diagnostic.help,
+        "note": diagnostic.note,
+    }
+    if diagnostic.span is not None:
+        span = diagnostic.span
+        found["file"] = span.source.name
+        found["range"] = {
+            name: dict(zip(("line", "character"), span.source.utf16(offset), strict=True))
+            for name, offset in (("start", span.start), ("end", max(span.start, span.end)))
+        }
+    return found

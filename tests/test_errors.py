@@ -1,5 +1,6 @@
 """How problems are shown, and how names are guessed."""
 
+import json
 import re
 
 import pytest
@@ -18,6 +19,7 @@ from scenegen.errors import (
     render,
     render_all,
     suggest,
+    to_json,
 )
 
 LONG = "a" * 150 + "HERE" + "b" * 150
@@ -136,3 +138,52 @@ def test_errors_carry_their_diagnostics(kind, also):
     assert str(error) == f"{render(one)}\n\n{render(two)}" == render_all([one, two])
     with pytest.raises(ValueError, match="needs a diagnostic"):
         kind()
+
+
+ASTRAL = "ab \U0001f36d\U0001f36d x\n\U0001f36d y\nlast"
+
+
+@pytest.mark.parametrize(
+    "what", ["ab", "\U0001f36d", "x", "y", "x\n\U0001f36d y", "\n", "last", "\U0001f36d x\n\U0001f36d"]
+)
+def test_ranges_for_machines_count_utf_16_units(what):
+    """Oracle: the text as UTF-16, cut by the range, is what the span means."""
+    diagnostic = at(ASTRAL, what, help="do this", note="because", severity="warning")
+    found = to_json(diagnostic)
+    lines = ASTRAL.split("\n")
+
+    def offset(place):
+        line = lines[place["line"]].encode("utf-16-le")[: 2 * place["character"]].decode("utf-16-le")
+        return sum(len(one) + 1 for one in lines[: place["line"]]) + len(line)
+
+    assert ASTRAL[offset(found["range"]["start"]) : offset(found["range"]["end"])] == what
+    assert (found["severity"], found["message"], found["file"]) == ("warning", "something is wrong", "a.spec")
+    assert (found["label"], found["help"], found["note"]) == ("here", "do this", "because")
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_data_of_a_problem_without_a_place():
+    assert to_json(CASES["no place"]) == {
+        "severity": "error",
+        "message": "something is wrong",
+        "label": "",
+        "help": "mend it",
+        "note": "",
+    }
+
+
+@pytest.mark.parametrize("field", ["title", "label", "help", "note"])
+@pytest.mark.parametrize("text", ["unknown name `{}`", "the names are " + "`{}`, " * 3, "{}", "{} {} " * 500])
+def test_no_diagnostic_floods_a_terminal(field, text):
+    name = "begins" + "x" * 20_000 + "ends"
+    fields = {"title": "t", "label": "l", "span": CASES["one line"].span} | {field: text.format(*[name] * 1000)}
+    one = Diagnostic(**fields)
+    shown = render(one)
+    assert len(shown) < 1500 and "begins" in shown
+    assert ("ends`" in shown) == ("`" in text)
+    assert name in to_json(one).get({"title": "message"}.get(field, field))
+
+
+def test_names_of_a_sensible_length_are_shown_whole():
+    name = "x" * 80
+    assert render(Diagnostic(f"unknown name `{name}`")) == f"error: unknown name `{name}`"

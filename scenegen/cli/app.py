@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import check, eval, lsp, render, sample, train
+from scenegen.cli import check, eval, fmt, lsp, render, sample, train
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
 from scenegen.errors import Diagnostic, ScenegenError
@@ -41,6 +41,7 @@ lower, the harder. Specs that ship with scenegen are in the folder `specs`.
 # command -> the function that does it; each module imports what it needs only when it runs
 COMMANDS: dict[str, Callable[..., Any]] = {
     "check": check.check,
+    "fmt": fmt.fmt,
     "train": train.train,
     "sample": sample.sample,
     "eval": eval.evaluate,

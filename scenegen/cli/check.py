@@ -105,18 +105,7 @@ def _facts(spec: Spec) -> dict[str, Any]:
 
 
 def _as_json(problem: Diagnostic) -> dict[str, Any]:
-    """A diagnostic with the 0-based line and character of language servers."""
-    found: dict[str, Any] = {
-        "severity": problem.severity,
-        "title": problem.title,
-        "label": problem.label,
-        "help": problem.help,
-        "note": problem.note,
-    }
-    if problem.span is not None:
-        ends = {}
-        for name, offset in (("start", problem.span.start), ("end", problem.span.end)):
-            line, column = problem.span.source.position(offset)
-            ends[name] = {"line": line - 1, "character": column - 1}
-        found["range"] = ends
-    return found
+    """A diagnostic as data; `title` is what `message` was called at first."""
+    from scenegen.errors import to_json
+
+    return {"title": problem.title, **to_json(problem)}

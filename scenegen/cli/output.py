@@ -17,8 +17,13 @@ NARROWEST = 72  # columns; a table cropped to fewer says nothing any more
 
 
 def use_color() -> bool:
-    """Whether standard error takes colours."""
-    return sys.stderr.isatty() and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
+    """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or it is a dumb one; FORCE_COLOR
+    gives colours to pipes, too. Either variable counts unless it is empty, and NO_COLOR outdoes the other."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def print_error(text: str) -> None:

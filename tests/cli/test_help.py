@@ -2,7 +2,7 @@
 
 import pytest
 
-COMMANDS = ["check", "train", "sample", "eval", "render"]
+COMMANDS = ["check", "fmt", "train", "sample", "eval", "render"]
 
 
 def test_every_command_has_its_golden():

@@ -1,0 +1,189 @@
+"""The formatter: laws over random trees with comments between any two tokens, and goldens of what people write."""
+
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenegen.errors import Source, SpecError
+from scenegen.lang import ast
+from scenegen.lang.breaking import DEEPEST, WIDTH
+from scenegen.lang.layout import format_source
+from scenegen.lang.parse import parse
+from scenegen.lang.pieces import expand, flat
+from scenegen.lang.print import LINE, dump, print_module
+from scenegen.lang.tokens import scan
+
+from .trees import expressions, ladders, statements, tuples
+
+ROOT = Path(__file__).resolve().parents[2]
+SPECS = sorted([*(ROOT / "specs").glob("*.spec"), ROOT / "grammar" / "prelude.spec"])
+CORPUS = (ROOT / "tests" / "golden" / "lang" / "formulas.txt").read_text(encoding="utf-8").split("\n")
+LINES = [line for line in CORPUS if line and not line.startswith("#")]
+FOLDER = ROOT / "tests" / "golden" / "lang" / "layout"
+NOWHERE = Source("", "")
+
+# what may stand between two tokens without changing the tree
+BETWEEN = st.sampled_from(
+    ["", "", "", " ", "\n", "\n  ", "\n\n\n", " # c\n", "\n# own\n", "\n\n  #  two  \n  # ( three \n\n"]
+)
+
+
+def formatted(text):
+    return format_source(Source("a.spec", text))
+
+
+def comments(text):
+    return sorted(token.text.rstrip() for token in scan(text) if token.kind == "comment")
+
+
+def obeys_the_laws(text):
+    once = formatted(text)
+    assert dump(parse(Source("a.spec", once))) == dump(parse(Source("a.spec", text))), text
+    assert formatted(once) == once, text
+    assert comments(once) == comments(text), text
+    assert once == once.strip("\n") + "\n" and "\n\n\n" not in once
+    assert all(line == line.rstrip() for line in once.split("\n")), once
+    return once
+
+
+def strew(text, between):
+    """The text with something more before each of its tokens and at its end; the grammar wants a label's `:` near."""
+    strewn, end, near = "", 0, False
+    for token in scan(text):
+        near = near and token.text == ":"
+        strewn += text[end : token.start] + ("" if near else between()) + token.text
+        end, near = token.end, token.kind == "name"
+    return strewn + text[end:] + between()
+
+
+@st.composite
+def strewn(draw, modules):
+    """A module's canonical text with white space and comments between its tokens."""
+    return strew(print_module(draw(modules)), lambda: draw(BETWEEN))
+
+
+bare = st.builds(ast.Module, st.just(NOWHERE), st.just(()), expressions)
+files = st.builds(ast.Module, st.just(NOWHERE), tuples(statements, least=1, most=5), st.none())
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(strewn(files))
+def test_statements_strewn_with_comments(text):
+    obeys_the_laws(text)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(strewn(bare))
+def test_a_formula_strewn_with_comments(text):
+    obeys_the_laws(text)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(ladders, st.integers(1, 60))
+def test_a_long_formula(tree, length):
+    """Names of any length make the lines break anywhere; no line is longer than it has to be."""
+    name = "a" * length
+    printed = print_module(ast.Module(NOWHERE, (ast.Label(ast.Name("task"), tree),), None)).replace("a", name)
+    once = obeys_the_laws(printed.replace("t" + name + "sk", "task"))
+    for line in once.splitlines():
+        assert len(line) <= WIDTH or len(line.split(name, 1)[0].strip()) < length + 12
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(files)
+def test_what_fits_a_line_is_printed_as_in_the_canonical_text(module):
+    canonical = print_module(module)
+    if all(len(line) <= LINE for line in canonical.splitlines()):
+        assert formatted(canonical) == canonical
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_the_corpus(line):
+    obeys_the_laws(line)
+    obeys_the_laws(strew(line, lambda: "  # between\n"))
+    obeys_the_laws(strew(line, lambda: "\n\n # own\n"))
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_shipped_specs_are_formatted(path):
+    text = path.read_text(encoding="utf-8")
+    assert obeys_the_laws(text) == text, "run `scenegen fmt` over it"
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.spec")), ids=lambda path: path.stem)
+def test_what_people_write(path, golden):
+    golden(f"lang/layout/{path.stem}.txt", obeys_the_laws(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a  # one\n", "a  # one\n"),
+        ("\n\n# one\n\n\n\na", "# one\n\na\n"),
+        ("(a & # one\nb)", "a  # one\n& b\n"),
+        ("a\n# one\n& b", "a\n# one\n& b\n"),
+        ("a &\n# one\nb", "a\n# one\n& b\n"),
+        ("task: a\n# one\n\n\n# two\nsafe: b", "task: a\n# one\n\n# two\nsafe: b\n"),
+        ("task: a\n    # one\n# two\nsafe: b", "task: a\n    # one\n# two\nsafe: b\n"),
+        ("  task: a\n  # one\n  safe: b", "task: a\n# one\nsafe: b\n"),
+        ("task: a safe: b # one", "task: a\nsafe: b  # one\n"),
+        ("task: f(a, # one\n b # two\n)", "task:\n    f(\n        a,  # one\n        b  # two\n    )\n"),
+        ("task: f(a # one\n, b)", "task:\n    f(\n        a,  # one\n        b\n    )\n"),
+        ("const # one\nA = 1", "const A =  # one\n    1\n"),
+        ("const\n# one\nA = 1", "# one\nconst A = 1\n"),
+        ("const # one\nA # two\n= 1 # three", "const A =  # one\n    # two\n    1  # three\n"),
+        ("import # one\n'a' # two".replace("'", '"'), 'import "a"  # one\n    # two\n'),
+        ("object a, # one\nb", "object a,  # one\n    b\n"),
+        ("p and (q ∧ r) or ¬s → ⊤ implies x(a) < 2cm", "p & (q & r) | !s -> true -> x(a) <= 2 cm\n"),
+    ],
+)
+def test_where_comments_go(text, expected):
+    assert obeys_the_laws(text) == expected
+
+
+def test_nothing_is_formatted_that_does_not_parse():
+    with pytest.raises(SpecError):
+        formatted("task: leftOf(a b)\n")
+
+
+def test_no_meaning_is_ever_lost(monkeypatch):
+    """The last line of defence: a formatter gone wrong refuses to hand out its text."""
+    from scenegen.lang import layout
+
+    monkeypatch.setattr(layout, "break_lines", lambda items, comments: [flat(items).replace("&", "|")])
+    with pytest.raises(AssertionError, match="change the meaning"):
+        formatted("a  &  b")
+    monkeypatch.setattr(layout, "break_lines", lambda items, comments: [flat(items)])
+    with pytest.raises(AssertionError, match="lose a comment"):
+        formatted("a # one\n & b")
+    monkeypatch.setattr(layout, "expand", lambda pieces: ["b" if one == "a" else one for one in expand(pieces)])
+    with pytest.raises(AssertionError, match="tokens"):
+        formatted("a & b")
+
+
+N = 1_500
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "!" * N + "a",
+        "(a & (b | " * N + "c" + "))" * N,
+        "f(" * N + "a" + ")" * N,
+        "(" * N + "a" + " -> b)" * N,
+        "-" * N + "1",
+        " + ".join(["x(a)"] * N) + " <= 1",
+        "forall p in b: " * N + "p",
+        "[" * N + "a" + "]" * N,
+        " & ".join(f"leftOf(a, b)  # {i}\n" for i in range(N)),
+    ],
+)
+def test_deep_and_long_formulas_take_linear_time_and_room(text):
+    began = time.perf_counter()
+    once = formatted("task: " + text)
+    assert time.perf_counter() - began < 8.0
+    assert len(once) < (DEEPEST + 40) * len(text)
+    assert formatted(once) == once

@@ -30,6 +30,12 @@ PAUSE = 0.05  # seconds without a further change after which a text is checked
 LOG = logging.getLogger("scenegen.lsp")
 
 
+class Refusal(JsonRpcException):
+    """What a client asked for cannot be done, and it is told why: no failure of the server."""
+
+    CODE = types.LSPErrorCodes.RequestFailed.value
+
+
 class Desk:
     """The open documents of one client. Every handler works on the text as the client has it now."""
 
@@ -46,11 +52,11 @@ class Desk:
         return str(getattr(self.server.workspace.position_encoding, "value", self.server.workspace.position_encoding))
 
     def document(self, uri: str) -> Document:
-        """The document at a URI, its work done so far included."""
+        """The document at a URI, its work done so far included; without text where the client has not opened it."""
         if uri not in self._documents:
             open_ = self.server.workspace.text_documents
             texts = {path.resolve(): one.source for key, one in open_.items() if (path := _path(key)) is not None}
-            text = self.server.workspace.get_text_document(uri).source
+            text = open_[uri].source if uri in open_ else ""
             self._documents[uri] = Document(text, _path(uri), uri, texts, self.root)
         return self._documents[uri]
 
@@ -96,7 +102,7 @@ class Desk:
         except Exception as error:  # nothing that a text holds may end the server
             LOG.exception("checking %s failed", uri)
             found = [Problem(0, 0, f"scenegen itself failed: {type(error).__name__}: {error}", "error")]
-        version = self.server.workspace.get_text_document(uri).version
+        version = self.server.workspace.text_documents[uri].version
         told = types.PublishDiagnosticsParams(uri, [protocol.diagnostic(lines, one) for one in found], version)
         self.server.text_document_publish_diagnostics(told)
 
@@ -135,7 +141,7 @@ class Desk:
         uri, document, lines, offset = self._at(params)
         reason = refusal(document, offset, params.new_name)
         if reason:
-            raise JsonRpcException(reason, code=types.LSPErrorCodes.RequestFailed)
+            raise Refusal(reason)
         return protocol.renaming(uri, lines, document, offset, params.new_name)
 
 
@@ -187,7 +193,7 @@ def guarded(handler: Callable[..., Any]) -> Callable[..., Any]:
     def answer(params: Any) -> Any:
         try:
             return handler(params)
-        except JsonRpcException:
+        except Refusal:
             raise
         except Exception:
             LOG.exception("%s failed", handler.__name__)
@@ -198,7 +204,9 @@ def guarded(handler: Callable[..., Any]) -> Callable[..., Any]:
 
 def serve(root: Path | None = None) -> None:
     """Answer one client over standard input and output until it says goodbye; messages go to standard error."""
-    logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(name)s: %(message)s")
+    messages = logging.StreamHandler(sys.stderr)
+    messages.addFilter(lambda record: record.exc_info is None or not isinstance(record.exc_info[1], Refusal))
+    logging.basicConfig(handlers=[messages], level=logging.WARNING, format="%(name)s: %(message)s")
     sys.stdout.flush()
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # whatever else writes to standard output would break the protocol

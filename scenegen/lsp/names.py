@@ -167,12 +167,12 @@ class _Walk:
                     quantifier.variables.append(self._bind("variable", token, quantifier.start, token.end))
                 else:
                     self._name(token, at, before, after)
-            elif token.text == "workspace" and self.statement.kind != "workspace":
+            elif token.text == "workspace" and (at or self.statement.kind != "workspace"):
                 self._use(token, "value")
             elif token.kind == "text" and self.statement.kind == "import":
                 self.found.imports.append(Occurrence(token.text[1:-1], token.start, token.end, "import"))
-            else:
-                variables = variables and token.text == ","
+            elif not (variables and token.text == ","):
+                variables = False
                 self._sign(token, tokens[at - 1] if at else None)
         self._end(-1, self.statement.end)
         self.found.reaches.extend(Reach(one, self.body, self.statement.end + 1) for one in self.parameters.values())

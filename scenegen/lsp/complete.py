@@ -69,15 +69,15 @@ def _here(document: Document, offset: int) -> _Here | None:
     statement = document.index.statement(start - 1) if start else None
     before = tuple(one for one in statement.tokens if one.start < start) if statement is not None else ()
     if text[start:offset][:1].isdigit():
-        number = next((one for one in scan(text[start:offset]) if one.kind == "number"), None)
-        if number is None:
+        written = text[start:offset]
+        digits = len(written.rstrip("acdegmnrtu"))
+        if not written[:digits].isdigit():
             return None
-        digits = len(number.text.rstrip("acdegmnrtu").rstrip())
-        token = Token("number", number.text[:digits], start, start + digits, False, False)
+        token = Token("number", written[:digits], start, start + digits, False, False)
         return _Here(document, statement, (*before, token), start + digits, offset)
     if before and before[-1].kind == "number" and before[-1].end > start:  # `25 c|` with a unit already in it
-        digits = before[-1].text.rstrip("acdegmnrtu").rstrip()
-        before = (*before[:-1], before[-1]._replace(text=digits, end=before[-1].start + len(digits)))
+        number = before[-1]._replace(text=before[-1].text.rstrip("acdegmnrtu").rstrip())
+        before = (*before[:-1], number._replace(end=number.start + len(number.text)))
     return _Here(document, statement, before, start, offset)
 
 
@@ -123,7 +123,7 @@ def _in_header(here: _Here, kind: str) -> bool:
     for token in reversed(here.before):
         if token.text in ("forall", "exists", "∀", "∃"):
             return True
-        if token.text in ("in", ":") or token.kind != "name" and token.text != ",":
+        if token.text in ("in", ":") or (token.kind != "name" and token.text != ","):
             return False
     return False
 

@@ -1,4 +1,4 @@
-"""One open file: its names, its tree, its meaning, each worked out when somebody asks and kept until the text changes."""
+"""One open file: its names, its tree, its meaning. Each is worked out when somebody asks, and kept."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def _unit(core: Core, index: int) -> Unit | None:
 
 
 def _truth(formula: int) -> Interval:
-    end = np.float64(math.inf if formula == TRUE else -math.inf)
+    end = np.array(math.inf if formula == TRUE else -math.inf)
     return Interval(end, end)
 
 

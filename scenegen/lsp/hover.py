@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scenegen.lang import ast
 from scenegen.lang.print import print_expr
 from scenegen.lang.tokens import KEYWORDS as RESERVED
 from scenegen.lang.tokens import Token
@@ -69,7 +70,7 @@ def _place(document: Document, token: Token, found: Occurrence | None) -> int:
 
 def _about_name(document: Document, found: Occurrence, around: Sequence[Extent]) -> list[str]:
     binding = document.meaning(found)
-    own = next((one for one in around if one.node.start <= found.start and one.node.end == found.end), None)
+    own = next((one for one in around if _stands_for(one.node, found)), None)
     value = [_number(own)] if own is not None and own.kind != "formula" else []
     match found.role:
         case "member" if found.name in vocabulary.MEMBERS:
@@ -86,6 +87,17 @@ def _about_name(document: Document, found: Occurrence, around: Sequence[Extent])
             return _about(document, binding, value) if binding is not None else []
 
 
+def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
+    """Whether the name is what the expression is about: itself, the function of a call, what stands behind a dot."""
+    match node:
+        case ast.Call(function):
+            return function.start == found.start
+        case ast.Member(_, member):
+            return member.start == found.start
+        case _:
+            return isinstance(node, ast.Name) and node.start <= found.start and found.end <= node.end
+
+
 def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
     told = [vocabulary.remark(binding)] if binding.kind not in ("parameter", "variable") else []
     told = [words for words in told if words]
@@ -97,8 +109,8 @@ def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
             return [_code(usage), *told, f"= `{_shortened(formula)}`{where}", *value]
         case "object":
             what = "array" if binding.is_array else "object"
-            head = f"**{what}** `{binding.name}`" + (" (not declared: inferred from its use)" if binding.inferred else "")
-            return [head, *told, facts.thing(document, binding)]
+            note = " (not declared: inferred from its use)" if binding.inferred else ""
+            return [f"**{what}** `{binding.name}`{note}", *told, facts.thing(document, binding)]
         case "constant":
             extent = of_constant(document, binding.name)
             return [_code(written), *told, *([_number(extent)] if extent is not None else value)]

@@ -82,9 +82,9 @@ class Client:
         while True:
             for notice in self.notices:
                 params = notice["params"]
-                if notice["method"] == "textDocument/publishDiagnostics" and params["uri"] == uri:
-                    if params.get("version") == version:
-                        return params["diagnostics"]
+                is_told = notice["method"] == "textDocument/publishDiagnostics" and params["uri"] == uri
+                if is_told and params.get("version") == version:
+                    return params["diagnostics"]
             self._next()
 
     def problem(self, uri: str, words: str) -> dict[str, Any]:

@@ -118,7 +118,9 @@ def test_broken_texts_keep_their_names():
     assert last.local is not None and last.local.kind == "variable"
 
 
-@pytest.mark.parametrize("text", ["", "#", "\n\n", "object", "def", "def f", "def f(", ")", ":", "forall", "a.b.", "[("])
+@pytest.mark.parametrize(
+    "text", ["", "#", "\n\n", "object", "def", "def f", "def f(", ")", ":", "forall", "a.b.", "[("]
+)
 def test_scraps(text):
     document = Document(text)
     assert [one.start for one in document.index.statements] in ([], [0])

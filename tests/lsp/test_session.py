@@ -1,7 +1,5 @@
 """The server as editors meet it: a process, spoken to over its pipes."""
 
-import time
-
 import pytest
 
 TABLE = """# the furniture
@@ -26,7 +24,6 @@ def files(tmp_path):
 
 
 def test_a_session(client, files):
-    began = time.monotonic()
     editor = client("--stdio")
     main, table = (files / "main.spec").as_uri(), (files / "table.spec").as_uri()
     offered = editor.initialize()["capabilities"]
@@ -50,7 +47,9 @@ def test_a_session(client, files):
     assert unfinished["severity"] == 1
     hover = editor.at("hover", main, 5, 8)["contents"]
     assert hover["kind"] == "markdown"
-    assert "beside(a, b, e = NEAR)" in hover["value"] and "phi of `beside(mug, plate)` in [-1.164, 0.25]" in hover["value"]
+    assert (
+        "beside(a, b, e = NEAR)" in hover["value"] and "phi of `beside(mug, plate)` in [-1.164, 0.25]" in hover["value"]
+    )
     words = editor.at("completion", main, 7, 18)["items"]
     assert {"plate", "mug", "block", "NEAR", "beside", "leftOf"} <= {one["label"] for one in words}
     (beside,) = (one for one in words if one["label"] == "beside")
@@ -80,7 +79,6 @@ def test_a_session(client, files):
     editor.notify("textDocument/didClose", {"textDocument": {"uri": main}})
     assert editor.close() == 0
     assert editor.noise == b"" and editor.errors == ""
-    assert time.monotonic() - began < 10.0
 
 
 def test_what_is_open_counts_before_what_is_saved(client, files):
@@ -106,7 +104,9 @@ def test_nothing_that_is_typed_ends_the_server(client, tmp_path):
     editor.initialize()
     uri = (tmp_path / "typed.spec").as_uri()
     editor.open(uri, "")
-    text = 'object a[3] = box(1 cm, "x\ndef f(p, q = = 3) = forall i in 1..\nimport "../../etc"\n)(]a: 1 <= . f(\0\u2028'
+    text = (
+        'object a[3] = box(1 cm, "x\ndef f(p, q = = 3) = forall i in 1..\nimport "../../etc"\n)(]a: 1 <= . f(\0\u2028'
+    )
     for version in range(2, 42):
         piece = text[: version * len(text) // 41]
         editor.change(uri, version, piece)
@@ -122,39 +122,24 @@ def test_nothing_that_is_typed_ends_the_server(client, tmp_path):
     assert "failed" not in editor.errors
 
 
-@pytest.mark.parametrize(("encoding", "character"), [("utf-8", 4), ("utf-16", 2), ("utf-32", 1)])
-def test_characters_are_counted_as_agreed(client, tmp_path, encoding, character):
-    """The cup's emoji is one character, two code units, four bytes."""
+def test_characters_are_counted_as_agreed(client, tmp_path):
+    """The bowl is one character, two code units, four bytes; a client that can count bytes is told bytes."""
     editor = client()
-    agreed = editor.initialize(positionEncodings=[encoding])["capabilities"]["positionEncoding"]
-    assert agreed == encoding
+    agreed = editor.initialize(positionEncodings=["utf-8", "utf-16"])["capabilities"]["positionEncoding"]
+    assert agreed == "utf-8"
     uri = (tmp_path / "cup.spec").as_uri()
     editor.open(uri, "\U0001f375 leftOf(mug, plate)")
     (problem,) = editor.diagnostics(uri, 1)
-    assert problem["range"] == {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": character}}
+    assert problem["range"] == {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 4}}
     assert editor.close() == 0
 
 
-def test_a_long_file_is_answered_within_a_second(client, tmp_path):
-    """100 kB: the tokens answer at once, the checker soon after. Seconds of the server's own time, not of the wall."""
-    import resource
+def test_a_failure_of_a_feature_is_logged_and_no_more(caplog):
+    pytest.importorskip("pygls")
+    from scenegen.lsp.server import guarded
 
-    lines = [f"l{k}: leftOf(mug, plate) & !closeTo(mug, plate, 0.{k + 1}) | angle(mug, NORTH, 0.2)" for k in range(1250)]
-    text = "object mug, plate\n" + "\n".join(lines) + "\n"
-    assert len(text) > 100_000
-    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    editor = client()
-    editor.initialize()
-    uri = (tmp_path / "long.spec").as_uri()
-    editor.open(uri, text)
-    began = time.monotonic()
-    items = editor.at("completion", uri, 1250, 6)["items"]
-    print(time.monotonic() - began)
-    assert len(items) > 1250
-    began = time.monotonic()
-    print(len(editor.diagnostics(uri, 1)), time.monotonic() - began)
-    began = time.monotonic()
-    assert "phi" in editor.at("hover", uri, 1250, 8)["contents"]["value"]
-    print(time.monotonic() - began)
-    assert editor.close() == 0
-    print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
+    def broken(params):
+        raise ZeroDivisionError(params)
+
+    assert guarded(broken)("this text") is None
+    assert "broken failed" in caplog.text and "ZeroDivisionError: this text" in caplog.text

@@ -1,4 +1,4 @@
-"""Tokens and marks as lines of limited width, comments where they were put.
+"""Tokens and marks as lines of limited width, comments (which do not count) where they were put.
 
 After Oppen, Prettyprinting (TOPLAS 2(4), 1980): the widths of all groups are summed up first, then one pass decides
 group by group, from the outermost inwards, whether its line breaks are taken. Linear in the number of items, without
@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from scenegen.lang.pieces import Break, Close, Indent, Item, Open
+from scenegen.lang.pieces import WIDTH, Break, Close, Indent, Item, Open
 
-WIDTH = 100  # columns; comments do not count
 _NEVER = 1 << 40  # columns, more than any text has
 DEEPEST = 60  # columns of indentation; what is nested deeper stands no further to the right
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
-from scenegen.errors import Source
+from scenegen.errors import Source, SpecError
 from scenegen.lang import ast
 from scenegen.lang.breaking import break_lines
 from scenegen.lang.parse import parse
@@ -48,8 +48,11 @@ def format_source(source: Source) -> str:
     text = _read(source.text)
     formatted = "\n".join(_lines(module, text, source.text)) + "\n"
     if formatted != source.text:  # never hand out a text that means something else
-        again = Source(source.name, formatted)
-        if not _same(parse(again), module) or _remarks(_read(formatted)) != _remarks(text):
+        try:
+            again = parse(Source(source.name, formatted))
+        except SpecError as error:
+            raise AssertionError("the formatted text of this spec does not parse") from error
+        if not _same(again, module) or _remarks(_read(formatted)) != _remarks(text):
             raise AssertionError("formatting would change the meaning of this spec or lose a comment")
     return formatted
 

@@ -12,6 +12,7 @@ from typing import ClassVar, NamedTuple
 
 from scenegen.lang import ast
 
+WIDTH = 100  # columns; a longer formula is broken before its outermost operators
 INDENT = 4
 
 # binding strength, loosest first; a part is put in parentheses where it binds more loosely than its place demands

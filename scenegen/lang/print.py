@@ -10,9 +10,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from scenegen.lang import ast
-from scenegen.lang.pieces import AND, OR, Part, expand, flat, head, statement_pieces, tail
-
-LINE = 100  # a longer formula is broken before its outermost operators
+from scenegen.lang.pieces import AND, OR, WIDTH, Part, expand, flat, head, statement_pieces, tail
 
 
 def print_expr(expr: ast.Expr, demanded: int = 0) -> str:
@@ -24,7 +22,7 @@ def print_statement(statement: ast.Statement) -> str:
     """The canonical text of a statement; a long `&` or `|` at its top stands on lines of its own."""
     line = flat(expand(statement_pieces(statement)))
     end = tail(statement)
-    if len(line) <= LINE or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
+    if len(line) <= WIDTH or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
         return line
     symbol, looser = ("&", AND) if isinstance(end.node, ast.And) else ("|", OR)
     parts = [print_expr(part, looser + 1) for part in end.node.parts]

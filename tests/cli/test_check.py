@@ -50,6 +50,16 @@ def test_json_for_editors(scenegen, here, golden):
     golden("cli/check/json.txt", outcome.out)
 
 
+def test_json_has_every_syntax_error_in_utf_16_units(scenegen, here):
+    (here / "bad.spec").write_text('object mug plate\ntask: f("\U0001f36d" mug)\nsafe: (leftOf(mug, plate)\n')
+    outcome = scenegen("check", "--json", "bad.spec")
+    assert (outcome.status, outcome.err) == (1, "")
+    (report,) = json.loads(outcome.out)
+    starts = [(one["range"]["start"]["line"], one["range"]["start"]["character"]) for one in report["diagnostics"]]
+    assert starts == [(0, 11), (1, 13), (2, 6)] and not report["ok"]
+    assert all(one["title"] == one["message"] and one["file"] == "bad.spec" for one in report["diagnostics"])
+
+
 def test_json_of_a_good_spec_has_status_0(scenegen, here):
     outcome = scenegen("check", "--json", "good.spec")
     assert outcome.status == 0

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from scenegen.errors import Source, SpecError
 from scenegen.lang import ast
-from scenegen.lang.breaking import DEEPEST, WIDTH
+from scenegen.lang.breaking import DEEPEST
 from scenegen.lang.layout import format_source
 from scenegen.lang.parse import parse
-from scenegen.lang.pieces import expand, flat
-from scenegen.lang.print import LINE, dump, print_module
+from scenegen.lang.pieces import WIDTH, expand, flat
+from scenegen.lang.print import dump, print_module
 from scenegen.lang.tokens import scan
 
 from .trees import expressions, ladders, statements, tuples
@@ -69,19 +69,19 @@ bare = st.builds(ast.Module, st.just(NOWHERE), st.just(()), expressions)
 files = st.builds(ast.Module, st.just(NOWHERE), tuples(statements, least=1, most=5), st.none())
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(strewn(files))
 def test_statements_strewn_with_comments(text):
     obeys_the_laws(text)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=70, deadline=None, derandomize=True)
 @given(strewn(bare))
 def test_a_formula_strewn_with_comments(text):
     obeys_the_laws(text)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=70, deadline=None, derandomize=True)
 @given(ladders, st.integers(1, 60))
 def test_a_long_formula(tree, length):
     """Names of any length make the lines break anywhere; no line is longer than it has to be."""
@@ -92,11 +92,11 @@ def test_a_long_formula(tree, length):
         assert len(line) <= WIDTH or len(line.split(name, 1)[0].strip()) < length + 12
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=70, deadline=None, derandomize=True)
 @given(files)
 def test_what_fits_a_line_is_printed_as_in_the_canonical_text(module):
     canonical = print_module(module)
-    if all(len(line) <= LINE for line in canonical.splitlines()):
+    if all(len(line) <= WIDTH for line in canonical.splitlines()):
         assert formatted(canonical) == canonical
 
 
@@ -156,6 +156,9 @@ def test_no_meaning_is_ever_lost(monkeypatch):
     monkeypatch.setattr(layout, "break_lines", lambda items, comments: [flat(items).replace("&", "|")])
     with pytest.raises(AssertionError, match="change the meaning"):
         formatted("a  &  b")
+    monkeypatch.setattr(layout, "break_lines", lambda items, comments: ["a &"])
+    with pytest.raises(AssertionError, match="does not parse"):
+        formatted("a  &  b")
     monkeypatch.setattr(layout, "break_lines", lambda items, comments: [flat(items)])
     with pytest.raises(AssertionError, match="lose a comment"):
         formatted("a # one\n & b")
@@ -182,8 +185,8 @@ N = 1_500
     ],
 )
 def test_deep_and_long_formulas_take_linear_time_and_room(text):
-    began = time.perf_counter()
+    began = time.process_time()
     once = formatted("task: " + text)
-    assert time.perf_counter() - began < 8.0
+    assert time.process_time() - began < 8.0
     assert len(once) < (DEEPEST + 40) * len(text)
     assert formatted(once) == once

@@ -134,11 +134,11 @@ def test_no_more_than_the_limit():
 @pytest.mark.parametrize("statement", ["x: leftOf(a b)\n", "x: (\n"])
 def test_a_large_text_with_many_mistakes_takes_linear_time(statement):
     good = "".join(f"task{i}: leftOf(a, b) & closeTo(a, b)\n" for i in range(2000))
-    began = time.perf_counter()
+    began = time.process_time()
     parse(Source("a.spec", good))
-    baseline = time.perf_counter() - began
+    baseline = time.process_time() - began
     lines = good.splitlines(keepends=True)
     text = "".join(lines[:1990]) + statement * 30 + "".join(lines[1990:])
-    began = time.perf_counter()
+    began = time.process_time()
     assert len(problems_of(text)) == MOST_ERRORS
-    assert time.perf_counter() - began < 3 * baseline + 0.5
+    assert time.process_time() - began < 3 * baseline + 0.5

@@ -5,9 +5,9 @@ import re
 
 import pytest
 
+from scenegen.errors import Source
 from scenegen.lang.parse import parse_tolerant
 from scenegen.lang.tokens import KEYWORDS, scan
-from scenegen.errors import Source
 from scenegen.resources import grammar_file, shipped_specs
 
 from .textmate import Grammar, report
@@ -62,7 +62,8 @@ def test_everything_is_a_spec(everything):
 
 def test_every_token_has_the_scope_of_its_kind(grammar, everything):
     """Against the scanner of the language itself, on all texts that there are."""
-    kinds = {"comment": "comment.", "text": "string.", "number": "constant.numeric", "name": ("entity.", "variable.", "support.")}
+    names = ("entity.", "variable.", "support.")
+    kinds = {"text": "string.", "number": "constant.numeric", "name": names}
     texts = [everything, grammar_file("prelude.spec").read_text(encoding="utf-8")]
     texts += [path.read_text(encoding="utf-8") for path in shipped_specs().values()]
     for text in texts:
@@ -99,7 +100,7 @@ def test_the_keywords_are_those_of_the_language(text):
 
 def test_operators_are_those_of_the_language(grammar):
     lark = grammar_file("spec.lark").read_text(encoding="utf-8")
-    operators = set(re.findall(r'^(?:_IMPLIES|_OR|_AND|_NOT|COMPARE)[.0-9]*: (.*)$', lark, re.MULTILINE))
+    operators = set(re.findall(r"^(?:_IMPLIES|_OR|_AND|_NOT|COMPARE)[.0-9]*: (.*)$", lark, re.MULTILINE))
     for sign in {one for line in operators for one in re.findall(r'"([^"]+)"', line)}:
         scope = scopes_of(grammar, f"a {sign} b")[2]
         assert scope[0] == sign and scope[1].startswith("keyword.operator."), sign
@@ -110,7 +111,8 @@ def test_relations_are_not_named(text):
     prelude = grammar_file("prelude.spec").read_text(encoding="utf-8")
     for name in re.findall(r"^(?:def|const) (\w+)", prelude, re.MULTILINE):
         assert not re.search(rf"\b{name}\b", text)
-    assert scopes_of(Grammar(json.loads(text)), "brandNew(a, b)")[0] == ("brandNew", "entity.name.function.call.scenegen")
+    first = scopes_of(Grammar(json.loads(text)), "brandNew(a, b)")[0]
+    assert first == ("brandNew", "entity.name.function.call.scenegen")
 
 
 BROKEN = [

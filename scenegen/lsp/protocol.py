@@ -45,12 +45,12 @@ def span(lines: Lines, start: int, end: int) -> types.Range:
     return types.Range(types.Position(*lines.position(start)), types.Position(*lines.position(end)))
 
 
-def diagnostic(lines: Lines, problem: Problem) -> types.Diagnostic:
+def diagnostic(lines: Lines, problem: Problem, encoding: str) -> types.Diagnostic:
     severity = types.DiagnosticSeverity.Error if problem.severity == "error" else types.DiagnosticSeverity.Warning
     related = None
     if problem.elsewhere is not None:
         other = problem.elsewhere
-        place = span(Lines(other.source.text), other.start, other.end)
+        place = span(Lines(other.source.text, encoding), other.start, other.end)
         uri = Path(other.source.name).resolve().as_uri()
         related = [types.DiagnosticRelatedInformation(types.Location(uri, place), "it is here")]
     return types.Diagnostic(

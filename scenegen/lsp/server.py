@@ -103,7 +103,9 @@ class Desk:
             LOG.exception("checking %s failed", uri)
             found = [Problem(0, 0, f"scenegen itself failed: {type(error).__name__}: {error}", "error")]
         version = self.server.workspace.text_documents[uri].version
-        told = types.PublishDiagnosticsParams(uri, [protocol.diagnostic(lines, one) for one in found], version)
+        told = types.PublishDiagnosticsParams(
+            uri, [protocol.diagnostic(lines, one, self.encoding) for one in found], version
+        )
         self.server.text_document_publish_diagnostics(told)
 
     # ---- requests

@@ -26,7 +26,7 @@ pieces = st.sampled_from(
 )
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 @given(
     st.integers(0, len(SEED)),
     st.integers(0, 60),

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import check, eval, fmt, render, sample, train
+from scenegen.cli import check, eval, fmt, lsp, render, sample, train
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
 from scenegen.errors import Diagnostic, ScenegenError
@@ -46,7 +46,9 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "sample": sample.sample,
     "eval": eval.evaluate,
     "render": render.render,
+    "lsp": lsp.lsp,
 }
+ALONE = ("lsp",)  # commands that need no argument; any other shows its help instead
 
 
 def _version(wanted: bool) -> None:
@@ -100,7 +102,7 @@ def run(words: list[str]) -> int:
     debug = "--debug" in words
     # --debug may stand anywhere: whoever sees an error adds it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
-    if not words or (len(words) == 1 and words[0] in COMMANDS):
+    if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
         with contextlib.redirect_stdout(sys.stderr):  # help that nobody asked for is no output
             build()([*words, "--help"], prog_name="scenegen", standalone_mode=False)
         return 2

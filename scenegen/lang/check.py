@@ -42,7 +42,12 @@ def check_file(path: Path, data: bytes, root: Path | None = None) -> CheckedSpec
 
 def check(source: Source, project: Project | None = None) -> CheckedSpec:
     """Parse and check a source. Raises SpecError with every mistake found; without a project nothing is imported."""
-    module = parse(source)
+    return check_module(parse(source), project)
+
+
+def check_module(module: ast.Module, project: Project | None = None) -> CheckedSpec:
+    """Check what was parsed already. Raises SpecError as `check` does."""
+    source = module.source
     project = project or Project()
     placed, problems = inline(module, project)
     if problems:

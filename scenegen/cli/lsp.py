@@ -1,0 +1,43 @@
+"""`scenegen lsp`: the language server, for editors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def lsp(
+    stdio: Annotated[
+        bool, typer.Option("--stdio", help="Talk over standard input and output; there is no other way.")
+    ] = True,
+    root: Annotated[
+        Path | None, typer.Option(help="Specs may import what lies below this folder, not below their own alone.")
+    ] = None,
+) -> int:
+    """Serve editors: mistakes as you type, hover, completion, definitions, formatting and renaming.
+
+    \b
+      # what an editor starts
+      scenegen lsp --stdio
+      # specs that import from a folder above their own
+      scenegen lsp --root specs
+
+    It speaks the Language Server Protocol over standard input and output, and ends when the editor says so. How to set
+    up an editor is told in editors/README.md. Needs the extra `lsp`: pip install "scenegen\\[lsp]".
+    """
+    from scenegen.errors import Diagnostic, RequestError
+
+    del stdio  # editors that know several ways say which one they use
+    try:
+        from scenegen.lsp.server import serve
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] not in ("pygls", "lsprotocol"):
+            raise
+        problem = Diagnostic("the language server needs pygls", help='pip install "scenegen[lsp]"')
+        raise RequestError(problem) from None
+    if root is not None and not root.is_dir():
+        raise RequestError(Diagnostic(f"{root} is not a folder", help="--root names the folder that specs may read"))
+    serve(root)
+    return 0

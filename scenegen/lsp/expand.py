@@ -1,0 +1,184 @@
+"""What the expression under the cursor stands for, and the bounds of its phi.
+
+The core has no place for every sub-formula, so the statements that lead to the cursor are expanded once more, by the
+checker's own code, and what comes out at the nodes around the cursor is kept. Inside a definition or a quantifier one
+node has many outcomes, one for each call and each round.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenegen.bounds import node_bounds
+from scenegen.errors import Source, SpecError
+from scenegen.lang import ast
+from scenegen.lang.blame import Frame
+from scenegen.lang.builder import TRUE, CoreBuilder, TooLarge
+from scenegen.lang.core import Atom, Core
+from scenegen.lang.declare import name_objects
+from scenegen.lang.imports import inline
+from scenegen.lang.lower import Lowering
+from scenegen.lang.places import whole
+from scenegen.lang.scope import Scope, collect
+from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.trampoline import Call, run
+from scenegen.lang.values import FormulaValue, NumberValue, PointValue, Value
+from scenegen.lsp.document import Document
+from scenegen.primitives import Interval
+from scenegen.primitives.units import LENGTH, Unit
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What an expression can be anywhere in the workspace: low to high over all of its `count` outcomes.
+
+    A formula (of phi, infinite where it always or never holds) and a number have one interval, a point has two, of x
+    and y. `unit` is None where units mix.
+    """
+
+    node: ast.Expr
+    kind: str  # "formula", "number" or "point"
+    intervals: tuple[tuple[float, float], ...]
+    unit: Unit | None
+    count: int
+
+
+class _Recording(Lowering):
+    """Keeps the values of the nodes that somebody asked for, by the identity of the node."""
+
+    def __init__(self, scope: Scope, builder: CoreBuilder, nodes: Sequence[ast.Expr]) -> None:
+        super().__init__(scope, builder)
+        self.recorded: dict[int, list[Value]] = {id(node): [] for node in nodes}
+
+    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+        value: Value = yield super().lower(node, env, frame)
+        if id(node) in self.recorded:
+            self.recorded[id(node)].append(value)
+        return value
+
+
+def path_to(module: ast.Module, offset: int) -> tuple[ast.Statement | None, list[ast.Expr]]:
+    """The statement at an offset (None: the unnamed formula), and the expressions around it, outermost first."""
+    if module.bare is not None:
+        return None, _descend([module.bare], offset)
+    statement = next((one for one in module.statements if one.start <= offset < one.end), None)
+    return statement, [] if statement is None else _descend(ast.expressions(statement), offset)
+
+
+def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.Expr]:
+    path: list[ast.Expr] = []
+    while inside := [node for node in level if node.start <= offset < node.end]:
+        node = inside[-1]
+        if not isinstance(node, ast.Argument):
+            path.append(node)
+        level = ast.children(node)
+    return path
+
+
+def extents(document: Document, offset: int) -> list[Extent]:
+    """The extents of the expressions around an offset, innermost first; empty where the text has no meaning as it
+    stands, and where nothing that could be expanded is there."""
+    part = document.salvaged
+    if part is None:
+        return []
+    module, spec = part
+    statement, path = path_to(module, offset)
+    if not path or isinstance(statement, ast.Workspace | ast.Objects | ast.Region | ast.Import):
+        return []
+    return _outcomes(document, module, spec, _roots(module, statement), path)
+
+
+def of_constant(document: Document, name: str) -> Extent | None:
+    """The value of a constant; None where it has none as the text stands."""
+    part = document.salvaged
+    node = ast.Name(name)
+    found = [] if part is None else _outcomes(document, *part, [(document.source, node)], [node])
+    return found[0] if found else None
+
+
+def _roots(module: ast.Module, statement: ast.Statement | None) -> list[tuple[Source, ast.Expr]]:
+    """What must be expanded to meet everything that a statement comes to: itself, of a definition all formulas."""
+    if module.bare is not None:
+        return [(module.source, module.bare)]
+    if isinstance(statement, ast.Definition):
+        formulas = [one.formula for one in module.statements if isinstance(one, ast.Label | ast.Require)]
+        return [(module.source, formula) for formula in formulas]
+    return [] if statement is None else [(module.source, expr) for expr in ast.expressions(statement)]
+
+
+def _outcomes(
+    document: Document,
+    module: ast.Module,
+    spec: CheckedSpec,
+    roots: Sequence[tuple[Source, ast.Expr]],
+    path: Sequence[ast.Expr],
+) -> list[Extent]:
+    placed, _ = inline(module, document.project())
+    scope, _ = collect(module.source, placed, module.bare)
+    builder = CoreBuilder(())
+    lowering = _Recording(scope, builder, path)
+    lowering.areas["workspace"] = whole(spec.workspace)
+    try:
+        scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
+        builder.objects = tuple(scope.objects)
+        lowering.kinds.footprints = tuple(shape.footprint for shape in spec.shapes)
+        lowering.kinds.fixed = spec.fixed
+        for source, expr in roots:
+            run(lowering.lower(expr, {}, Frame(source)))
+    except (SpecError, TooLarge):
+        return []
+    return list(_extents(lowering, spec, path))
+
+
+def _extents(lowering: _Recording, spec: CheckedSpec, path: Sequence[ast.Expr]) -> Iterator[Extent]:
+    values = {id(node): _nodes(lowering.recorded[id(node)]) for node in path}
+    wanted = sorted({one for found in values.values() for one in found if one >= 0})
+    core = lowering.builder.finish({str(one): one for one in wanted})
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
+        bounds = node_bounds(core, *spec.box())
+    place = {one: core.labels[str(one)] for one in wanted}
+    for node in reversed(path):
+        found = lowering.recorded[id(node)]
+        if not found:
+            continue
+        first = found[0]
+        if isinstance(first, FormulaValue):
+            ends = [_truth(one) if one < 0 else bounds[place[one]] for one in values[id(node)]]
+            units = {_unit(core, place[one]) for one in values[id(node)] if one >= 0}
+            unit = units.pop() if len(units) == 1 else None
+            yield Extent(node, "formula", (_union(ends),), unit, len(ends))
+        elif isinstance(first, NumberValue):
+            ends = [bounds[place[one]] for one in values[id(node)]]
+            yield Extent(node, "number", (_union(ends),), first.unit, len(ends))
+        elif isinstance(first, PointValue):
+            ends = [bounds[place[one]] for one in values[id(node)]]
+            yield Extent(node, "point", (_union(ends[::2]), _union(ends[1::2])), LENGTH, len(ends) // 2)
+
+
+def _nodes(values: Sequence[Value]) -> list[int]:
+    """The nodes of the core that values stand for: one of a formula or number, x and y of a point."""
+    nodes: list[int] = []
+    for value in values:
+        if isinstance(value, FormulaValue | NumberValue):
+            nodes.append(value.node)
+        elif isinstance(value, PointValue):
+            nodes += [value.x, value.y]
+    return nodes
+
+
+def _unit(core: Core, index: int) -> Unit | None:
+    node = core.nodes[index]
+    return node.unit if isinstance(node, Atom) else None
+
+
+def _truth(formula: int) -> Interval:
+    end = np.array(math.inf if formula == TRUE else -math.inf)
+    return Interval(end, end)
+
+
+def _union(ends: Sequence[Interval]) -> tuple[float, float]:
+    return min(float(one.lo) for one in ends), max(float(one.hi) for one in ends)

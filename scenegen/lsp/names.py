@@ -1,0 +1,265 @@
+"""The names of one file, found by its tokens: what each statement declares, and where each name is used.
+
+Editors ask about texts that do not parse, so nothing here needs a tree. What a name means is told as the grammar tells
+it: a call by its parenthesis, a member by its dot, a label by its colon; parameters and variables of quantifiers hide
+everything else while they last.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from scenegen.errors import Source
+from scenegen.lang.recovery import next_opening
+from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, scan
+
+Kind = Literal["object", "region", "constant", "definition", "label", "parameter", "variable"]
+Role = Literal["declaration", "value", "call", "member", "argument", "asset", "import"]
+
+_OPENS, _CLOSES = ("(", "["), (")", "]")
+_QUANTIFIERS = ("forall", "exists", "∀", "∃")
+_DECLARING: dict[str, Kind] = {"region": "region", "const": "constant", "def": "definition"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Binding:
+    """What gives a name its meaning. Characters `start` to `end` are the name, `opens` to `closes` all that declares
+    it: its statement, or the entry of an `object` statement or parameter list. `owner` is a parameter's definition."""
+
+    kind: Kind
+    name: str
+    source: Source
+    path: Path | None
+    start: int
+    end: int
+    opens: int
+    closes: int
+    owner: str = ""
+    is_array: bool = False
+    inferred: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Occurrence:
+    """A name in the text. `local` is its meaning where this file alone decides: declarations, parameters, variables.
+    `of` is the function of a named argument, and the name before the dot of a member."""
+
+    name: str
+    start: int
+    end: int
+    role: Role
+    local: Binding | None = None
+    of: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Where a parameter or variable can be used."""
+
+    binding: Binding
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """`kind` is the keyword that opens it, "label", or "formula" for anything else."""
+
+    kind: str
+    start: int
+    end: int
+    tokens: tuple[Token, ...]
+
+
+@dataclass(slots=True)
+class Index:
+    """Everything the tokens of a file say, each list in the order of the text."""
+
+    source: Source
+    path: Path | None
+    statements: list[Statement] = field(default_factory=list)
+    declarations: list[Binding] = field(default_factory=list)
+    occurrences: list[Occurrence] = field(default_factory=list)
+    reaches: list[Reach] = field(default_factory=list)
+    imports: list[Occurrence] = field(default_factory=list)
+
+    def between(self, start: int, end: int) -> list[Occurrence]:
+        """The names that begin before `end` and end after `start`."""
+        first = bisect_right(self.occurrences, start, key=lambda one: one.end)
+        last = bisect_left(self.occurrences, end, key=lambda one: one.start)
+        return self.occurrences[first:last]
+
+    def statement(self, offset: int) -> Statement | None:
+        """The last statement that opens at or before an offset."""
+        at = bisect_right(self.statements, offset, key=lambda one: one.start)
+        return self.statements[at - 1] if at else None
+
+
+def index(source: Source, path: Path | None = None) -> Index:
+    """The index of a text, whatever it holds. Linear in its length."""
+    found = Index(source, path)
+    for statement in _statements(source.text):
+        found.statements.append(statement)
+        _Walk(found, statement).run()
+    return found
+
+
+def _statements(text: str) -> Iterator[Statement]:
+    tokens = [token for token in scan(text) if token.kind != "comment"]
+    at = 0
+    while at < len(tokens):
+        start = tokens[at].start
+        following = next_opening(text, start, start)
+        first = at
+        while at < len(tokens) and (following is None or tokens[at].start < following):
+            at += 1
+        own = tuple(tokens[first:at])
+        if not own:  # an opening inside a token cannot be
+            return
+        yield Statement(_kind(own), start, own[-1].end, own)
+
+
+def _kind(tokens: tuple[Token, ...]) -> str:
+    if tokens[0].text in STATEMENTS and not (tokens[0].text == "workspace" and tokens[1:2] and tokens[1].text == "."):
+        return tokens[0].text
+    is_label = len(tokens) > 1 and tokens[1].text == ":" and tokens[0].kind == "name"
+    return "label" if is_label else "formula"
+
+
+@dataclass(slots=True)
+class _Quantifier:
+    """`start` is its keyword, `depth` the number of brackets around it, `begins` its body; -1 until the colon."""
+
+    start: int
+    depth: int
+    variables: list[Binding] = field(default_factory=list)
+    begins: int = -1
+
+
+class _Walk:
+    """One pass over the tokens of a statement."""
+
+    def __init__(self, found: Index, statement: Statement) -> None:
+        self.found = found
+        self.statement = statement
+        self.brackets: list[tuple[str, str]] = []  # each open bracket with the function it belongs to, if any
+        self.quantifiers: list[_Quantifier] = []
+        self.parameters: dict[str, Binding] = {}
+        self.in_header = statement.kind == "def"
+        self.body = statement.end  # where the parameters begin to count
+
+    def run(self) -> None:
+        tokens = self.statement.tokens
+        variables = False  # between a quantifier and its `in`
+        for at, token in enumerate(tokens):
+            before = tokens[at - 1].text if at else ""
+            after = tokens[at + 1].text if at + 1 < len(tokens) else ""
+            if token.text in _QUANTIFIERS:
+                self.quantifiers.append(_Quantifier(token.start, len(self.brackets)))
+                variables = True
+            elif token.kind == "name" and token.text not in KEYWORDS:
+                if variables:
+                    quantifier = self.quantifiers[-1]
+                    quantifier.variables.append(self._bind("variable", token, quantifier.start, token.end))
+                else:
+                    self._name(token, at, before, after)
+            elif token.text == "workspace" and (at or self.statement.kind != "workspace"):
+                self._use(token, "value")
+            elif token.kind == "text" and self.statement.kind == "import":
+                self.found.imports.append(Occurrence(token.text[1:-1], token.start, token.end, "import"))
+            elif not (variables and token.text == ","):
+                variables = False
+                self._sign(token, tokens[at - 1] if at else None)
+        self._end(-1, self.statement.end)
+        self.found.reaches.extend(Reach(one, self.body, self.statement.end + 1) for one in self.parameters.values())
+
+    def _sign(self, token: Token, previous: Token | None) -> None:
+        if token.text in _OPENS:
+            called = previous.text if previous is not None and previous.kind == "name" and token.text == "(" else ""
+            self.brackets.append((token.text, called if called not in KEYWORDS else ""))
+        elif token.text in _CLOSES:
+            if self.brackets:
+                self.brackets.pop()
+            self._end(len(self.brackets), token.start)
+            self.in_header = self.in_header and bool(self.brackets)
+            if self.statement.kind == "def" and not self.in_header and self.body == self.statement.end:
+                self.body = token.end
+        elif token.text == ",":
+            self._end(len(self.brackets) - 1, token.start)
+        elif token.text == ":":
+            waiting = [one for one in self.quantifiers if one.begins < 0]
+            if waiting:
+                waiting[-1].begins = token.end
+
+    def _end(self, depth: int, at: int) -> None:
+        """Close the quantifiers that stand deeper than `depth` brackets."""
+        while self.quantifiers and self.quantifiers[-1].depth > depth:
+            done = self.quantifiers.pop()
+            if done.begins >= 0:
+                last = at + (at == self.statement.end)
+                self.found.reaches.extend(Reach(one, done.begins, last) for one in done.variables)
+
+    def _name(self, token: Token, at: int, before: str, after: str) -> None:
+        kind, depth = self.statement.kind, len(self.brackets)
+        tokens = self.statement.tokens
+        if before == "." and at:
+            base = tokens[at - 2] if at > 1 else None
+            self._use(token, "member", base.text if base is not None and base.kind == "name" else "")
+        elif kind == "label" and at == 0:
+            self._bind("label", token, self.statement.start, self.statement.end)
+        elif kind in _DECLARING and at == 1:
+            self._bind(_DECLARING[kind], token, self.statement.start, self.statement.end)
+        elif kind == "object" and depth == 0 and before in ("object", ","):
+            closes = self._closes(at)
+            self._bind("object", token, token.start, closes, is_array=after == "[")
+        elif kind == "object" and depth == 0 and before == "=" and after != "(":
+            self._use(token, "asset")
+        elif kind == "workspace" and depth == 0 and token.text == "x":
+            return
+        elif self.in_header and depth == 1 and before in ("(", ","):
+            owner = tokens[1].text if len(tokens) > 1 else ""
+            binding = self._bind("parameter", token, token.start, self._closes(at), owner=owner)
+            self.parameters[token.text] = binding
+        elif after == "(":
+            self._use(token, "call")
+        elif after == "=" and depth and before in ("(", ",") and self.brackets[-1][1]:
+            self._use(token, "argument", self.brackets[-1][1])
+        else:
+            self._use(token, "value")
+
+    def _closes(self, at: int) -> int:
+        """Where the entry of a list ends that token `at` begins: before the next `,` or `)` of its own level."""
+        depth = 0
+        end = self.statement.tokens[at].end
+        for token in self.statement.tokens[at + 1 :]:
+            if depth == 0 and token.text in (",", ")", "]"):
+                break
+            depth += (token.text in _OPENS) - (token.text in _CLOSES)
+            end = token.end
+        return end
+
+    def _bind(
+        self, kind: Kind, token: Token, opens: int, closes: int, owner: str = "", is_array: bool = False
+    ) -> Binding:
+        source, path = self.found.source, self.found.path
+        binding = Binding(kind, token.text, source, path, token.start, token.end, opens, closes, owner, is_array)
+        self.found.occurrences.append(Occurrence(token.text, token.start, token.end, "declaration", binding))
+        if kind not in ("parameter", "variable"):
+            self.found.declarations.append(binding)
+        return binding
+
+    def _use(self, token: Token, role: Role, of: str = "") -> None:
+        local = self._local(token.text) if role == "value" else None
+        self.found.occurrences.append(Occurrence(token.text, token.start, token.end, role, local, of))
+
+    def _local(self, name: str) -> Binding | None:
+        for quantifier in reversed(self.quantifiers):
+            if quantifier.begins >= 0:
+                for variable in quantifier.variables:
+                    if variable.name == name:
+                        return variable
+        return None if self.in_header else self.parameters.get(name)

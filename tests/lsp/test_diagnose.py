@@ -1,0 +1,93 @@
+"""Problems as editors show them."""
+
+import pytest
+
+from scenegen.lsp.diagnose import problems
+from scenegen.lsp.document import Document
+from scenegen.resources import shipped_specs
+
+
+def said(text, **options):
+    """(severity, marked text, first line of the message) of every problem."""
+    found = problems(Document(text, **options))
+    return [(one.severity, text[one.start : one.end], one.message.split("\n")[0]) for one in found]
+
+
+@pytest.mark.parametrize("name", sorted(shipped_specs()))
+def test_the_shipped_specs_have_none(name):
+    path = shipped_specs()[name]
+    assert problems(Document(path.read_text(), path)) == []
+
+
+def test_several_syntax_errors():
+    found = said("object mug plate\nconst A = = 3\ntask: leftOf(mug, plate)\n")
+    assert [one[0] for one in found] == ["error", "error"]
+
+
+def test_several_mistakes_of_meaning():
+    found = said("object mug, plate\na: leftOf(mug, plat)\nb: besid(mug, plate)\n")
+    assert [(severity, where) for severity, where, _ in found] == [("error", "plat"), ("error", "besid")]
+
+
+def test_a_message_has_its_help():
+    (problem,) = problems(Document("object mug, plate\na: leftOf(mug, plat)\n"))
+    assert problem.message.endswith("help: did you mean `plate`?")
+
+
+def test_warnings():
+    text = (
+        "object mug, plate\nconst UNUSED = 3\ndef f(a, b) = leftOf(a, mug)\ntask: f(mug, plate) | leftOf(mug, plate)\n"
+    )
+    found = problems(Document(text))
+    assert {(one.severity, text[one.start : one.end], one.unused) for one in found} == {
+        ("warning", "UNUSED", True),
+        ("warning", "b", True),
+    }
+
+
+def test_what_can_never_be():
+    text = "object a, b at (0.2, 0.2)\nrequire x(a) >= 2 m\nfar: dist(a, b) >= 2 m\nfine: leftOf(a, b)\n"
+    found = said(text)
+    assert [(severity, where) for severity, where, _ in found] == [("warning", "far"), ("warning", "require")]
+    assert found[0][2] == "`far` can never be satisfied: phi is at most -0.8686"  # 2 - 0.8 * sqrt(2)
+    assert said("dist(a, b) >= 2 m") == [
+        ("warning", "dist(a, b) >= 2 m", "`task` can never be satisfied: phi is at most -0.5858")
+    ]
+
+
+def test_phi_beyond_all_numbers():
+    (one,) = said("x(a) * 1e200 * 1e200 <= 1")
+    assert one[0] == "error" and "larger than a computer's numbers" in one[2]
+
+
+def test_mistakes_in_other_files_show_at_the_import(tmp_path):
+    (tmp_path / "one.spec").write_text("const A = 1\n")
+    (tmp_path / "two.spec").write_text("# two\nconst B = unknown\n")
+    text = 'import "one.spec"\nimport "two.spec"\nt: leftOf(a, b)\n'
+    (problem,) = problems(Document(text, tmp_path / "main.spec"))
+    assert text[problem.start : problem.end] == '"two.spec"'
+    assert "two.spec:2:11: unknown constant `unknown`" in problem.message
+    assert problem.elsewhere.text == "unknown"
+
+
+def test_imports_are_refused_as_the_checker_refuses_them(tmp_path):
+    for written in ("none.spec", "../main.spec", "/dev/null", "main.spec"):
+        (one,) = said(f'import "{written}"\nt: leftOf(a, b)\n', path=tmp_path / "main.spec")
+        assert one[:2] == ("error", f'"{written}"')
+    (one,) = said('import "one.spec"\nt: leftOf(a, b)\n')
+    assert "a spec without a file cannot read files" in one[2]
+
+
+def test_a_wider_root(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "one.spec").write_text("const A = 1\n")
+    text = 'import "../one.spec"\nt: x(a) <= A\n'
+    assert said(text, path=tmp_path / "sub" / "main.spec")[0][0] == "error"
+    assert said(text, path=tmp_path / "sub" / "main.spec", root=tmp_path) == []
+
+
+def test_windows_line_breaks():
+    """Lines stay lines: what is marked is found by line and character."""
+    (problem,) = problems(Document("object mug, plate\r\n# x\r\na: leftOf(mug, plat)\r\n"))
+    document = Document("object mug, plate\r\n# x\r\na: leftOf(mug, plat)\r\n")
+    assert document.text[problem.start : problem.end] == "plat"

@@ -1,0 +1,145 @@
+"""The server as editors meet it: a process, spoken to over its pipes."""
+
+import pytest
+
+TABLE = """# the furniture
+const NEAR = 25 cm
+def beside(a, b, e = NEAR) = closeTo(a, b, e)
+"""
+SPEC = """import "table.spec"
+object plate, mug = cup
+object block[3] = box(5 cm, 5 cm, 5 cm)
+
+# the mug stands by the plate
+task: beside(mug, plate) & leftOf(mug,   block.first)
+far: dist(mug, plate) >= 2 m
+"""
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "table.spec").write_text(TABLE)
+    (tmp_path / "main.spec").write_text(SPEC)
+    return tmp_path
+
+
+def test_a_session(client, files):
+    editor = client("--stdio")
+    main, table = (files / "main.spec").as_uri(), (files / "table.spec").as_uri()
+    offered = editor.initialize()["capabilities"]
+    assert offered["textDocumentSync"]["change"] == 1
+    for one in ("hover", "definition", "documentSymbol", "documentFormatting", "rename", "completion"):
+        assert offered[f"{one}Provider"], one
+
+    editor.open(main, SPEC)
+    (hopeless,) = editor.diagnostics(main, 1)
+    assert hopeless["severity"] == 2 and hopeless["message"].startswith("`far` can never be satisfied")
+    assert hopeless["range"] == {"start": {"line": 6, "character": 0}, "end": {"line": 6, "character": 3}}
+
+    editor.change(main, 2, SPEC.replace("beside(mug", "besid(mug"))
+    (unknown,) = editor.diagnostics(main, 2)
+    assert unknown["severity"] == 1 and "unknown relation `besid`" in unknown["message"]
+    assert "help: did you mean `beside`?" in unknown["message"]
+    assert unknown["range"]["start"] == {"line": 5, "character": 6}
+
+    editor.change(main, 3, SPEC + "wish: leftOf(mug, \n")
+    (unfinished,) = editor.diagnostics(main, 3)
+    assert unfinished["severity"] == 1
+    hover = editor.at("hover", main, 5, 8)["contents"]
+    assert hover["kind"] == "markdown"
+    assert (
+        "beside(a, b, e = NEAR)" in hover["value"] and "phi of `beside(mug, plate)` in [-1.164, 0.25]" in hover["value"]
+    )
+    words = editor.at("completion", main, 7, 18)["items"]
+    assert {"plate", "mug", "block", "NEAR", "beside", "leftOf"} <= {one["label"] for one in words}
+    (beside,) = (one for one in words if one["label"] == "beside")
+    assert beside["detail"] == "beside(a, b, e = NEAR)"
+
+    place = editor.at("definition", main, 5, 8)
+    assert place == {"uri": table, "range": {"start": {"line": 2, "character": 4}, "end": {"line": 2, "character": 10}}}
+    assert editor.at("definition", main, 0, 10)["uri"] == table
+    assert editor.at("definition", main, 5, 30)["uri"].endswith("/prelude.spec")
+    names = [one["name"] for one in editor.ask("textDocument/documentSymbol", {"textDocument": {"uri": main}})]
+    assert names == ["plate", "mug", "block", "task", "far", "wish"]
+
+    editor.change(main, 4, SPEC)
+    assert editor.diagnostics(main, 4) == [hopeless]
+    settings = {"tabSize": 4, "insertSpaces": True}
+    (edit,) = editor.ask("textDocument/formatting", {"textDocument": {"uri": main}, "options": settings})
+    assert edit["newText"] == "task: beside(mug, plate) & leftOf(mug, block.first)\n"
+    assert edit["range"] == {"start": {"line": 5, "character": 0}, "end": {"line": 6, "character": 0}}
+    renamed = editor.at("rename", main, 1, 14, newName="beaker")
+    assert [one["range"]["start"]["line"] for one in renamed["changes"][main]] == [1, 5, 5, 6]
+    refused = editor.answer(
+        "textDocument/rename",
+        {"textDocument": {"uri": main}, "position": {"line": 1, "character": 14}, "newName": "plate"},
+    )
+    assert refused["error"]["message"] == "`plate` means something else already"
+
+    editor.notify("textDocument/didClose", {"textDocument": {"uri": main}})
+    assert editor.close() == 0
+    assert editor.noise == b"" and editor.errors == ""
+
+
+def test_what_is_open_counts_before_what_is_saved(client, files):
+    """An imported file that changes in the editor changes its importers, before anybody saves it."""
+    editor = client()
+    main, table = (files / "main.spec").as_uri(), (files / "table.spec").as_uri()
+    editor.initialize()
+    editor.open(main, SPEC)
+    assert len(editor.diagnostics(main, 1)) == 1
+    editor.open(table, TABLE)
+    editor.change(table, 2, TABLE.replace("beside", "nextTo"))
+    assert editor.problem(main, "unknown relation `beside`")["severity"] == 1
+    editor.change(table, 3, TABLE + "const NEAR = 1\n")
+    problem = editor.problem(main, "`NEAR` is defined twice")
+    assert problem["range"]["start"]["line"] == 0
+    (related,) = problem["relatedInformation"]
+    assert related["location"]["uri"] == table and related["location"]["range"]["start"]["line"] == 3
+    assert editor.close() == 0
+
+
+def test_nothing_that_is_typed_ends_the_server(client, tmp_path):
+    editor = client()
+    editor.initialize()
+    uri = (tmp_path / "typed.spec").as_uri()
+    editor.open(uri, "")
+    text = (
+        'object a[3] = box(1 cm, "x\ndef f(p, q = = 3) = forall i in 1..\nimport "../../etc"\n)(]a: 1 <= . f(\0\u2028'
+    )
+    for version in range(2, 42, 2):
+        piece = text[: version * len(text) // 40]
+        editor.change(uri, version, piece)
+        line = piece.count("\n")
+        for method in ("hover", "completion", "definition"):
+            editor.at(method, uri, line, len(piece) - piece.rfind("\n") - 1)
+    assert editor.diagnostics(uri, 40)
+    editor.at("hover", uri, 10_000, 10_000)
+    assert editor.at("hover", "file:///no/such/file.spec", 0, 0) is None
+    editor.change(uri, 42, "leftOf(a, b)")
+    assert editor.diagnostics(uri, 42) == []
+    assert editor.close() == 0
+    assert "failed" not in editor.errors
+
+
+def test_characters_are_counted_as_agreed(client, tmp_path):
+    """The bowl is one character, two code units, four bytes; a client that can count bytes is told bytes."""
+    editor = client()
+    agreed = editor.initialize(positionEncodings=["utf-8", "utf-16"])["capabilities"]["positionEncoding"]
+    assert agreed == "utf-8"
+    uri = (tmp_path / "cup.spec").as_uri()
+    editor.open(uri, "\U0001f375 leftOf(mug, plate)")
+    (problem,) = editor.diagnostics(uri, 1)
+    assert problem["range"] == {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 4}}
+    assert editor.close() == 0
+
+
+def test_a_failure_of_a_feature_is_logged_and_no_more(caplog):
+    pytest.importorskip("pygls")
+    from scenegen.lsp.server import guarded
+
+    def broken(params):
+        raise ZeroDivisionError(params)
+
+    assert guarded(broken)("this text") is None
+    assert "broken failed" in caplog.text and "ZeroDivisionError: this text" in caplog.text

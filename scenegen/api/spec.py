@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Diagnostic, SpecError
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
-from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scene.workspace import Workspace
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from scenegen.robustness import Robustness
 
 MAX_BYTES = 64_000_000
-ENDS = (0.0, math.inf)  # satisfied
-WORK = 3000  # visits of nodes that one label's search for clashes may take: about 0.2 s
 
 
 class Spec:
@@ -86,30 +83,9 @@ class Spec:
 
         Each names the smallest set of conjuncts that clash, and says whether bounds prove it or a short search failed.
         """
-        from scenegen.bounds.clash import clash, explain
-        from scenegen.bounds.search import find
+        from scenegen.api.hopeless import hopeless
 
-        core, box = gated(self.checked.core), self.checked.box()
-        demand = {core.labels[REQUIRE]: ENDS} if REQUIRE in core.labels else {}
-        bounds, missing = self.bounds(), []
-        for name in self.labels:
-            wanted = {**demand, core.labels[name]: ENDS}
-            if find(core, *box, wanted, work=WORK).verdict != "yes":
-                highest = bounds[name][1]
-                most = f": phi is at most {highest:.4g}" if highest < 0.0 else ""
-                missing.append((f"`{name}`", f"satisfied{most}", wanted))
-        if demand and len(missing) == len(self.labels):  # some label's scene would have met the requirement, too
-            missing.insert(0, ("what the spec requires", "met", demand))
-        found: list[Diagnostic] = []
-        for what, done, wanted in missing:
-            result = clash(core, *box, wanted, work=WORK)
-            if result is None:
-                continue
-            title = f"{what} {'can never' if result.proved else 'can hardly'} be {done}"
-            found.append(explain(core, result, title, "change one of the parts that clash", "warning"))
-            if done == "met":
-                break  # without it nothing else matters
-        return found
+        return hopeless(self.checked)
 
 
 def parse(text: str, name: str = "<spec>") -> Spec:

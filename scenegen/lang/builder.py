@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from scenegen.errors import Span
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
 from scenegen.primitives import MATH, PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
 
@@ -137,21 +137,9 @@ class CoreBuilder:
                 stack.extend(children(self.nodes[index]))
         order = sorted(needed)
         place = {old: new for new, old in enumerate(order)}
-        nodes = tuple(_moved(self.nodes[old], place) for old in order)
+        nodes = tuple(moved(self.nodes[old], place) for old in order)
         kept = None if requirement is None else place[requirement]
         return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects, kept)
-
-
-def _moved(node: Node, place: dict[int, int]) -> Node:
-    match node:
-        case Apply(primitive, args, shapes):
-            return Apply(primitive, tuple(place[arg] for arg in args), shapes)
-        case Junction(kind, args, text):
-            return Junction(kind, tuple(place[arg] for arg in args), text)
-        case Atom(margin, text, unit, spans):
-            return Atom(place[margin], text, unit, spans)
-        case _:
-            return node
 
 
 def _negated(text: str) -> str:

@@ -89,6 +89,33 @@ def gated(core: Core) -> Core:
     return replace(core, labels={**core.labels, REQUIRE: core.requirement}, requirement=None)
 
 
+def part(core: Core, labels: Sequence[str]) -> Core:
+    """The core of some of its labels: what they do not need is left out, the order of the rest is kept."""
+    needed = [False] * len(core.nodes)
+    for name in labels:
+        needed[core.labels[name]] = True
+    for index in range(len(core.nodes) - 1, -1, -1):
+        if needed[index]:
+            for child in children(core.nodes[index]):
+                needed[child] = True
+    place = {old: new for new, old in enumerate(index for index, wanted in enumerate(needed) if wanted)}
+    nodes = tuple(moved(core.nodes[old], place) for old in place)
+    return Core(nodes, {name: place[core.labels[name]] for name in labels}, core.objects)
+
+
+def moved(node: Node, place: Mapping[int, int]) -> Node:
+    """The node of a tape whose nodes have got other numbers."""
+    match node:
+        case Apply(primitive, args, shapes):
+            return Apply(primitive, tuple(place[arg] for arg in args), shapes)
+        case Junction(kind, args, text):
+            return Junction(kind, tuple(place[arg] for arg in args), text)
+        case Atom(margin, text, unit, spans):
+            return Atom(place[margin], text, unit, spans)
+        case _:
+            return node
+
+
 def children(node: Node) -> Sequence[int]:
     """The nodes that a node is computed from."""
     if isinstance(node, Apply | Junction):

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from scenegen.api.hopeless import hopeless
 from scenegen.bounds import label_bounds
 from scenegen.errors import Diagnostic, ScenegenError, Span
 from scenegen.lang.core import REQUIRE, gated
@@ -35,7 +36,8 @@ def problems(document: Document) -> list[Problem]:
     if not isinstance(checked, CheckedSpec):
         return [_problem(document, one) for one in checked]
     found = [_problem(document, one) for one in checked.warnings]
-    return found + list(_bounds(document, checked))
+    beyond = list(_overflow(document, checked))
+    return found + (beyond or [_problem(document, one) for one in hopeless(checked)])
 
 
 def _problem(document: Document, one: Diagnostic) -> Problem:
@@ -64,20 +66,15 @@ def _importing(document: Document, span: Span) -> tuple[int, int]:
     return (links[0].start, links[0].end) if links else (0, 0)
 
 
-def _bounds(document: Document, spec: CheckedSpec) -> Iterator[Problem]:
-    """Labels and requirements that interval bounds show to be out of reach, and phi beyond what computers can hold."""
+def _overflow(document: Document, spec: CheckedSpec) -> Iterator[Problem]:
+    """Labels and requirements whose phi goes beyond what computers can hold."""
     core = gated(spec.core)
     with np.errstate(over="ignore", invalid="ignore"):
         lowest, highest = label_bounds(core, *spec.box())
     for name, low, high in zip(core.labels, lowest, highest, strict=True):
-        start, end = _place(document, name)
         if not (np.isfinite(low) and np.isfinite(high)):
             message = f"phi of `{name}` can be larger than a computer's numbers\nhelp: use smaller constants"
-            yield Problem(start, end, message, "error")
-        elif high < 0.0:
-            what = "no scene meets what `require` demands" if name == REQUIRE else f"`{name}` can never be satisfied"
-            help_ = "help: hover over its parts, and look for bounds below 0"
-            yield Problem(start, end, f"{what}: phi is at most {high:.4g}\n{help_}", "warning")
+            yield Problem(*_place(document, name), message, "error")
 
 
 def _place(document: Document, name: str) -> tuple[int, int]:

@@ -34,7 +34,7 @@ def test_a_session(client, files):
     editor.open(main, SPEC)
     (hopeless,) = editor.diagnostics(main, 1)
     assert hopeless["severity"] == 2 and hopeless["message"].startswith("`far` can never be satisfied")
-    assert hopeless["range"] == {"start": {"line": 6, "character": 0}, "end": {"line": 6, "character": 3}}
+    assert hopeless["range"] == {"start": {"line": 6, "character": 5}, "end": {"line": 6, "character": 28}}
 
     editor.change(main, 2, SPEC.replace("beside(mug", "besid(mug"))
     (unknown,) = editor.diagnostics(main, 2)

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
+BLOCK = 32_768  # scenes scored at a time, so that they stay in cache
+
+
 @dataclass(frozen=True, slots=True)
 class SceneSet:
     """Scenes of one spec.
@@ -158,15 +161,19 @@ def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
         raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
     place = {name: index for index, name in enumerate(scenes.objects)}
     order = [place[name] for name in spec.objects]
-    return scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
+    poses = scenes.poses if order == sorted(order) else scenes.poses[:, order]
+    return poses.reshape(len(scenes), 3 * len(order)).T
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
     """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
-    return {
-        name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
-        for name, value in score(spec.core, list(rows_of(spec, scenes)), NUMPY).items()
-    }
+    rows = rows_of(spec, scenes)
+    phi = {name: np.empty(len(scenes)) for name in spec.labels}
+    for start in range(0, len(scenes), BLOCK):
+        part = slice(start, start + BLOCK)
+        for name, value in score(spec.core, list(np.ascontiguousarray(rows[:, part])), NUMPY).items():
+            phi[name][part] = value
+    return phi
 
 
 def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:

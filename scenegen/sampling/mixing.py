@@ -51,7 +51,9 @@ class Statistics:
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
         values += chains.phi
-        table = np.nan_to_num(np.array(values))
+        table = np.array(values)
+        if not np.isfinite(table.sum()):
+            table = np.nan_to_num(table)
         middle = table.mean(axis=1, keepdims=True)
         table -= middle
         spread = np.sqrt((table * table).mean(axis=1, keepdims=True))

@@ -23,7 +23,7 @@ LONGEST = 2048  # moves between two scenes of a chain at most
 _TARGET = 0.3  # share of chains that a well-tuned walk moves
 _PER_MOVE, _PER_ROW = 15, 15  # what a move costs beside its phi, in nodes of the tape (measured)
 _TRIAL = 1024  # chains on which kinds of moves are compared
-_RACERS = 4096  # chains on which ways to share the moves among the kinds race each other
+_RACERS = 2048  # chains on which ways to share the moves among the kinds race each other
 _RACES, _BOOST = 8, 0.25  # ways that are tried, and what each moves to the kind that helps most
 _USEFUL = 0.01  # share of chains that a mirror must move to be made for every scene
 

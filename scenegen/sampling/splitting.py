@@ -165,7 +165,7 @@ def _account(
     }
     info |= probability([piece.probability for piece in pieces])
     warnings: tuple[Diagnostic, ...] = ()
-    if plan.left > 5 * NEGLIGIBLE:
+    if plan.left > 2 * NEGLIGIBLE:
         title = f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
         note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
         warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)

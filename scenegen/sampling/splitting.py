@@ -161,7 +161,7 @@ def _account(
         "acceptance": _mean([piece.accepted for piece in alive]),
         "stuck": _mean([piece.stuck for piece in alive]),
         "correlation": round(float(plan.left), 4),
-        "effective_share": round(min(1.0, effective / scenes), 4) if scenes else 0.0,
+        "effective_share": round(float(min(1.0, effective / scenes)), 4) if scenes else 0.0,
     }
     info |= probability([piece.probability for piece in pieces])
     warnings: tuple[Diagnostic, ...] = ()

@@ -147,7 +147,7 @@ def _account(
     """What the scene file says about the run, and what the user is warned of."""
     alive = [piece for piece in pieces if len(piece.effect)]
     scenes = sum(piece.rows.shape[1] for piece in alive)
-    effect = float(np.mean([piece.effect for piece in alive], axis=0).max(initial=1.0)) if alive else 1.0
+    effect = _worst([piece.effect for piece in alive])
     within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
     effective = scenes / (effect * within)
     info: dict[str, object] = {
@@ -170,6 +170,16 @@ def _account(
         note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
         warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
     return info, warnings
+
+
+def _worst(effects: Sequence[Array]) -> float:
+    """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
+    errors over the pieces are taken off each."""
+    if not effects:
+        return 1.0
+    table = np.array(effects)
+    error = table.std(axis=0, ddof=1) / math.sqrt(len(table)) if len(table) > 1 else 0.0
+    return float((table.mean(axis=0) - 2.0 * error).max(initial=1.0))
 
 
 def _mean(values: Sequence[float]) -> float:

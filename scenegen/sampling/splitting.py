@@ -147,7 +147,7 @@ def _account(
     """What the scene file says about the run, and what the user is warned of."""
     alive = [piece for piece in pieces if len(piece.effect)]
     scenes = sum(piece.rows.shape[1] for piece in alive)
-    effect = float(np.mean([piece.effect for piece in alive], axis=0).max(initial=1.0)) if alive else 1.0
+    effect = _worst([piece.effect for piece in alive])
     within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
     effective = scenes / (effect * within)
     info: dict[str, object] = {
@@ -161,15 +161,25 @@ def _account(
         "acceptance": _mean([piece.accepted for piece in alive]),
         "stuck": _mean([piece.stuck for piece in alive]),
         "correlation": round(float(plan.left), 4),
-        "effective_share": round(min(1.0, effective / scenes), 4) if scenes else 0.0,
+        "effective_share": round(float(min(1.0, effective / scenes)), 4) if scenes else 0.0,
     }
     info |= probability([piece.probability for piece in pieces])
     warnings: tuple[Diagnostic, ...] = ()
-    if plan.left > 5 * NEGLIGIBLE:
+    if plan.left > 2 * NEGLIGIBLE:
         title = f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
         note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
         warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
     return info, warnings
+
+
+def _worst(effects: Sequence[Array]) -> float:
+    """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
+    errors over the pieces are taken off each."""
+    if not effects:
+        return 1.0
+    table = np.array(effects)
+    error = table.std(axis=0, ddof=1) / math.sqrt(len(table)) if len(table) > 1 else 0.0
+    return float((table.mean(axis=0) - 2.0 * error).max(initial=1.0))
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -194,7 +204,7 @@ def probability(estimates: Sequence[float]) -> dict[str, object]:
 def _stalled(problem: Problem, end: Stalled, collector: Collector) -> Sampled:
     """Nothing was found: the scenes that came nearest tell what stands in the way."""
     shown = min(len(end.phi[0]), 4096)
-    rng = generator(problem.request.seed, -2)
+    rng = generator(problem.request.seed, -1)
     rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
     info: dict[str, object] = {
         "method": "splitting",

@@ -94,7 +94,7 @@ class SceneSet:
 
     def _blocks(self) -> Iterator[Block]:
         for start in range(0, len(self), BLOCK):
-            part = slice(start, start + CACHED)
+            part = slice(start, start + BLOCK)
             rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
             phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), -1)
             yield Block(rows, phi)

@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds import spec_bounds
-from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.search import find
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE, Core, gated, part
 from scenegen.lang.interpret import phi
@@ -33,6 +31,11 @@ def hopeless(spec: CheckedSpec) -> list[Diagnostic]:
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
     waiting = _not_at_once(core, box)
+    if not waiting:
+        return []
+    from scenegen.bounds.clash import clash, explain
+    from scenegen.bounds.search import find
+
     if len(waiting) > MOST:
         waiting = [name for name in waiting if bounds[name][1] < 0.0][:MOST]
     missing = []

@@ -2,6 +2,7 @@
 
 from scenegen.assets.library import (
     ASSETS,
+    PLAIN,
     UNKNOWN,
     Asset,
     Shape,
@@ -12,8 +13,6 @@ from scenegen.assets.library import (
     shape_of,
     stem,
 )
-from scenegen.assets.parts import Part
-from scenegen.assets.plain import PLAIN
 from scenegen.primitives import Box, Circle
 
 __all__ = [
@@ -23,7 +22,6 @@ __all__ = [
     "Asset",
     "Box",
     "Circle",
-    "Part",
     "Shape",
     "asset_of",
     "colors_of",

@@ -14,7 +14,6 @@ from scenegen.assets.parts import DARK, WHITE, Part, pip
 from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import Point, centroid
 
-PLAIN = ("box", "cylinder", "prism", "urdf")
 BEVEL = 0.05  # of the smallest size: what edges lose
 RAISED = 0.02  # of the smallest size: how far the mark stands out
 LARGEST_MARK = 0.06  # metres

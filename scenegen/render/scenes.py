@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, qu
 from scenegen.formats.files import ensure_folder, output_error, write_whole
 from scenegen.render.camera import VIEWS
 from scenegen.render.pool import draw
+from scenegen.render.process import cores
 from scenegen.render.sheet import SHOWN, contact_sheet, thumbnail_size
 from scenegen.render.stage import poses_of, stage_of
 from scenegen.scene.data import SceneFile
@@ -68,7 +68,7 @@ def render_scenes(
     # Pictures wait in a folder of their own until all are there: a run that fails leaves earlier pictures alone.
     waiting = Path(tempfile.mkdtemp(dir=out, prefix=".pictures.", suffix=".part"))
     try:
-        with contextlib.closing(draw(stage, poses, views, size, min(workers or _cores(), total))) as scenes:
+        with contextlib.closing(draw(stage, poses, views, size, min(workers or cores(), total))) as scenes:
             for number, pictures in enumerate(scenes, start=1):
                 for view in views:
                     name = f"scene_{number:0{digits}d}_{view}.png"
@@ -107,10 +107,6 @@ def _move(path: Path, destination: Path) -> None:
         path.replace(destination)
     except OSError as error:
         raise output_error(destination, error) from error
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:

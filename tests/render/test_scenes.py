@@ -10,7 +10,7 @@ from PIL import Image
 
 from scenegen.assets import ASSETS
 from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
-from scenegen.render import pool, render_scenes, scenes
+from scenegen.render import process, render_scenes, scenes
 
 from .scenefiles import scene_file
 
@@ -141,7 +141,7 @@ def test_a_failure_leaves_other_files_alone(tmp_path, monkeypatch):
 
 
 def test_a_worker_that_dies_is_a_diagnostic(tmp_path, monkeypatch):
-    monkeypatch.setattr(pool, "_PROGRAM", "import sys; sys.exit('out of paint')")
+    monkeypatch.setattr(process, "_PROGRAM", "import sys; sys.exit('out of paint')")
     with pytest.raises(ScenegenError, match="out of paint"):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE)
     assert not (tmp_path / "out").exists()

@@ -1,10 +1,10 @@
 """Reads tests/golden/relations: scenes for each relation of the prelude, with phi worked out on paper.
 
-A file opens with what phi is in words. A scene opens with `== title`; a spec of one label `task` follows, in which `at`
-says where each object stands in this scene (x and y in metres, heading in degrees). What follows the task is arithmetic,
-`name = expression = ... = number`, the last of them `phi`. All sides of an equation must agree, so a slip of the pen
-shows before any relation is computed. Nothing ever writes these files. docs/make_relations.py draws the first two
-scenes of each.
+A file opens with what phi is in words. A scene opens with `== title`; a spec of one label `task` follows, in which
+`at` says where each object stands in this scene (x and y in metres, heading in degrees). What follows the task is
+arithmetic, `name = expression = ... = number`, the last of them `phi`. All sides of an equation must agree, so a slip
+of the pen shows before any relation is computed. Nothing ever writes these files. docs/make_relations.py draws the
+first two scenes of each.
 """
 
 from __future__ import annotations

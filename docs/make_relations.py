@@ -127,14 +127,14 @@ def view(entry: Entry, scene: Any) -> View:
 
 
 def files() -> dict[Path, str]:
-    """Every file that this script writes, with its text."""
+    """Every file that this script writes, with its text. Raises FileNotFoundError for a definition without a golden."""
     scenes = load_scenes()
     written: dict[Path, str] = {}
     body: list[str] = []
     index: list[str] = []
     for group in groups():
-        heading = group.title[0].upper() + group.title[1:]
-        body.append(f"\n## {heading.rstrip('.')}\n")
+        heading, _, note = (group.title[0].upper() + group.title[1:]).partition(". ")
+        body += [f"\n## {heading}\n", *([f"{note}\n"] if note else [])]
         index.append(
             f"* {heading.split(':')[0]}: " + ", ".join(f"[{one.name}](#{one.name.lower()})" for one in group.entries)
         )
@@ -149,6 +149,8 @@ def files() -> dict[Path, str]:
 
 def page_entry(entry: Entry, words: str, golden: Any) -> list[str]:
     standard = defaults(entry.definition)
+    formula = golden[1].phi < 0.0
+    shown = "a scene that satisfies it and one that violates it" if formula else "two scenes with its value"
     return [
         f"### {entry.name}\n",
         f"`{signature_of(entry.definition).usage}`\n",
@@ -157,8 +159,7 @@ def page_entry(entry: Entry, words: str, golden: Any) -> list[str]:
         f"* {re.sub(r' [*] ', ' · ', words)}",
         f"* unit: {unit(entry, golden)}",
         *([f"* defaults: {standard}"] if standard else []),
-        f"\n![{' and '.join(one.task.replace('[', '').replace(']', '') for one in golden[:2])}]"
-        f"(images/relations/{entry.name}.svg)\n",
+        f"\n![{entry.name}: {shown}](images/relations/{entry.name}.svg)\n",
     ]
 
 

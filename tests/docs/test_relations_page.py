@@ -46,7 +46,8 @@ def test_the_page_shows_each_relation_with_all_there_is_to_say(made):
         assert re.search(r"^\w.*\.$", section, re.MULTILINE), f"no meaning: {section}"
         assert re.search(r"^\* formula: `.+`$", section, re.MULTILINE)
         assert re.search(r"^\* unit: \S", section, re.MULTILINE), f"no unit: {section}"
-        assert (" = EPS_" in section.splitlines()[2]) == ("* defaults: `EPS_" in section), section
+        for constant in re.findall(r"= ([A-Z_]+)", section.splitlines()[2]):
+            assert re.search(rf"^\* defaults: .*`{constant}` = \S", section, re.MULTILINE), section
 
 
 def copy(folder):

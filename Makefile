@@ -5,7 +5,7 @@ BIN    := .venv/bin
 STAMP  := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint goldens tables bench exp1 clean
+.PHONY: help demo test test-slow lint goldens pictures tables bench exp1 clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -35,6 +35,9 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
 	$(BIN)/python -m pytest -m "not slow" --regenerate
+
+pictures: $(STAMP) ## docs/relations.md and its pictures, from the prelude and the golden scenes
+	$(BIN)/python docs/make_relations.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
 	$(BIN)/python -m scenegen.lang.tables

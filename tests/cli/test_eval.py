@@ -65,3 +65,58 @@ def test_a_rounded_table_for_people(scenegen, scenes, monkeypatch):
     header, first = (line.split() for line in outcome.out.splitlines()[:2])
     assert header == ["scene", "task", "safe"]
     assert first == ["1", *(f"{scenes[0]['phi'][name]:+.6f}" for name in ("task", "safe"))]
+
+
+def test_every_sub_formula_of_one_scene(scenegen, scenes):
+    scene = scenes[2]
+    outcome = scenegen("eval", "two.spec", "s.json", "--explain", "--scene", "3")
+    assert (outcome.status, outcome.err) == (0, "")
+    mug, plate = scene["poses"]["mug"], scene["poses"]["plate"]
+    left, above = plate["x"] - mug["x"], mug["y"] - plate["y"]
+    lines = {line.split("  ")[0]: line for line in (line.strip() for line in outcome.out.splitlines()) if line}
+    assert "scene 3 of 40" in lines
+    for name, value in (("leftOf(mug, plate)", left), ("aboveOf(mug, plate)", above)):
+        assert f"{value:+.6f} m" in lines[name]
+        assert lines[name].endswith("<- decides") == (value == min(left, above))
+    assert f"{min(left, above):+.6f}" in lines["all of"] and not lines["all of"].endswith("decides")
+    assert outcome.out.count("<- decides") == 2  # one a label
+
+
+def test_a_file_of_one_scene_is_explained_at_once(scenegen, here):
+    assert scenegen("sample", "good.spec", "--phi", "0:0.2", "-n", "1", "--out", "s.json").status == 0
+    assert scenegen("eval", "good.spec", "s.json", "--explain").out.startswith("scene 1 of 1\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "title"), [(["--scene", "3"], "--scene shows one scene"), (["--explain", "--scene", "41"], "no scene 41")]
+)
+def test_a_scene_that_cannot_be_shown(scenegen, scenes, words, title):
+    outcome = scenegen("eval", "two.spec", "s.json", *words)
+    assert (outcome.status, outcome.out) == (1, "") and title in outcome.err
+
+
+def test_what_the_spec_requires_and_holds(scenegen, here):
+    text = "object mug, tray = box(0.3, 0.2, 0.04) at (0.5, 0.5)\nrequire clearOf(mug, tray)\ntask: leftOf(mug, tray)\n"
+    (here / "held.spec").write_text(text)
+    assert scenegen("sample", "held.spec", "--phi", "0:0.4", "-n", "8", "--out", "s.json").status == 0
+    rows = list(csv.DictReader(io.StringIO(scenegen("eval", "held.spec", "s.json").out), delimiter="\t"))
+    assert all(float(row["require"]) >= 0.0 and 0.0 <= float(row["task"]) <= 0.4 for row in rows)
+    data = json.loads((here / "s.json").read_text())
+    assert all(scene["poses"]["tray"] == {"x": 0.5, "y": 0.5, "theta": 0.0} for scene in data["scenes"])
+    data["scenes"][4]["poses"]["tray"]["x"] = 0.6
+    (here / "s.json").write_text(json.dumps(data))
+    outcome = scenegen("eval", "held.spec", "s.json")
+    assert outcome.status == 1 and "`tray` is held at (0.5, 0.5, 0)" in outcome.err and "scene 5" in outcome.err
+
+
+def test_imports_stay_in_the_folder_unless_told_otherwise(scenegen, here):
+    (here / "shared.spec").write_text("def beside(a, b) = alignedY(a, b, 5 cm) & closeTo(a, b)\n")
+    (here / "sub").mkdir()
+    (here / "sub" / "main.spec").write_text('import "../shared.spec"\ntask: beside(mug, plate)\n')
+    outcome = scenegen("check", "sub/main.spec")
+    assert outcome.status == 1 and "sub/main.spec:1:8" in outcome.err and "--root" in outcome.err
+    assert scenegen("check", "sub/main.spec", "--root", ".").status == 0
+    assert scenegen("sample", "sub/main.spec", "--root", ".", "--phi", "0:", "-n", "4", "--out", "s.json").status == 0
+    # the scene file carries all of it
+    source = json.loads((here / "s.json").read_text())["spec"]["source"]
+    assert "import" not in source and source.startswith("def beside(a, b) = ")

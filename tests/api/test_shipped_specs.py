@@ -1,0 +1,29 @@
+"""The specs that ship: each says what it describes, and each can be sampled, every label satisfied where asked."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scenegen
+
+ROOT = Path(__file__).resolve().parents[2]
+SPECS = sorted((ROOT / "specs").glob("*.spec"))
+
+
+def test_there_is_something_to_start_from():
+    assert len(SPECS) >= 18
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_sampled(path):
+    spec = scenegen.load(path)
+    assert len(spec.checked.title) > 20 and spec.checked.title.endswith((".", ")"))
+    assert spec.warnings == () and spec.hopeless() == []
+    for label in spec.labels:
+        scenes = scenegen.sample(spec, {label: (0.0, None)}, n=4, seed=1)
+        assert len(scenes) == 4 and np.all(scenes.phi[label] >= 0.0)
+        again = scenegen.api.scenes.evaluate(spec.checked, scenes)
+        np.testing.assert_array_equal(again[label], scenes.phi[label])
+        margin = scenegen.api.scenes.requirement(spec.checked, scenes)
+        assert margin is None or np.all(margin >= 0.0)

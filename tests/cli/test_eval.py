@@ -87,11 +87,16 @@ def test_a_file_of_one_scene_is_explained_at_once(scenegen, here):
     assert scenegen("eval", "good.spec", "s.json", "--explain").out.startswith("scene 1 of 1\n")
 
 
-@pytest.mark.parametrize(
-    ("words", "title"), [(["--scene", "3"], "--scene shows one scene"), (["--explain", "--scene", "41"], "no scene 41")]
-)
+UNSHOWN = {
+    "--scene 3": "--scene shows one scene",
+    "--explain --scene 41": "no scene 41",
+    "--explain --scene 0": "no scene 0",
+}
+
+
+@pytest.mark.parametrize(("words", "title"), UNSHOWN.items())
 def test_a_scene_that_cannot_be_shown(scenegen, scenes, words, title):
-    outcome = scenegen("eval", "two.spec", "s.json", *words)
+    outcome = scenegen("eval", "two.spec", "s.json", *words.split())
     assert (outcome.status, outcome.out) == (1, "") and title in outcome.err
 
 

@@ -28,7 +28,8 @@ Bool = npt.NDArray[np.bool_]
 
 LIVE = 1 << 22  # numbers that are alive at a time while candidates are scored
 CHUNK = 16_384  # candidates drawn and scored at a time, at most: intermediates then stay in cache
-SMALLEST = 4096  # candidates of a piece, at least
+SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
+WORK = 1 << 26  # candidates times nodes that one look around may take
 EXPLORE = 4  # chunks drawn from the common cover to see which cells it serves
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out of reach
 LONG_SEARCH = 32 * 65_536  # candidates after which the search for further cells ends where exploring found none at all
@@ -223,7 +224,13 @@ def _balance(
 def _size(problem: Problem, need: float) -> int:
     """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    return int(min(max(SMALLEST, 1 << min(bits, 62)), max(problem.piece_size, SMALLEST)))
+    least = _affordable(problem, SMALLEST)
+    return int(min(max(least, 1 << min(bits, 62)), max(problem.piece_size, least)))
+
+
+def _affordable(problem: Problem, count: int) -> int:
+    """That many candidates, or fewer where scoring one takes thousands of operations."""
+    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes)))
 
 
 def _chunks(problem: Problem, count: int) -> list[int]:
@@ -240,7 +247,7 @@ def _explore(
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried = 0
     for chunk in range(most):
-        for count in _chunks(problem, 2048 if cell is not None and not chunk else 16_384):
+        for count in _chunks(problem, _affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
             _, _, cells = _draw(problem, cover, count, rng)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count

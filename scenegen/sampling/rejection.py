@@ -90,10 +90,11 @@ class Plan:
         rows: list[Array] = []
         phi: list[Array] = []
         tallies = []
+        room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
         for source in self.sources:
             hits = 0  # in the whole range for the common cover, in its cell for another
             for count in _chunks(self.problem, source.candidates):
-                kept, values, cells = _draw(self.problem, source.cover, count, rng)
+                kept, values, cells = _draw(self.problem, source.cover, count, rng, room)
                 mine = np.flatnonzero(source.cells[cells])
                 if len(mine) < len(cells):
                     kept, values = kept.take(mine, axis=1), values.take(mine, axis=1)
@@ -256,9 +257,12 @@ def _explore(
     return hits, tried
 
 
-def _draw(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) -> tuple[Array, Array, Index]:
-    """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,)."""
-    rows, phi, usable = _candidates(problem, cover, count, rng)
+def _draw(
+    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+) -> tuple[Array, Array, Index]:
+    """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is memory to
+    draw them in, (3N, CHUNK)."""
+    rows, phi, usable = _candidates(problem, cover, count, rng, room)
     for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
         if low > -math.inf:
             usable &= value >= low
@@ -270,9 +274,11 @@ def _draw(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) 
     return rows.take(kept, axis=1), chosen, problem.cells.find(chosen)
 
 
-def _candidates(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) -> tuple[Array, Array, Bool]:
+def _candidates(
+    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+) -> tuple[Array, Array, Bool]:
     """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
-    rows = np.empty((len(problem.lowest), count))
+    rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
     np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
     values = evaluate(problem.core, list(rows), NUMPY)

@@ -38,14 +38,17 @@ def test_training_leaves_a_usable_model(number, here, scenegen):
 
 
 def test_sampling_a_rare_range(here):
-    process = started(["sample", "two.spec", "--phi", "task=0.9999:", "-n", "1000", "--out", "o.json"], here)
+    # out of reach, and nothing but a long search can tell
+    circle = "sin(theta(mug)) * sin(theta(mug)) + cos(theta(mug)) * cos(theta(mug)) <= 0.9999"
+    (here / "rare.spec").write_text(f"leftOf(mug, plate) & {circle}")
+    process = started(["sample", "rare.spec", "--phi", "0:", "-n", "1000", "--out", "o.json"], here)
     deadline = time.monotonic() + 30
     while not _samples(process) and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert (process.returncode, out, err) == (130, "", "interrupted\n")
-    assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "two.spec"]
+    assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "rare.spec", "two.spec"]
 
 
 def _samples(process):

@@ -66,8 +66,9 @@ def test_changed_scenes_file(change, refused, scenes, golden):
 
 
 def test_garbage_truncated_and_missing_scenes_files(refused, scenes, here, golden):
+    # what a sampler says of itself changes from version to version: the cut comes before it
     whole = scenes.read_bytes()
-    (here / "cut.json").write_bytes(whole[: len(whole) // 2])
+    (here / "cut.json").write_bytes(whole[: whole.index(b'"sampler"') + 4])
     (here / "noise.json").write_bytes(bytes(range(255, 0, -1)))
     (here / "sub.json").mkdir()
     for name in ("cut", "noise", "sub", "ss"):

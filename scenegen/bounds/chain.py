@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.alias import Alias, make_alias
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
@@ -32,40 +34,45 @@ class Edge:
 
 
 @dataclass(frozen=True, slots=True)
-class _Link:
-    """For each of the parent's bins, the child's bins first..last (exclusive), as counts and as places in its sum."""
+class Link:
+    """What the child can be for each bin of the parent, (BINS,) each: a stretch of `weight` from `offset`, of its
+    coordinate where it has no children itself (`leaf`), else of the sum over its bins."""
 
     parent: int  # positions within Chain.rows
     child: int
-    offset: Array  # the child's sum before its first bin, per bin of the parent
-    weight: Array  # what the child's bins add up to, per bin of the parent
+    leaf: bool
+    offset: Array
+    weight: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A tree of coordinates, parents before children; row `rows[k]` has BINS bins of width `width[k]` from `low[k]`."""
+    """A tree of coordinates, parents before children; row `rows[k]` has BINS bins of width `width[k]` from `low[k]`.
+    `sums[k]` adds up the weights of its bins; `root` draws a bin of the first."""
 
     rows: tuple[int, ...]
     low: Array
     width: Array
     sums: tuple[Array, ...]
-    links: tuple[_Link, ...]
-
-    @property
-    def volume(self) -> float:
-        return float(self.sums[0][-1])
+    links: tuple[Link, ...]
+    volume: float
+    root: Alias
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """`count` points uniform over the union of the bins that the edges allow, (d, count)."""
         out = rng.random((len(self.rows), count))
         bins: list[Index] = [np.empty(0, dtype=np.intp)] * len(self.rows)
-        bins[0] = self._place(0, out[0] * self.volume, out[0])
+        bins[0] = self.root.draw(count, rng)
+        out[0] += bins[0]
+        out[0] *= self.width[0]
+        out[0] += self.low[0]
         for link in self.links:
             above = bins[link.parent]
             value = out[link.child]
             value *= link.weight.take(above)
             value += link.offset.take(above)
-            bins[link.child] = self._place(link.child, value, value)
+            if not link.leaf:
+                bins[link.child] = self._place(link.child, value, value)
         return out
 
     def _place(self, which: int, mass: Array, out: Array) -> Index:
@@ -93,11 +100,20 @@ def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float
     width = np.array([max(intervals[row][1] - intervals[row][0], 0.0) / BINS for row in rows])
     weight = [np.full(BINS, wide) for wide in width]
     sums: list[Array] = [np.empty(0)] * len(rows)
-    links: list[_Link] = []
+    links: list[Link] = []
+    inner = {edge.parent for edge in edges}
     for edge in reversed(edges):
         parent, child = at[edge.parent], at[edge.child]
-        sums[child] = _sum(weight[child])
+        leaf = edge.child not in inner
         borders = low[parent] + width[parent] * np.arange(BINS + 1)
+        if leaf:
+            offset = np.maximum(low[child], borders[:-1] + edge.low)
+            inside = np.minimum(low[child] + BINS * width[child], borders[1:] + edge.high) - offset
+            np.maximum(inside, 0.0, out=inside)
+            weight[parent] = weight[parent] * inside
+            links.append(Link(parent, child, True, offset, inside))
+            continue
+        sums[child] = _sum(weight[child])
         step = width[child] if width[child] > 0.0 else 1.0
         first = np.floor((borders[:-1] + edge.low - low[child]) / step - HAIR)
         last = np.ceil((borders[1:] + edge.high - low[child]) / step + HAIR)
@@ -105,9 +121,10 @@ def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float
         offset = sums[child][first]
         inside = np.where(last > first, sums[child][last] - offset, 0.0)
         weight[parent] = weight[parent] * inside
-        links.append(_Link(parent, child, offset, inside))
-    sums[0] = _sum(weight[0])
-    return Chain(tuple(rows), low, width, tuple(sums), tuple(reversed(links)))
+        links.append(Link(parent, child, False, offset, inside))
+    volume = float(weight[0].sum())
+    root = make_alias(weight[0] if volume > 0.0 else np.ones(1))
+    return Chain(tuple(rows), low, width, tuple(sums), tuple(reversed(links)), volume, root)
 
 
 def _sum(weight: Array) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.alias import Alias, make_alias
 from scenegen.bounds.contract import SLACK, contract, forward
 from scenegen.lang.core import Node
 
@@ -24,27 +25,26 @@ SHARE = 0.25  # boxes smaller than this share of the largest are left for a late
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """K disjoint boxes lo..hi, (d, K), over the tape's nodes `dims`; `cumulative` (K,) are their volumes, added up."""
+    """K disjoint boxes lo..hi, (d, K), over the tape's nodes `dims`, and their volumes together."""
 
     dims: tuple[int, ...]
     lo: Array
     hi: Array
-    cumulative: Array
-
-    @property
-    def volume(self) -> float:
-        return float(self.cumulative[-1]) if len(self.cumulative) else 0.0
+    volume: float
+    alias: Alias
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """`count` points uniform over the union of the boxes, (d, count)."""
-        if len(self.cumulative) == 1:
-            out: Array = rng.random((len(self.dims), count))
-            return out * (self.hi - self.lo) + self.lo
-        box = np.searchsorted(self.cumulative, rng.random(count) * self.volume, side="right")
-        np.minimum(box, len(self.cumulative) - 1, out=box)
-        out = rng.random((len(self.dims), count))
-        out *= (self.hi - self.lo).take(box, axis=1)
-        out += self.lo.take(box, axis=1)
+        out: Array = rng.random((len(self.dims), count))
+        width = self.hi - self.lo
+        if len(self.alias.keep) == 1:
+            out *= width
+            out += self.lo
+            return out
+        box = self.alias.draw(count, rng)
+        for values, wide, low in zip(out, width, self.lo, strict=True):
+            values *= wide.take(box)
+            values += low.take(box)
         return out
 
 
@@ -90,8 +90,9 @@ def make_grid(
         # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
         if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / max(1, lo.shape[1])) * before:
             break
-    order = np.argsort(-volume, kind="stable")
-    return Grid(tuple(names), lo[where][:, order], hi[where][:, order], np.cumsum(volume[order]))
+    total = float(volume.sum())
+    alias = make_alias(volume if total > 0.0 else np.ones(1))
+    return Grid(tuple(names), lo[where], hi[where], total, alias)
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:

@@ -1,8 +1,8 @@
 """Drawing scenes uniformly from a set of known volume that holds every scene of a part.
 
-A proposal is a product: spans (coordinates on their own), chains (coordinates along one axis tied by differences) and
-grids (boxes over a few coupled coordinates). Objects that lie close to others hang from them: what is covered and drawn
-then is where they lie relative to each other, which is a change of variables with determinant 1.
+A proposal is a product: spans (coordinates on their own), orders and chains (coordinates along one axis tied by
+differences) and grids (boxes over a few coupled coordinates). Objects that lie close to others hang from them: what is
+covered and drawn then is where they lie relative to each other, a change of variables with determinant 1.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.chain import Chain, Edge, make_chain
 from scenegen.bounds.contract import SLACK, forward
 from scenegen.bounds.grid import Grid, make_grid
+from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.tape import Tape
 from scenegen.bounds.wanted import Ends
 from scenegen.lang.core import Coord, Junction
@@ -41,15 +42,17 @@ class Hang:
 @dataclass(frozen=True, slots=True)
 class Proposal:
     """How scenes of a part are drawn. `lowest` and `highest` (3N,) are the box that they must lie in, which only the
-    rows in `hangs` can leave. `log_volume` is the natural logarithm of the volume, over free rows."""
+    rows in `hangs` and `loose` can leave. `log_volume` is the natural logarithm of the volume, over free rows."""
 
     lowest: Array
     highest: Array
     spans: tuple[tuple[int, float, float], ...]
     chains: tuple[Chain, ...]
+    orders: tuple[Order, ...]
     grids: tuple[Grid, ...]
     rows_of_grids: tuple[tuple[int, ...], ...]  # -1 for a difference
     hangs: tuple[Hang, ...]
+    loose: tuple[int, ...]
     log_volume: float
 
     def draw(self, out: Array, rng: np.random.Generator) -> npt.NDArray[np.bool_] | None:
@@ -65,16 +68,20 @@ class Proposal:
         for chain in self.chains:
             for row, value in zip(chain.rows, chain.draw(count, rng), strict=True):
                 out[row] = value
+        for order in self.orders:
+            for row, value in zip(order.rows, order.draw(count, rng), strict=True):
+                out[row] = value
         points = [grid.draw(count, rng) for grid in self.grids]
         for rows, values in zip(self.rows_of_grids, points, strict=True):
             for row, value in zip(rows, values, strict=True):
                 if row >= 0:
                     out[row] = value
-        inside: npt.NDArray[np.bool_] | None = None
         for hang in self.hangs:
             value, row = points[hang.grid][hang.position], out[hang.child]
             (np.add if hang.sign > 0.0 else np.subtract)(out[hang.parent], value, out=row)
-            held = (row >= self.lowest[hang.child]) & (row <= self.highest[hang.child])
+        inside: npt.NDArray[np.bool_] | None = None
+        for child in (*(hang.child for hang in self.hangs), *self.loose):
+            held = (out[child] >= self.lowest[child]) & (out[child] <= self.highest[child])
             inside = held if inside is None else np.logical_and(inside, held, out=inside)
         return inside
 
@@ -163,14 +170,25 @@ def propose(
         sign = 1.0 if tape.differences[node][0] == child else -1.0
         hangs.append(Hang(child, parent, *slot[node], sign))
         taken.add(child)
-    chains = []
+    chains, orders, loose = [], [], []
     for edges in _trees(tape, lo, hi, taken):
         rows_in = [edges[0].parent, *(edge.child for edge in edges)]
-        chain = make_chain(edges, {row: (float(lo[tape.rows[row]]), float(hi[tape.rows[row]])) for row in rows_in})
+        intervals = {row: (float(lo[tape.rows[row]]), float(hi[tape.rows[row]])) for row in rows_in}
+        taken.update(rows_in)
+        order = make_order(edges, intervals)
+        if order is not None:
+            orders.append(order)
+            loose += [
+                row
+                for row, low in zip(order.rows, order.offset, strict=True)
+                if low < lowest[row] or low + order.room > highest[row]
+            ]
+            log_volume += order.log_volume
+            continue
+        chain = make_chain(edges, intervals)
         if chain.volume <= 0.0:
             return None
         chains.append(chain)
-        taken.update(rows_in)
         log_volume += math.log(chain.volume)
     spans = []
     for row in range(len(lowest)):
@@ -184,7 +202,16 @@ def propose(
                 return None
             log_volume += math.log(high - low)
     return Proposal(
-        lowest, highest, tuple(spans), tuple(chains), tuple(grids), tuple(rows_of), tuple(hangs), log_volume
+        lowest,
+        highest,
+        tuple(spans),
+        tuple(chains),
+        tuple(orders),
+        tuple(grids),
+        tuple(rows_of),
+        tuple(hangs),
+        tuple(loose),
+        log_volume,
     )
 
 

@@ -19,7 +19,9 @@ from scenegen.sampling.moves import Tuning
 Array = npt.NDArray[np.float64]
 
 NEGLIGIBLE = 0.02  # correlation between one scene and the next of a chain
-_LATE = 0.2  # the largest correlation when it shows which statistics are slow
+_LATE = 0.3  # the largest correlation when it shows which statistics are slow
+_SLOW = 6  # how many of them count
+_TRIES = 6  # moves of a kind by which it is judged
 _PAIRS = 16  # pairs of objects whose difference is watched
 
 
@@ -51,7 +53,9 @@ class Statistics:
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
         values += chains.phi
-        table = np.nan_to_num(np.array(values))
+        table = np.array(values)
+        if not np.isfinite(table.sum()):
+            table = np.nan_to_num(table)
         middle = table.mean(axis=1, keepdims=True)
         table -= middle
         spread = np.sqrt((table * table).mean(axis=1, keepdims=True))
@@ -67,12 +71,15 @@ def correlation(before: Array, after: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """How long chains remember: `moves` until no statistic is correlated with what it was, the largest correlation
-    `left` then, and the correlations `late` (S,) when most had faded: which statistics are the slow ones."""
+    """How long chains remember: `moves` until no statistic is correlated with what it was at the `start` (S, P), and
+    the largest correlation `left` then. `late` are copies of the chains when most had faded, and `faded` (S,) the
+    correlations at that time: they show which statistics are the slow ones."""
 
     moves: int
     left: float
-    late: Array
+    start: Array
+    late: Chains
+    faded: Array
 
 
 def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int) -> Memory:
@@ -83,20 +90,31 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
     start = statistics(chains)
     noise = 3.0 / np.sqrt(chains.count)  # the largest of some dozens of correlations that are 0
     done, left = 0, 1.0
-    late: Array | None = None
+    late: tuple[Chains, Array] | None = None
     chains.reflect(tuning)
     while done < most:
         block = max(2, done // 8)
         chains.run(block, tuning)
         done += block
-        now = np.abs(correlation(start, statistics(chains)))
-        left = float(now.max(initial=0.0))
-        if late is None and left < _LATE:
-            late = now
+        now = correlation(start, statistics(chains))
+        left = float(np.abs(now).max(initial=0.0))
+        if late is None and (left < _LATE or done >= most):
+            late = chains.some(chains.count), now
         if left < NEGLIGIBLE + noise:
             break
+    assert late is not None
     # A fifth more brings what the noise may have hidden below the limit.
-    return Memory(done + done // 5, max(0.0, left - noise), now if late is None else late)
+    return Memory(done + done // 5, max(0.0, left - noise), start, *late)
+
+
+def helps(memory: Memory, statistics: Statistics, tuning: Tuning, kind: str) -> tuple[float, int]:
+    """By how much a move of a kind lowers the correlations that fade last, and what trying it cost in evaluations."""
+    chains = memory.late.some(memory.late.count)
+    for _ in range(_TRIES):
+        chains.move(kind, tuning)
+    slow = np.argsort(-np.abs(memory.faded))[:_SLOW]
+    before, after = memory.faded[slow], correlation(memory.start[slow], statistics(chains)[slow])
+    return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / _TRIES, chains.evaluations
 
 
 def design_effect(chains: Chains, values: Array) -> Array:

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Rows = list[Array]
 
-SPREAD = 4.0  # step lengths are log-uniform from 1/4 to 4 times the tuned one
+SPREAD = 2.0  # step lengths are log-uniform from half to twice the tuned one
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,7 +194,7 @@ def probability(estimates: Sequence[float]) -> dict[str, object]:
 def _stalled(problem: Problem, end: Stalled, collector: Collector) -> Sampled:
     """Nothing was found: the scenes that came nearest tell what stands in the way."""
     shown = min(len(end.phi[0]), 4096)
-    rng = generator(problem.request.seed, -2)
+    rng = generator(problem.request.seed, -1)
     rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
     info: dict[str, object] = {
         "method": "splitting",

@@ -5,6 +5,7 @@ All of it is learned while the plan is made and frozen before a scene is taken.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,17 +13,18 @@ import numpy.typing as npt
 
 from scenegen.sampling.chains import Chains
 from scenegen.sampling.kinds import kinds_for
-from scenegen.sampling.mirrors import COMPOSED, MIRRORS
-from scenegen.sampling.mixing import Statistics, correlation, forgetting
+from scenegen.sampling.mirrors import COMPOSED
+from scenegen.sampling.mixing import Statistics, forgetting, helps
 from scenegen.sampling.moves import Tuning
-from scenegen.sampling.steps import SCALED
+from scenegen.sampling.steps import SCALED, STEPS
 
 Array = npt.NDArray[np.float64]
 
 LONGEST = 2048  # moves between two scenes of a chain at most
 _TARGET = 0.3  # share of chains that a well-tuned walk moves
 _PER_MOVE, _PER_ROW = 15, 15  # what a move costs beside its phi, in nodes of the tape (measured)
-_TRIAL = 1024  # chains on which kinds of moves are compared
+_TRIAL = 1024  # chains on which it is seen which kinds move at all
+_SHOTS = 12  # moves of a kind for that
 _RACERS = 4096  # chains on which ways to share the moves among the kinds race each other
 _RACES, _BOOST = 8, 0.25  # ways that are tried, and what each moves to the kind that helps most
 _USEFUL = 0.01  # share of chains that a mirror must move to be made for every scene
@@ -81,7 +83,7 @@ class Tuner:
         self._weight[kind] += 0.3 * (alive - self._weight[kind])
 
     def tune(self, statistics: Statistics) -> Tuning:
-        """The shares of the kinds of moves, from what one move of each does to every statistic."""
+        """The frozen tuning: step lengths, the mirrors that work, and how often to make each kind of step."""
         state = self._chains
         for _ in range(12):
             for kind in self._kinds:
@@ -91,41 +93,30 @@ class Tuner:
         state.pool = list(state.rows)
         tuning = self.tuning()
         trial = state.some(_TRIAL)
-        kinds = [kind for kind in self._kinds if kind in MIRRORS or self._weight[kind] >= 0.1]  # the others led nowhere
-        repeats = int(np.clip(4 * self._frame.dimension, 24, 64))
-        now = statistics(trial)
-        steps: dict[str, Array] = {}
-        costs: dict[str, float] = {}
+        steps: list[str] = []
         mirrors: list[str] = []
-        for kind in kinds:
-            rate, cost, moved = np.zeros(len(now)), 0.0, 0.0
-            for _ in range(repeats):
+        costs: list[float] = []
+        for kind in self._kinds:
+            if kind in STEPS and self._weight[kind] < 0.1:
+                continue  # it led nowhere on the way here
+            moved, rows = 0.0, 0
+            for _ in range(_SHOTS):
                 share, proposal = trial.move(kind, tuning)
-                moved += share / repeats
-                cost += (trial.tape.length + _PER_MOVE + _PER_ROW * len(proposal.rows)) / repeats
-                if kind in MIRRORS:
-                    continue
-                then = statistics(trial)
-                rate += np.clip(1.0 - correlation(now, then), 0.0, None)
-                now = then
-            if kind not in MIRRORS:
-                steps[kind] = rate / cost
-                costs[kind] = cost
+                moved += share / _SHOTS
+                rows += len(proposal.rows)
+            if kind in STEPS:
+                steps.append(kind)
+                costs.append(trial.tape.length + _PER_MOVE + _PER_ROW * rows / _SHOTS)
             elif moved > _USEFUL and not any(made <= set(mirrors) for made in COMPOSED.get(kind, ())):
                 mirrors.append(kind)
-            now = statistics(trial)
         self.evaluations += trial.evaluations
-        tuning = replace(tuning, mirrors=tuple(mirrors))
-        return self._race(
-            statistics, tuning, tuple(steps), np.array(list(steps.values())), np.array(list(costs.values()))
-        )
+        if not steps:
+            return tuning
+        return self._race(statistics, replace(tuning, mirrors=tuple(mirrors)), steps, np.array(costs))
 
-    def _race(
-        self, statistics: Statistics, tuning: Tuning, kinds: tuple[str, ...], rates: Array, cost: Array
-    ) -> Tuning:
-        """The shares of the K kinds of steps: even at first, then ever more of what helps the statistics that came in
-        last; the shares that were forgotten by most cheaply win. `rates` (K, S) is what a move takes off each
-        correlation, by its `cost` (K,)."""
+    def _race(self, statistics: Statistics, tuning: Tuning, kinds: Sequence[str], cost: Array) -> Tuning:
+        """The shares of the K kinds of steps: even at first, then ever more of what helps most, by its `cost` (K,),
+        against the correlations that fade last. The shares by which chains forget most cheaply win."""
         weight = np.full(len(kinds), 1.0 / len(kinds))
         best, least = tuning, np.inf
         for _ in range(_RACES):
@@ -136,7 +127,10 @@ class Tuner:
             price = memory.moves * float(weight @ cost) * (1.0 + 10.0 * memory.left)
             if price < least:
                 best, least = tried, price
-            helper = int((rates @ memory.late**6).argmax())
+            gain = np.zeros(len(kinds))
+            for index, kind in enumerate(kinds):
+                gain[index], spent = helps(memory, statistics, tuning, kind)
+                self.evaluations += spent
             weight *= 1.0 - _BOOST
-            weight[helper] += _BOOST
+            weight[int((gain / cost).argmax())] += _BOOST
         return best

@@ -21,6 +21,7 @@ from scenegen.scene.workspace import TWO_PI
 
 Array = npt.NDArray[np.float64]
 
+_CHOICES, _FEW = 2, 8  # junctions whose choice is watched, and the most arguments they have
 _WATCHED = 48  # atoms, and junctions, that are watched for correlation; specs with more have many of a kind
 
 
@@ -109,6 +110,16 @@ def watched(core: Core) -> Core:
     formulas = [[index for index, node in enumerate(core.nodes) if isinstance(node, kind)] for kind in (Atom, Junction)]
     chosen = [index for kind in formulas for index in kind[:: max(1, -(-len(kind) // _WATCHED))]]
     return replace(core, labels={str(index): index for index in chosen}, requirement=None)
+
+
+def choices(core: Core) -> list[tuple[Junction, Core]]:
+    """A few junctions, those last on the tape and so nearest to the labels, each with a core whose labels are what it
+    takes the least or the greatest of: which one that is tells modes apart."""
+    few = [node for node in core.nodes if isinstance(node, Junction) and len(node.args) <= _FEW]
+    return [
+        (node, replace(core, labels={str(place): arg for place, arg in enumerate(node.args)}, requirement=None))
+        for node in few[: -1 - _CHOICES : -1]
+    ]
 
 
 class Tape:

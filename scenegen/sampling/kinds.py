@@ -11,7 +11,7 @@ from scenegen.sampling.steps import STEPS
 
 KINDS: Mapping[str, Kind] = {**STEPS, **MIRRORS}
 _COUPLED = frozenset(
-    {"pair", "shift all", "shift some", "shift run", "turn", "flip"}
+    {"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"}
 )  # and all that speaks of a swap or the order
 
 

@@ -13,25 +13,28 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.sampling.chains import Chains
-from scenegen.sampling.frame import Frame, Tape, watched
+from scenegen.sampling.frame import Frame, Tape, choices, watched
 from scenegen.sampling.moves import Tuning
 
 Array = npt.NDArray[np.float64]
 
-NEGLIGIBLE = 0.02  # correlation between one scene and the next of a chain
+NEGLIGIBLE = 0.05  # correlation of the slowest statistic between one scene and the next of a chain
 _LATE = 0.3  # the largest correlation when it shows which statistics are slow
 _SLOW = 6  # how many of them count
 _TRIES = 6  # moves of a kind by which it is judged
+_WITHIN = 6  # differences watched within each way in which the formula is met
 _PAIRS = 16  # pairs of objects whose difference is watched
 
 
 class Statistics:
     """What must be forgotten: coordinates (headings as cosine and sine), signed and unsigned differences of pairs of
-    objects along x and y, the margin of every atom, the value of every disjunct, and phi of every label."""
+    objects along x and y, the margin of every atom, the value of every disjunct, and phi of every label; and the
+    differences apart for each way in which the formula is met, since what is slow in one mode may be fast in others."""
 
     def __init__(self, frame: Frame) -> None:
         self._frame = frame
         self._atoms = Tape(frame, watched(frame.core))
+        self._choices = [(node.kind, Tape(frame, core)) for node, core in choices(frame.core)]
         pairs = [(a, b) for a in range(len(frame.parts)) for b in range(a)]
         step = max(1, -(-len(pairs) // _PAIRS))
         self._pairs = [
@@ -52,6 +55,15 @@ class Statistics:
         values += apart
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
+        few = [np.abs(distance) for distance in apart[:: max(1, len(apart) // _WITHIN)]]
+        for kind, tape in self._choices:
+            ways = np.array(tape(rows))
+            choice = ways.argmin(axis=0) if kind == "min" else ways.argmax(axis=0)
+            for way in range(len(ways)):
+                chosen = choice == way
+                values.append(chosen.astype(np.float64))
+                count = max(1, np.count_nonzero(chosen))
+                values += [np.where(chosen, distance - distance[chosen].sum() / count, 0.0) for distance in few]
         values += chains.phi
         table = np.array(values)
         if not np.isfinite(table.sum()):

@@ -161,11 +161,11 @@ def _account(
         "acceptance": _mean([piece.accepted for piece in alive]),
         "stuck": _mean([piece.stuck for piece in alive]),
         "correlation": round(float(plan.left), 4),
-        "effective_share": round(min(1.0, effective / scenes), 4) if scenes else 0.0,
+        "effective_share": round(float(min(1.0, effective / scenes)), 4) if scenes else 0.0,
     }
     info |= probability([piece.probability for piece in pieces])
     warnings: tuple[Diagnostic, ...] = ()
-    if plan.left > 5 * NEGLIGIBLE:
+    if plan.left > 2 * NEGLIGIBLE:
         title = f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
         note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
         warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)

@@ -68,6 +68,25 @@ def _shifted(draw: Draw, parts: Sequence[Part]) -> Proposal:
     return Proposal(tuple(rows), tuple(values))
 
 
+def _stretch(draw: Draw) -> Proposal:
+    """All objects towards or away from one of them, along x or y: gaps grow or shrink in proportion.
+
+    The map multiplies volumes by s^m for m rows stretched by s = e^u, and u and -u are equally likely: it is taken with
+    probability min(1, s^m) where it stays in the wanted set (Green 1995).
+    """
+    axis = AXES[int(draw.rng.integers(2))]
+    (pivot,) = draw.pick(1)
+    about = getattr(pivot, axis)
+    rows = [row for part in draw.frame.parts if (row := getattr(part, axis)) is not None and row != about]
+    if about is None or not rows:
+        return Proposal((), ())
+    u = draw.noise(min(1.0, draw.factor()))
+    stretch = np.exp(u)
+    middle = draw.rows[about]
+    values = tuple(middle + stretch * (draw.rows[row] - middle) for row in rows)
+    return Proposal(tuple(rows), values, np.log(draw.rng.random(draw.count)) < len(rows) * u)
+
+
 def _anew(draw: Draw, rows: Sequence[int]) -> Proposal:
     """Rows drawn anew where the plan's chains lived. Chains that have left those parts stay: they could not be met."""
     low, high = draw.tuning.low, draw.tuning.high
@@ -147,7 +166,20 @@ STEPS: Mapping[str, Kind] = {
     "shift some": _shift_some,
     "shift run": _shift_run,
     "turn": _turn,
+    "stretch": _stretch,
 }
 SCALED = frozenset(
-    {"row", "two rows", "object", "pair", "all", "shift all", "shift some", "shift run", "turn", "difference"}
+    {
+        "row",
+        "two rows",
+        "object",
+        "pair",
+        "all",
+        "shift all",
+        "shift some",
+        "shift run",
+        "turn",
+        "stretch",
+        "difference",
+    }
 )

@@ -25,8 +25,8 @@ _TARGET = 0.3  # share of chains that a well-tuned walk moves
 _PER_MOVE, _PER_ROW = 15, 15  # what a move costs beside its phi, in nodes of the tape (measured)
 _TRIAL = 1024  # chains on which it is seen which kinds move at all
 _SHOTS = 12  # moves of a kind for that
-_RACERS = 4096  # chains on which ways to share the moves among the kinds race each other
-_RACES, _BOOST = 8, 0.25  # ways that are tried, and what each moves to the kind that helps most
+_RACERS = 2048  # chains on which ways to share the moves among the kinds race each other
+_RACES, _BOOST = 7, 0.25  # ways that are tried, and what each moves to the kind that helps most
 _USEFUL = 0.01  # share of chains that a mirror must move to be made for every scene
 
 

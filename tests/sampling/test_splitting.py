@@ -11,6 +11,7 @@ from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.levels import Stalled, make_plan
 from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.rejection import rejection
 from scenegen.sampling.request import Range
 from scenegen.sampling.splitting import probability, run_piece, splitting
 
@@ -204,3 +205,50 @@ def test_how_rare_the_band_of_experiment_2_is(name, truth):
     info = drawn(spec, {"task": Range(0.0175, 0.0425)}, n=200_000, seed=0).info
     assert abs(10 ** info["log10_probability"] / truth - 1) < 0.05
     assert abs(info["log10_probability"] - math.log10(truth)) < info["log10_error"] + 0.003  # the reference is rounded
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "ranges"),
+    [
+        ("mug_left_of_plate", {"task": Range(0.1775, 0.2025), "safe": Range(0.0675, 0.0925)}),
+        ("sort_3", {"sorted": Range(0.0375, 0.0625)}),
+    ],
+)
+def test_coordinates_and_differences_pass_kolmogorov_and_smirnov(name, ranges):
+    """n = 20,000 against plain rejection, five seeds: p > 0.01 after Bonferroni on at least four of them."""
+    spec = check_text(shipped_specs()[name].read_text(), name)
+    passed = 0
+    for seed in range(5):
+        mine = views(drawn(spec, ranges, seed=seed).rows)
+        truth = views(rejection(pose(spec, ranges, n=N, seed=100 + seed, spread="base"), Budget(300)).rows)
+        least = min(stats.ks_2samp(one, two).pvalue for one, two in zip(mine, truth, strict=True))
+        passed += least * len(mine) > 0.01
+    assert passed >= 4
+
+
+def views(rows):
+    """All coordinates, and the differences of all pairs of objects along x and y."""
+    pairs = [(a, b) for a in range(0, len(rows), 3) for b in range(0, a, 3)]
+    return [*rows, *(rows[a + axis] - rows[b + axis] for a, b in pairs for axis in (0, 1))]
+
+
+@pytest.mark.slow
+def test_pieces_vary_no_more_than_independent_scenes_would():
+    """Survivors of one ancestor that are alike would make means differ from piece to piece (experiment 3, N = 7)."""
+    spec = check_text(shipped_specs()["sort_7"].read_text(), "sort_7")
+    problem = pose(spec, {"sorted": Range(0.0375, 0.0625)}, n=N, spread="base")
+    plan = make_plan(problem, Budget())
+    pieces = [run_piece(problem, plan, k) for k in range(30)]
+    means = np.array([[view.mean() for view in seen(piece.rows)] for piece in pieces])
+    spread = np.array([view.std() for view in seen(np.concatenate([piece.rows for piece in pieces], axis=1))])
+    excess = means.var(axis=0, ddof=1) / (spread**2 / np.mean([piece.rows.shape[1] for piece in pieces]))
+    # 29 degrees of freedom each; the statistics hang together, so their mean scatters like that of a few of them
+    assert excess.mean() < 1.25 and stats.chi2.sf(29 * excess.max(), 29) * len(excess) > 1e-3
+
+
+def seen(rows):
+    x, y = np.diff(rows[0::3], axis=0), np.diff(rows[1::3], axis=0)
+    orders = [(way > 0).all(axis=0).astype(float) for way in (x, -x, y, -y)]
+    spans = [np.where(orders[0] + orders[1] > 0, np.abs(x.sum(axis=0)), np.abs(y.sum(axis=0)))]
+    return [*rows, *orders, *spans]

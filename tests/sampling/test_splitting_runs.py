@@ -45,7 +45,9 @@ def test_a_plan_made_again_is_the_same(problem, plan):
 
 
 def test_bytes_of_the_scene_file(exp2):
-    runs = [sample(Spec(exp2), {"task": (0.05, 0.06)}, n=100, seed=4, method="splitting", spread="base") for _ in range(2)]
+    runs = [
+        sample(Spec(exp2), {"task": (0.05, 0.06)}, n=100, seed=4, method="splitting", spread="base") for _ in range(2)
+    ]
     assert dump(runs[0].file()) == dump(runs[1].file())
     info = runs[0].header.sampler
     assert info["method"] == "splitting" and info["levels"] > 15 and info["pieces"] >= 4

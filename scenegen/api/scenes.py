@@ -42,6 +42,9 @@ Array = npt.NDArray[np.float64]
 HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 
 
+SCORED = 32_768  # scenes scored at a time, so that they stay in cache
+
+
 @dataclass(frozen=True, slots=True)
 class SceneSet:
     """Scenes of one spec.
@@ -181,15 +184,19 @@ def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
             where = ", ".join(f"{number:g}" for number in pose)
             title = f"`{name}` is held at ({where}) by the spec, but stands elsewhere in scene {first + 1}"
             raise DataError(Diagnostic(title, help="use scenes that were sampled from this spec"))
-    return scenes.poses[:, order].reshape(len(scenes), 3 * len(order)).T
+    poses = scenes.poses if order == sorted(order) else scenes.poses[:, order]
+    return poses.reshape(len(scenes), 3 * len(order)).T
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
     """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
-    return {
-        name: np.broadcast_to(np.asarray(value, dtype=np.float64), len(scenes))
-        for name, value in score(spec.core, list(rows_of(spec, scenes)), NUMPY).items()
-    }
+    rows = rows_of(spec, scenes)
+    phi = {name: np.empty(len(scenes)) for name in spec.labels}
+    for start in range(0, len(scenes), SCORED):
+        part = slice(start, start + SCORED)
+        for name, value in score(spec.core, list(np.ascontiguousarray(rows[:, part])), NUMPY).items():
+            phi[name][part] = value
+    return phi
 
 
 def requirement(spec: CheckedSpec, scenes: SceneSet) -> Array | None:

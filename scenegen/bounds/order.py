@@ -123,6 +123,8 @@ def _walk(
 def _fit(
     rows: list[int], gaps: list[tuple[float, float]], intervals: Mapping[int, tuple[float, float]]
 ) -> Order | None:
+    if not all(math.isfinite(low) for low, _ in gaps):
+        return None
     offset = np.concatenate([np.zeros(1), np.cumsum([low for low, _ in gaps])])
     # Contraction may have stopped before the ends had told each other along a long row.
     low = np.maximum.accumulate(np.array([intervals[row][0] for row in rows]) - offset)

@@ -117,13 +117,21 @@ class Collector:
         return sum(min(share, self._count.get(cell, 0)) for cell, share in self.quotas().items())
 
     def scenes(self) -> tuple[Array, Array]:
-        """The scenes of all cells in an order without pattern: rows (3N, n), phi (L, n)."""
+        """The scenes of all cells in an order without pattern: rows (3N, n), phi (L, n). Scenes of a single cell stay
+        in the order in which they were offered."""
         rows: list[Array] = []
         phi: list[Array] = []
+        cells = 0
         for cell, share in self.quotas().items():
-            if share and self._count.get(cell):
-                rows.append(np.concatenate(self._rows[cell], axis=1)[:, :share])
-                phi.append(np.concatenate(self._phi[cell], axis=1)[:, :share])
+            have = min(share, self._count.get(cell, 0))
+            cells += have > 0
+            for block, values in zip(self._rows.get(cell, ()), self._phi.get(cell, ()), strict=True):
+                if have > 0:
+                    rows.append(block[:, :have])
+                    phi.append(values[:, :have])
+                have -= block.shape[1]
         together, values = np.concatenate(rows, axis=1), np.concatenate(phi, axis=1)
+        if cells == 1:
+            return together, values
         order = self.generator.permutation(together.shape[1])
         return together.take(order, axis=1), values.take(order, axis=1)

@@ -30,7 +30,7 @@ Index = npt.NDArray[np.intp]
 Bool = npt.NDArray[np.bool_]
 
 LIVE = 1 << 22  # numbers that are alive at a time while candidates are scored
-CHUNK = 32_768  # candidates drawn and scored at a time, at most
+CHUNK = 16_384  # candidates drawn and scored at a time, at most: intermediates then stay in cache
 SMALLEST = 4096  # candidates of a piece, at least
 EXPLORE = 4  # chunks drawn from the common cover to see which cells it serves
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out of reach

@@ -109,10 +109,20 @@ def inside(proposal, tape, rows):
             count *= (place >= -1e-6) & (place <= 256 + 1e-6)
             bins.append(np.clip(place.astype(int), 0, 255))
         for link in chain.links:
-            first = np.searchsorted(chain.sums[link.child], link.offset[bins[link.parent]] - 1e-15, side="left")
-            total = link.offset[bins[link.parent]] + link.weight[bins[link.parent]]
-            place = chain.sums[link.child][bins[link.child] + 1]
-            count *= (first <= bins[link.child]) & (place <= total * (1 + 1e-12) + 1e-15)
+            low, high = link.offset[bins[link.parent]], (link.offset + link.weight)[bins[link.parent]]
+            if link.leaf:
+                value = rows[chain.rows[link.child]]
+                count *= (value >= low - 1e-12) & (value <= high + 1e-12)
+            else:
+                total = chain.sums[link.child]
+                count *= (total[bins[link.child]] >= low - 1e-15) & (total[bins[link.child] + 1] <= high * (1 + 1e-12))
+    for order in proposal.orders:
+        slack = np.stack([rows[row] - low for row, low in zip(order.rows, order.offset, strict=True)])
+        count *= (slack[0] >= -1e-12) & (slack[-1] <= order.room + 1e-12)
+        gaps = np.diff(slack, axis=0)
+        count *= (gaps >= -1e-12).all(axis=0)
+        if order.narrow >= 0:
+            count *= gaps[order.narrow] <= order.most + 1e-12
     return count
 
 

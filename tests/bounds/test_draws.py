@@ -1,0 +1,136 @@
+"""Alias tables, orders, chains and grids draw uniformly from what they say, and know its volume."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenegen.bounds.alias import make_alias
+from scenegen.bounds.chain import BINS, Edge, make_chain
+from scenegen.bounds.order import make_order
+
+N = 40_000
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=40).filter(any))
+def test_alias_tables_hold_the_weights(weights):
+    weights = np.array(weights)
+    tables = make_alias(weights)
+    assert ((tables.keep >= -1e-12) & (tables.keep <= 1 + 1e-12)).all()
+    held = tables.keep.copy()
+    np.add.at(held, tables.other, 1 - tables.keep)
+    np.testing.assert_allclose(held / len(weights), weights / weights.sum(), atol=1e-12)
+    drawn = tables.draw(200, np.random.default_rng(0))
+    assert (weights[drawn] > 0).all()
+
+
+def plain(edges, intervals, count=400_000, seed=1):
+    """Uniform points of the box that meet the edges, by plain rejection, and their share."""
+    rows = sorted(intervals)
+    rng = np.random.default_rng(seed)
+    points = {row: rng.uniform(*intervals[row], count) for row in rows}
+    kept = np.ones(count, dtype=bool)
+    for edge in edges:
+        gap = points[edge.child] - points[edge.parent]
+        kept &= (gap >= edge.low) & (gap <= edge.high)
+    return {row: points[row][kept] for row in rows}, kept.mean()
+
+
+def box(intervals):
+    return math.prod(high - low for low, high in intervals.values())
+
+
+UNIT = (0.0, 1.0)
+FAR = math.inf
+# edges, intervals
+PATHS = {
+    "sorted": ([Edge(0, 1, 0.0, FAR), Edge(1, 2, 0.0, FAR)], {0: UNIT, 1: UNIT, 2: UNIT}),
+    "gaps": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.2, FAR)], {0: (0.0, 0.7), 1: (0.1, 0.8), 2: (0.3, 1.0)}),
+    "rooms that meet": ([Edge(0, 1, 0.0, FAR)], {0: (0.3, 0.7), 1: (0.0, 0.6)}),
+    "wide intervals": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.2, FAR)], {0: (0.0, 1.0), 1: (0.1, 1.0), 2: (0.3, 1.0)}),
+    "from the middle": ([Edge(1, 0, -FAR, -0.1), Edge(1, 2, 0.1, FAR)], {0: UNIT, 1: UNIT, 2: UNIT}),
+    "downwards": ([Edge(0, 1, -FAR, -0.1), Edge(1, 2, -FAR, 0.0)], {0: UNIT, 1: UNIT, 2: UNIT}),
+    "a narrow gap": (
+        [Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.05, 0.15), Edge(2, 3, 0.0, FAR)],
+        dict.fromkeys(range(4), UNIT),
+    ),
+    "a narrow first gap": ([Edge(0, 1, 0.1, 0.2), Edge(1, 2, 0.05, FAR)], dict.fromkeys(range(3), UNIT)),
+    "a narrow last gap": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.05, 0.3)], dict.fromkeys(range(3), UNIT)),
+}
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_orders(name, same):
+    edges, intervals = PATHS[name]
+    order = make_order(edges, intervals)
+    assert order is not None
+    truth, share = plain(edges, intervals)
+    drawn = dict(zip(order.rows, order.draw(N, np.random.default_rng(2)), strict=True))
+    for edge in edges:
+        gap = drawn[edge.child] - drawn[edge.parent]
+        assert gap.min() >= edge.low - 1e-12 and gap.max() <= edge.high + 1e-12
+        assert same(gap, truth[edge.child] - truth[edge.parent])
+    for row in intervals:
+        assert drawn[row].min() >= intervals[row][0] - 1e-12 and drawn[row].max() <= intervals[row][1] + 1e-12
+        assert same(drawn[row], truth[row])
+    error = math.sqrt(share * (1 - share) / 400_000)
+    assert abs(math.exp(order.log_volume) / box(intervals) - share) < 4 * error
+
+
+NO_ORDERS = {
+    "a star": ([Edge(0, 1, 0.0, FAR), Edge(0, 2, 0.0, FAR), Edge(0, 3, 0.0, FAR)], dict.fromkeys(range(4), UNIT)),
+    "two narrow gaps": ([Edge(0, 1, 0.1, 0.2), Edge(1, 2, 0.05, 0.3)], dict.fromkeys(range(3), UNIT)),
+    "other rooms": ([Edge(0, 1, 0.0, FAR)], {0: (0.1, 0.3), 1: (0.0, 0.6)}),
+}
+TREES = {
+    **NO_ORDERS,
+    "sorted": PATHS["sorted"],
+    "downwards": PATHS["downwards"],
+    "a tree": (
+        [Edge(0, 1, 0.1, FAR), Edge(0, 2, -FAR, 0.1), Edge(1, 3, -0.1, 0.1), Edge(1, 4, 0.0, FAR)],
+        {0: UNIT, 1: (0.2, 0.9), 2: (0.1, 0.4), 3: UNIT, 4: (0.5, 1.0)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NO_ORDERS)
+def test_what_is_no_order(name):
+    assert make_order(*NO_ORDERS[name]) is None
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_chains(name, same):
+    """Uniform on a set that holds every point and is larger by less than a bin along each edge."""
+    edges, intervals = TREES[name]
+    chain = make_chain(edges, intervals)
+    truth, share = plain(edges, intervals)
+    drawn = dict(zip(chain.rows, chain.draw(N, np.random.default_rng(2)), strict=True))
+    kept = np.ones(N, dtype=bool)
+    for edge in edges:
+        gap = drawn[edge.child] - drawn[edge.parent]
+        kept &= (gap >= edge.low) & (gap <= edge.high)
+        assert gap.min() >= edge.low - 3 / BINS and gap.max() <= edge.high + 3 / BINS
+    acceptance = kept.mean()
+    assert acceptance > 0.85
+    volume = chain.volume / box(intervals) * acceptance
+    assert abs(volume / share - 1) < 4 * math.sqrt((1 - share) / share / 400_000 + (1 - acceptance) / acceptance / N)
+    for row in intervals:
+        assert same(drawn[row][kept], truth[row])
+    for edge in edges:
+        assert same((drawn[edge.child] - drawn[edge.parent])[kept], truth[edge.child] - truth[edge.parent])
+
+
+@pytest.fixture
+def same():
+    """The two-sample Kolmogorov-Smirnov test at p > 0.001."""
+
+    def test(one, two):
+        one, two = np.sort(one), np.sort(two)
+        both = np.concatenate([one, two])
+        gap = np.searchsorted(one, both, side="right") / len(one) - np.searchsorted(two, both, side="right") / len(two)
+        return np.abs(gap).max() < math.sqrt(-math.log(0.0005) / 2 * (1 / len(one) + 1 / len(two)))
+
+    return test

@@ -109,6 +109,10 @@ class Plan(Pieces, Protocol):
     """A plan together with what is to be said about it."""
 
     @property
+    def name(self) -> str:
+        """The method."""
+
+    @property
     def problem(self) -> Problem:
         """What the plan is for."""
 

@@ -86,6 +86,7 @@ class Plan:
     draws: int
     expected: float
 
+    name = "rejection"
     fewest = 1
     patience = None
 
@@ -204,12 +205,12 @@ def make_trial(problem: Problem) -> Trial:
     return Trial(cover, *_explore(problem, cover, EXPLORE, rng))
 
 
-def search(problem: Problem, trial: Trial, stop: Callable[[], bool]) -> Trial:
-    """A longer look, where the first found nothing: at least LONG_SEARCH candidates, and on until one is in the range
-    or `stop` says so, which is asked in between."""
+def search(problem: Problem, trial: Trial, stop: Callable[[], bool], most: float = math.inf) -> Trial:
+    """A longer look, where the first found nothing: at least LONG_SEARCH candidates, and on until one is in the range,
+    there are `most`, or `stop` says so, which is asked in between."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
     hits, tried = trial.hits.copy(), trial.tried
-    while not stop() and (tried < LONG_SEARCH or not hits.any()):
+    while not stop() and (tried < LONG_SEARCH or (tried < most and not hits.any())):
         more, count = _explore(problem, trial.cover, EXPLORE, rng)
         hits += more
         tried += count

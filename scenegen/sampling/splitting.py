@@ -21,7 +21,7 @@ from scenegen.sampling.cells import Cells
 from scenegen.sampling.chains import Chains
 from scenegen.sampling.digest import digest
 from scenegen.sampling.frame import Tape, frame_of
-from scenegen.sampling.levels import Plan, Stalled, generator, make_plan
+from scenegen.sampling.levels import SPLIT, Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
 from scenegen.sampling.pieces import Account, Candidates, Tally
 from scenegen.sampling.problem import Budget, Problem
@@ -62,6 +62,7 @@ class Splitting:
     problem: Problem
     plan: Plan
 
+    name = "splitting"
     fewest = FEWEST
     patience = BARREN
 
@@ -98,7 +99,7 @@ class Splitting:
 
     def piece(self, k: int) -> Candidates:
         made = run_piece(self.problem, self.plan, k)
-        order = generator(self.seed, -3 - k).permutation(made.rows.shape[1])  # survivors of one ancestor stand together
+        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor stand together
         rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
         facts = [
             float(len(made.effect) > 0),
@@ -135,7 +136,9 @@ class Splitting:
         info |= probability(tally.pieces, mean, square)
         warnings: tuple[Diagnostic, ...] = ()
         if plan.left > 2 * NEGLIGIBLE:
-            title = f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
+            title = (
+                f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
+            )
             note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
             warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
         return Account(info, f"{total:,} evaluations of splitting", warnings)
@@ -205,6 +208,11 @@ def _nothing(problem: Problem, evaluations: int) -> Piece:
     return Piece(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
+def _aside(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers for what is done with the scenes of piece k, or of the plan (-1), once they are there."""
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+
+
 def probability(count: int, total: float, square: float) -> dict[str, object]:
     """log10 of the probability that independent unbiased estimates agree on, given their number, sum and sum of
     squares, and the half-width of its 95 % interval (Student's t, carried to the logarithm); None where unknown."""
@@ -223,6 +231,6 @@ def why_stalled(problem: Problem, end: Stalled) -> Diagnostic:
     """What to say where the descent ended early: the scenes that came nearest tell what stands in the way."""
     tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
     shown = min(len(end.phi[0]), SHOWN)
-    rng = generator(problem.request.seed, -2)
+    rng = _aside(problem.request.seed, -1)
     rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
     return shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in end.phi]))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.api.ask import Ends, ask
 from scenegen.api.sample import Note, chosen, partial, sample
-from scenegen.api.scenes import make_header
+from scenegen.api.scenes import SceneSet, make_header
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
@@ -66,13 +66,14 @@ def sample_to(
     progress: Progress | None = None,
     on_note: Note | None = None,
 ) -> Written:
-    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, block by block:
-    memory stays flat, so n may be a billion (a million in .json, which is read as a whole).
+    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file.
 
-    They grow in a folder beside the file, `scenes.parquet.part/`, and are joined at the end. After an interrupt, a
-    timeout or `kill -9` at any moment, the same call with `resume` goes on from there and ends with the same bytes as an
-    unbroken run; without, such a folder is refused. Raises what `sample` raises, OutputError for a file that cannot be
-    written, and DataError for a damaged folder. A model's scenes are made in memory, and cannot be resumed.
+    They are written block by block: memory stays flat, so n may be a billion (a million in .json, which is read as a
+    whole). They grow in a folder beside the file, `scenes.parquet.part/`, and are joined at the end. After an
+    interrupt, a timeout or `kill -9` at any moment, the same call with `resume` goes on from there and ends with the
+    same bytes as an unbroken run; without, such a folder is refused. Raises what `sample` raises, OutputError for a
+    file that cannot be written, and DataError for a damaged folder. A model's scenes are made in memory, and cannot be
+    resumed.
     """
     path = Path(path)
     format_of(path)
@@ -89,8 +90,7 @@ def sample_to(
             progress=progress,
         )  # fmt: skip
         scenes.save(path)
-        met = {label: Met(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
-        return Written(path, len(scenes), scenes.header, met, scenes.warnings)
+        return Written(path, len(scenes), scenes.header, met(scenes), scenes.warnings)
     from scenegen.engine.exact import to_file
     from scenegen.formats.shards import folder_of
     from scenegen.sampling.report import fell_short
@@ -116,16 +116,20 @@ def sample_to(
     if not seen.count:  # the file was there already, and only its folder was left to be removed
         for block in read_scenes(path).blocks:
             seen(block)
-    return Written(path, seen.count, headers[-1], seen.met(asked.problem.spec.labels), warnings)
+    return Written(path, seen.count, headers[-1], seen.phi(asked.problem.spec.labels), warnings)
+
+
+def met(scenes: SceneSet) -> dict[str, Met]:
+    """What phi is in a set of at least one scene."""
+    return {label: Met(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
 
 
 def _resumable(short: Diagnostic, folder: Path) -> Diagnostic:
     """The shortfall of a run that can go on."""
     if not folder.exists():
         return short
-    return dataclasses.replace(
-        short, note=f"{short.note}; {folder} keeps what is done: go on with --resume".lstrip("; ")
-    )
+    kept = f"{folder} keeps what is done: go on with --resume"
+    return dataclasses.replace(short, note=f"{short.note}; {kept}" if short.note else kept)
 
 
 class _Seen:
@@ -149,6 +153,6 @@ class _Seen:
             self._most = list(map(max, self._most, most))
         self.count += block.count
 
-    def met(self, labels: tuple[str, ...]) -> dict[str, Met]:
+    def phi(self, labels: tuple[str, ...]) -> dict[str, Met]:
         each = zip(labels, self._least, self._sum, self._most, strict=True)
         return {label: Met(least, total / self.count, most) for label, least, total, most in each}

@@ -127,7 +127,15 @@ def request_of(problem: Problem) -> dict[str, object]:
     }
 
 
-def draw(problem: Problem, method: str, budget: Budget | None = None, *, workers: int | None = None) -> Sampled:
-    """Scenes for a problem by a method of `sampling.auto.METHODS`. Raises RequestError where there are none."""
+def draw(
+    problem: Problem,
+    budget: Budget | None = None,
+    progress: Progress | None = None,
+    *,
+    method: str = "auto",
+    workers: int | None = 1,
+) -> Sampled:
+    """Scenes for a problem by a method of `sampling.auto.METHODS`, in this process unless told otherwise. Raises
+    RequestError where it is known that there are none."""
     budget = Budget() if budget is None else budget
-    return in_memory(choose(problem, method, budget), budget, workers=workers)
+    return in_memory(choose(problem, method, budget), budget, workers=workers, progress=progress)

@@ -100,15 +100,17 @@ def run_blocks(
 ) -> Generator[Block, None, Tally]:
     """The scenes of a request in blocks of `size`; the generator's return value is the tally.
 
-    `labels` is the number of the spec's labels. Where `spent` says so, which is asked between pieces, the run ends with
+    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends with
     what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
     """
     run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
     with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
-        while not (run.over or spent()):
+        while not run.over:
             yield from run.take(*next(results))
             if progress is not None:
                 progress(run.filler.found, pieces.wanted, run.filler.candidates)
+            if spent():
+                break
     scarcest = run.filler.scarcest
     rest = run.filler.rest()
     if rest is not None:
@@ -146,9 +148,10 @@ def stream_scenes(
     block before it is stored, and raises if it finds fault; `joining` sees every block that goes into the file, those
     from before a break too.
 
-    Where `spent` says so, which is asked between pieces, or the pieces' patience is at an end, the run ends early. The
-    tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then the scenes that there are become the
-    file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what `run_pieces` raises.
+    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early. The
+    tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then the
+    scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what
+    `run_pieces` raises.
     """
     module = format_of(path)
     trial = header(Tally(0, 0, 0))
@@ -167,11 +170,13 @@ def stream_scenes(
         begun = standing.used
         try:
             with closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results:
-                while not (standing.over or spent()):
+                while not standing.over:
                     run.take(*next(results))
                     if progress is not None:
                         progress(standing.filler.found, pieces.wanted, standing.filler.candidates)
                     run.checkpoint(checkpoint)
+                    if spent():
+                        break
         except BaseException as error:
             # What comes while a piece is waited for finds everything in order; in the midst of a piece it does not.
             if run.settled and standing.used:

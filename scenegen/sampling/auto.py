@@ -86,8 +86,11 @@ def _rare(problem: Problem, budget: Budget, trial: Trial) -> Choice:
 
 
 def _in_range(plan: Rejection) -> str:
-    count = sum(len(source.cover.parts) for source in plan.sources)
-    boxes = "1 box" if count == 1 else f"{count:,} boxes"
+    parts = sum(len(source.cover.parts) for source in plan.sources)
+    boxes = "1 box" if parts == 1 else f"{parts:,} boxes"
+    if len(plan.sources) == 1:
+        rate = plan.explored
+        return f"{100.0 * rate.hits / rate.candidates:.2g}% of the candidates from {boxes} are in range"
     share = min(1.0, SPARE * plan.wanted / plan.expected)
     return f"about {100.0 * share:.2g}% of the candidates from {boxes} are of use"
 

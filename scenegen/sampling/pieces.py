@@ -30,7 +30,7 @@ def piece_size(objects: int) -> int:
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
     """What a piece brings, in a fixed order without pattern: rows (3N, m), phi (L, m) of all labels, the requirement's
-    last, and the cell of each, (m,), -1 for those out of range. `facts` (F,) are sums to be added up over all pieces."""
+    last, and the cell of each, (m,), -1 for those out of range. `facts` (F,) are to be added up over all pieces."""
 
     rows: Array
     phi: Array

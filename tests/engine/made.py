@@ -15,6 +15,7 @@ import numpy as np
 from scenegen.engine.stream import stream_scenes
 from scenegen.primitives import Circle
 from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.pieces import Candidates
 from scenegen.sampling.request import Range, Request
 from scenegen.scene.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
 
@@ -33,6 +34,8 @@ class Made:
     spread: str = "flat"
     low: float = -0.9
     plan_digest: str = "plan"
+    fewest: int = 1
+    patience: int | None = None
     cells: Cells = field(init=False)
     reached: tuple[int, ...] = field(init=False)
 
@@ -44,7 +47,8 @@ class Made:
     def piece(self, k):
         source = np.random.default_rng([self.seed, k])
         rows = source.random((3 * self.objects, self.size + k % 3))
-        return rows, rows[3:4] - rows[0:1]
+        phi = rows[3:4] - rows[0:1]
+        return Candidates(rows, phi, self.cells.find(phi), np.array([rows.shape[1], 0.1 * k]))
 
 
 def header_of(made, facts=None):

@@ -100,8 +100,8 @@ def run_blocks(
 ) -> Generator[Block, None, Tally]:
     """The scenes of a request in blocks of `size`; the generator's return value is the tally.
 
-    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends with
-    what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
+    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends
+    with what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
     """
     run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
     with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
@@ -148,10 +148,10 @@ def stream_scenes(
     block before it is stored, and raises if it finds fault; `joining` sees every block that goes into the file, those
     from before a break too.
 
-    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early. The
-    tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then the
-    scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what
-    `run_pieces` raises.
+    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early.
+    The tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then
+    the scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and
+    what `run_pieces` raises.
     """
     module = format_of(path)
     trial = header(Tally(0, 0, 0))

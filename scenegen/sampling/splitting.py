@@ -57,7 +57,8 @@ class Piece:
 @dataclass(frozen=True, slots=True)
 class Splitting:
     """A plan for one request. The facts of a piece are: 1 if it lived, its estimate of the probability and the square
-    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and their squares."""
+    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and
+    their squares."""
 
     problem: Problem
     plan: Plan

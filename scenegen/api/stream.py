@@ -91,6 +91,7 @@ def sample_to(
         )  # fmt: skip
         scenes.save(path)
         return Written(path, len(scenes), scenes.header, met(scenes), scenes.warnings)
+    from scenegen import __version__
     from scenegen.engine.exact import to_file
     from scenegen.formats.shards import folder_of
     from scenegen.sampling.report import fell_short
@@ -105,7 +106,7 @@ def sample_to(
         return headers[-1]
 
     tally, warnings = to_file(
-        path, choice, header, asked.budget, workers=workers, resume=resume, keep_partial=keep_partial, joining=seen,
+        path, choice, header, asked.budget, versions={"scenegen": __version__}, workers=workers, resume=resume, keep_partial=keep_partial, joining=seen,
         progress=progress,
     )  # fmt: skip
     short = fell_short(choice.plan, tally)

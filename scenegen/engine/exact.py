@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -78,14 +78,15 @@ def to_file(
     header: Header,
     budget: Budget,
     *,
+    versions: Mapping[str, str],
     workers: int | None = None,
     resume: bool = False,
     keep_partial: bool = False,
     joining: Callable[[Block], None] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Tally, tuple[Diagnostic, ...]]:
-    """The scenes of a plan in a file, block by block: see `stream_scenes`. Returns the tally and the warnings. With
-    fewer scenes than wanted there is no file, but where `keep_partial` says so."""
+    """The scenes of a plan in a file, block by block: see `stream_scenes`. Returns the tally and the warnings. A run is
+    only resumed by the same `versions`, numpy's included. With fewer scenes than wanted there is no file, but where `keep_partial` says so."""
     plan = choice.plan
     problem = plan.problem
     tally = stream_scenes(
@@ -93,7 +94,7 @@ def to_file(
         plan,
         problem.spec.labels,
         lambda tally: header(facts(choice, tally)[0]),
-        request=request_of(problem),
+        request=request_of(problem, versions),
         workers=crew(plan, workers),
         resume=resume,
         keep_partial=keep_partial,
@@ -113,18 +114,16 @@ def facts(choice: Choice, tally: Tally) -> tuple[dict[str, object], tuple[Diagno
     return info, warnings
 
 
-def request_of(problem: Problem) -> dict[str, object]:
+def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:
     """JSON that fixes, together with a plan, which scenes come out."""
-    from scenegen import __version__
-
     request = problem.request
     return {
         "spec": problem.spec.sha256,
         "phi": {label: [wanted.low, wanted.high] for label, wanted in request.ranges.items()},
         "spread": request.spread,
         "fix": {name: list(pose) for name, pose in request.fixed.items()},
-        "scenegen": __version__,
         "numpy": np.__version__,
+        **versions,
     }
 
 

@@ -42,7 +42,7 @@ Array = npt.NDArray[np.float64]
 HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 
 
-SCORED = 32_768  # scenes scored at a time, so that they stay in cache
+CACHED = 32_768  # scenes scored at a time, so that they stay in cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +192,8 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
     """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
     rows = rows_of(spec, scenes)
     phi = {name: np.empty(len(scenes)) for name in spec.labels}
-    for start in range(0, len(scenes), SCORED):
-        part = slice(start, start + SCORED)
+    for start in range(0, len(scenes), CACHED):
+        part = slice(start, start + CACHED)
         for name, value in score(spec.core, list(np.ascontiguousarray(rows[:, part])), NUMPY).items():
             phi[name][part] = value
     return phi

@@ -106,9 +106,17 @@ def sample_to(
         return headers[-1]
 
     tally, warnings = to_file(
-        path, choice, header, asked.budget, versions={"scenegen": __version__}, workers=workers, resume=resume, keep_partial=keep_partial, joining=seen,
+        path,
+        choice,
+        header,
+        asked.budget,
+        versions={"scenegen": __version__},
+        workers=workers,
+        resume=resume,
+        keep_partial=keep_partial,
+        joining=seen,
         progress=progress,
-    )  # fmt: skip
+    )
     short = fell_short(choice.plan, tally)
     if short is not None:
         if not (keep_partial and tally.scenes):

@@ -85,8 +85,11 @@ def to_file(
     joining: Callable[[Block], None] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Tally, tuple[Diagnostic, ...]]:
-    """The scenes of a plan in a file, block by block: see `stream_scenes`. Returns the tally and the warnings. A run is
-    only resumed by the same `versions`, numpy's included. With fewer scenes than wanted there is no file, but where `keep_partial` says so."""
+    """The scenes of a plan in a file, block by block: see `stream_scenes`. Returns the tally and the warnings.
+
+    A run is only resumed by the same `versions`, numpy's included. With fewer scenes than wanted there is no file, but
+    where `keep_partial` says so.
+    """
     plan = choice.plan
     problem = plan.problem
     tally = stream_scenes(

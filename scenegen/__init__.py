@@ -21,6 +21,7 @@ _PUBLIC = {
     "parse": "spec",
     "SceneSet": "scenes",
     "read_scenes": "scenes",
+    "rarity": "rarity",
     "sample": "sample",
     "train": "train",
     "Model": "train",
@@ -42,12 +43,14 @@ __all__ = [
     "load",
     "load_model",
     "parse",
+    "rarity",
     "read_scenes",
     "sample",
     "train",
 ]
 
 if TYPE_CHECKING:
+    from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
     from scenegen.api.scenes import SceneSet, read_scenes
     from scenegen.api.spec import Spec, load, parse

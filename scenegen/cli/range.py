@@ -79,9 +79,8 @@ def _print(spec: Path, found: SpecRarity) -> None:
     title = f"{spec}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
-        many = one_in(found.requirement.log10)
-        typer.echo(f"  {many} meets what the spec requires (log10 P = {_estimate(found.requirement).strip()});")
-        typer.echo("  all else is among these")
+        many, exactly = one_in(found.requirement.log10), _estimate(found.requirement)
+        typer.echo(f"  what the spec requires is met by {many} (log10 P = {exactly}); what follows is about these")
     for one in found.labels:
         typer.echo("")
         for line in _lines(spec, one):
@@ -92,14 +91,14 @@ def _lines(spec: Path, one: LabelRarity) -> list[str]:
     import shlex
 
     (low, high), (least, most) = one.bounds, one.reached
-    lines = [f"{one.label}: phi in [{low:.4g}, {high:.4g}]; reached {least:.4g} .. {most:.4g}"]
+    lines = [f"{one.label}: phi in [{low:.4g}, {high:.4g}]; reached {least:.5g} .. {most:.5g}"]
     at_zero = next((level for level in one.levels if level.phi == 0.0), None)
     if most < 0.0:
         lines.append("  no scene that satisfies it was found")
     elif least >= 0.0:
         lines.append("  every scene that was looked at satisfies it")
     elif at_zero is not None and at_zero.above is not None:
-        lines.append(f"  {one_in(at_zero.above.log10)} satisfies it (phi >= 0)")
+        lines.append(f"  satisfied (phi >= 0) by {one_in(at_zero.above.log10)}")
     lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>17}  {'log10 P(>= phi)':>17}"]
     lines += [
         f"  {level.phi:>9.4g}  {_estimate(level.below):>17}  {_estimate(level.above):>17}" for level in one.levels

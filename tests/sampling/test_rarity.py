@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def test_what_all_scenes_meet_is_certain(difference):
 def test_rarer_is_never_more_probable(difference):
     values = [difference.reaches["task"].up(t).log10 for t in np.linspace(-0.9, 0.99, 60)]
     # between two levels the counts cannot rise; across one, the estimates of two stages may differ by their errors
-    assert all(later < earlier + 0.02 for earlier, later in zip(values, values[1:], strict=False))
+    assert all(later < earlier + 0.02 for earlier, later in pairwise(values))
 
 
 def test_a_requirement_conditions_and_is_measured_itself():

@@ -26,16 +26,16 @@ from scenegen.primitives.footprint import Circle
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.chains import Chains, Region
 from scenegen.sampling.frame import Frame, Tape, make_frame
-from scenegen.sampling.tuning import Tuner
+from scenegen.sampling.tuning import Tuner, longest
 
 Array = npt.NDArray[np.float64]
 
 STREAM = 6  # random stream of these runs, apart from those of the samplers
 ISLANDS = 16  # estimates whose scatter is the error bar: enough that two standard errors mean about 95 %
 MOST, FEWEST = 8192, 256  # chains of a run
-ROUND = 15_000_000  # node visits that one move of all chains by each of their rows may take
+DEPTH = 15  # levels of a run that its effort must suffice for where every one takes all the moves it may
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
-PER_SHAPE = 120  # what a footprint with corners adds to its node, in plain nodes
+PER_SHAPE = 60  # what a footprint with corners costs, in plain nodes; two of them in one node cost four times that
 KEPT, CLIMB = 0.5, 0.1  # share that makes a level; the same once levels are not counted any more
 NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
 LEVELS, SEARCH = 400, 30  # levels that are counted at most, and of the search for the end after that
@@ -134,8 +134,10 @@ def _measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], s
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
-    if REQUIRE in core.labels:
-        base, best = _require(part(core, (REQUIRE,)), lowest, highest, seed)
+    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest)
+    if gate:
+        base, best = _require(part(core, gate), lowest, highest, count, seed)
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
@@ -146,9 +148,9 @@ def _measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], s
         if not make_frame(alone, lowest, highest).dimension:
             reaches[label] = _still(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
-        one = part(core, (label, REQUIRE)) if base is not None else alone
+        one = part(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
-        start, weights = _begin(make_frame(one, lowest, highest), base, rng)
+        start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
         work = WORK // (2 * len(labels) * cost(one))
         up, down = (_run(start.some(start.count), weights, sign, work) for sign in (1, -1))
         reaches[label] = Reach(up[0], down[0], up[1] + down[1])
@@ -167,13 +169,18 @@ def _still(phi: float) -> Reach:
 
 def cost(core: Core) -> int:
     """About what phi of one scene takes, in visits of plain nodes."""
-    shapes = [shape for node in core.nodes if isinstance(node, Apply) for shape in node.shapes]
-    return len(core.nodes) + PER_SHAPE * sum(not isinstance(shape, Circle) for shape in shapes)
+    shapes = [node.shapes for node in core.nodes if isinstance(node, Apply)]
+    cornered = [sum(not isinstance(shape, Circle) for shape in pair) for pair in shapes]
+    return len(core.nodes) + PER_SHAPE * sum(many * many for many in cornered)
 
 
-def _chains(frame: Frame) -> int:
-    """How many chains a frame affords, a multiple of the islands: the more rows, the more moves a level takes."""
-    return int(np.clip(ROUND // (cost(frame.core) * frame.dimension), FEWEST, MOST)) // ISLANDS * ISLANDS
+def _chains(cores: Sequence[Core], lowest: Array, highest: Array) -> int:
+    """How many chains the runs of these cores afford, a multiple of the islands."""
+    fewest = MOST
+    for core in cores:
+        moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
+        fewest = min(fewest, int(COUNTED * WORK) // (2 * len(cores) * cost(core) * moves))
+    return max(fewest, FEWEST) // ISLANDS * ISLANDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,14 +192,14 @@ class _Base:
     evaluations: int
 
 
-def _require(core: Core, lowest: Array, highest: Array, seed: int) -> tuple[_Base, float]:
+def _require(core: Core, lowest: Array, highest: Array, count: int, seed: int) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 where it could not be met."""
     frame = make_frame(core, lowest, highest)
     if not frame.dimension:
         margin = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(ISLANDS, float(margin >= 0.0)), 1), margin
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
-    state, weights = _begin(frame, None, rng)
+    state, weights = _begin(frame, None, count, rng)
     tuner = Tuner(state)
     work = WORK // cost(core)
     met = False
@@ -211,13 +218,12 @@ def _require(core: Core, lowest: Array, highest: Array, seed: int) -> tuple[_Bas
     return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
 
 
-def _begin(frame: Frame, base: _Base | None, rng: np.random.Generator) -> tuple[Chains, Array]:
-    """Chains of a frame at the base distribution, and the weights of their islands."""
+def _begin(frame: Frame, base: _Base | None, count: int, rng: np.random.Generator) -> tuple[Chains, Array]:
+    """`count` chains of a frame at the base distribution, and the weights of their islands."""
     cells = Cells(tuple(frame.core.labels), (), (), np.empty(0), np.empty(0))
-    if base is None:
-        return Chains.start(frame, Tape(frame), cells, _chains(frame), rng), np.ones(ISLANDS)
-    count = len(next(iter(base.rows.values()))) if base.rows else _chains(frame)
     state = Chains.start(frame, Tape(frame), cells, count, rng)
+    if base is None:
+        return state, np.ones(ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(frame.rows, state.rows, strict=True)]
     state.pool = list(state.rows)
     state.phi = state.tape(state.rows)

@@ -21,6 +21,7 @@ _PUBLIC = {
     "parse": "spec",
     "SceneSet": "scenes",
     "read_scenes": "scenes",
+    "rarity": "rarity",
     "sample": "sample",
     "sample_to": "stream",
     "Written": "stream",
@@ -45,6 +46,7 @@ __all__ = [
     "load",
     "load_model",
     "parse",
+    "rarity",
     "read_scenes",
     "sample",
     "sample_to",
@@ -52,6 +54,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
     from scenegen.api.scenes import SceneSet, read_scenes
     from scenegen.api.spec import Spec, load, parse

@@ -17,6 +17,7 @@ from typing import Any
 import typer
 
 from scenegen.cli import check, eval, fmt, lsp, render, sample, train
+from scenegen.cli import range as range_command
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
 from scenegen.errors import Diagnostic, ScenegenError
@@ -42,6 +43,7 @@ lower, the harder. Specs that ship with scenegen are in the folder `specs`.
 COMMANDS: dict[str, Callable[..., Any]] = {
     "check": check.check,
     "fmt": fmt.fmt,
+    "range": range_command.range_,
     "train": train.train,
     "sample": sample.sample,
     "eval": eval.evaluate,

@@ -120,9 +120,13 @@ class Chains:
             weight,
         )
 
-    def narrow(self, region: Region) -> float:
+    def narrow(self, region: Region, islands: int = 1) -> float:
         """Restrict the chains to a region: survivors are multiplied to the old number in proportion to how their weight
-        changes. Returns the share that survived (0: none did, and the chains are as they were)."""
+        changes. Returns the share that survived (0: none did, and the chains are as they were).
+
+        With several islands, blocks of equally many chains, each is filled from its own survivors alone (from all, if
+        it has none), so that islands stay independent of one another.
+        """
         alive = region.holds(self.phi)
         gain = alive.astype(np.float64)
         if region.weights is not None:
@@ -133,7 +137,13 @@ class Chains:
         if not total > 0.0:
             return 0.0
         share = float(alive.mean())
-        self._copy(_systematic(gain / total, self.rng, self.count))
+        size = self.count // islands
+        blocks = []
+        for start in range(0, self.count, size):
+            own = gain[start : start + size].sum()
+            mine, offset = (gain[start : start + size] / own, start) if own > 0.0 else (gain / total, 0)
+            blocks.append(_systematic(mine, self.rng, size) + offset)
+        self._copy(blocks[0] if islands == 1 else np.concatenate(blocks))
         self.region = region
         self.weight = None if region.weights is None else region.weigh(self.phi, self.cells)
         return share

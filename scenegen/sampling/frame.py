@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 from scenegen.primitives import NUMPY, PRIMITIVES
-from scenegen.sampling.problem import Problem
 from scenegen.scene.workspace import TWO_PI
+
+if TYPE_CHECKING:
+    from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
@@ -80,7 +82,11 @@ class Frame:
 
 def frame_of(problem: Problem) -> Frame:
     """The moving rows of a problem: those that some label (or the requirement) reads and that have room to move."""
-    core, lowest, highest = problem.core, problem.lowest, problem.highest
+    return make_frame(problem.core, problem.lowest, problem.highest)
+
+
+def make_frame(core: Core, lowest: Array, highest: Array) -> Frame:
+    """The moving rows of a core over a box of poses, (3N,) each."""
     rows = tuple(sorted(row for row in read_rows(core) if lowest[row] < highest[row]))
     index = {row: place for place, row in enumerate(rows)}
     objects = sorted({row // 3 for row in rows})

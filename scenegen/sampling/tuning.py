@@ -30,6 +30,11 @@ _RACES, _BOOST = 7, 0.25  # ways that are tried, and what each moves to the kind
 _USEFUL = 0.01  # share of chains that a mirror must move to be made for every scene
 
 
+def longest(dimension: int) -> int:
+    """Moves that one call of `Tuner.adapt` makes at most, over that many rows."""
+    return 24 + 6 * dimension
+
+
 class Tuner:
     """What is known so far about moving an ensemble of chains. `evaluations` counts those of trials on copies."""
 
@@ -57,7 +62,7 @@ class Tuner:
         """Move until the copies have parted, tuning step lengths on the way; returns the number of moves."""
         state, rng = self._chains, self._chains.rng
         enough = max(3.0, 0.5 * self._frame.dimension)
-        least, most = 6, 24 + 6 * self._frame.dimension
+        least, most = 6, longest(self._frame.dimension)
         moved, moves = 0.0, 0
         tuning = self.tuning()
         while moves < least or (moved < enough and moves < most):

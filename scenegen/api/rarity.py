@@ -1,0 +1,189 @@
+"""What phi can be reached, and how rare each value is: what to know before asking for scenes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenegen.api.spec import Spec
+from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.sampling.rarity import Estimate, OutOfReach, Reach, measure
+from scenegen.sampling.request import MAX_SEED
+
+# values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
+BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
+ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+CURVE = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
+HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
+SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
+
+Ends = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A value of phi, and how rare it is to be at it or above, and at it or below; None where too few scenes tell."""
+
+    phi: float
+    above: Estimate | None
+    below: Estimate | None
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range of phi that is worth asking for. `log10` is the probability of it among all scenes, roughly."""
+
+    name: str
+    low: float
+    high: float
+    log10: float
+
+
+@dataclass(frozen=True, slots=True)
+class LabelRarity:
+    """phi of one label among the scenes that meet the requirement.
+
+    `bounds` are interval bounds: no scene lies beyond them. `reached` is the lowest and highest phi that was met.
+    `levels` are about a dozen values over what was reached, `curve` many; `whole` tells whether they go
+    all the way down and up, or the search's effort ended before. `bands` are what to ask for.
+    """
+
+    label: str
+    bounds: Ends
+    reached: Ends
+    levels: tuple[Level, ...]
+    curve: tuple[Level, ...]
+    bands: tuple[Band, ...]
+    whole: tuple[bool, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class SpecRarity:
+    """What `rarity` finds out. `requirement` is how rare scenes are that meet what the spec requires (None:
+    it requires nothing); `warnings` are about labels that cannot be satisfied."""
+
+    labels: tuple[LabelRarity, ...]
+    requirement: Estimate | None
+    seed: int
+    evaluations: int
+    warnings: tuple[Diagnostic, ...]
+
+
+def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity:
+    """The range of phi of every label (or one) that can be reached, and how rare each part of it is.
+
+    Probabilities are those of the base distribution, among the scenes that meet what the spec requires; errors are one
+    standard error of log10. The same arguments give the same numbers. Raises RequestError for an unknown label, and
+    where no scene is found that meets the requirement.
+    """
+    if label is not None and label not in spec.labels:
+        otherwise = f"the spec has {', '.join(spec.labels[:8])}"
+        raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=suggest(label, spec.labels, otherwise)))
+    if not 0 <= seed <= MAX_SEED:
+        raise RequestError(Diagnostic(f"{seed} is no seed", help=f"a seed lies between 0 and {MAX_SEED}"))
+    checked = spec.checked
+    lowest, highest = checked.box()
+    if not (lowest < highest).any():
+        raise RequestError(Diagnostic("every object is held in place: phi has one value", help="free an object"))
+    labels = spec.labels if label is None else (label,)
+    found = measure(checked.core, lowest, highest, labels, seed)
+    if isinstance(found, OutOfReach):
+        raise _out_of_reach(spec, found)
+    bounds = spec.bounds()
+    reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
+    never = {one.label for one in reports if one.reached[1] < 0.0}
+    warnings = tuple(_hopeless(spec, never)) if never else ()
+    return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
+
+
+def _out_of_reach(spec: Spec, found: OutOfReach) -> RequestError:
+    """Why no scene meets what the spec requires."""
+    for one in spec.hopeless():
+        if one.title.startswith("what the spec requires"):
+            return RequestError(Diagnostic(one.title, one.span, one.label, one.help, note=one.note))
+    title = f"no scene was found that meets what the spec requires, in {found.evaluations:,} evaluations"
+    note = f"the best one misses it by {-found.best:.4g}" if math.isfinite(found.best) else ""
+    return RequestError(Diagnostic(title, help="require less, or make the workspace larger", note=note))
+
+
+def _hopeless(spec: Spec, labels: set[str]) -> list[Diagnostic]:
+    """A warning for each label that was never satisfied: with the clash, where one is found."""
+    clashes = {one.title.split("`")[1]: one for one in spec.hopeless() if one.title.startswith("`")}
+    plain = "no scene that satisfies `{}` was found; where phi reaches, `scenegen check` shows part by part"
+    return [
+        clashes.get(name) or Diagnostic(plain.format(name), help="change one of its parts", severity="warning")
+        for name in spec.labels
+        if name in labels
+    ]
+
+
+def _report(label: str, bounds: Ends, reach: Reach) -> LabelRarity:
+    low, high = reach.down.end, reach.up.end
+    curve = [_level(phi, reach) for phi in _places(reach)] if low < high else []
+    levels = [_level(phi, reach) for phi in spread(low, high)]
+    whole = (reach.down.whole, reach.up.whole)
+    return LabelRarity(label, bounds, (low, high), tuple(levels), tuple(curve), tuple(_bands(reach)), whole)
+
+
+def _places(reach: Reach) -> list[float]:
+    """Where a curve has points: evenly over what was reached, and where each run had its levels."""
+    even = np.linspace(reach.down.end, reach.up.end, CURVE)
+    places = np.unique(np.concatenate([even, reach.up.levels[1:], -reach.down.levels[1:]]))
+    return [float(phi) for phi in places]
+
+
+def _level(phi: float, reach: Reach) -> Level:
+    return Level(phi, reach.up(phi), reach.down(phi))
+
+
+def spread(low: float, high: float) -> list[float]:
+    """About a dozen round values between two ends: half of them below 0 and half above, where 0 lies between, and 0
+    itself; closer together towards the ends."""
+    if not low < high:
+        return [low]
+    if not low < 0.0 < high:
+        return rounded([low + (high - low) * share for share in ACROSS], high - low)
+    return [*rounded([low * share for share in BELOW], -low), 0.0, *rounded([high * share for share in ABOVE], high)]
+
+
+def rounded(values: Sequence[float], width: float) -> list[float]:
+    """Values to about two hundredths of a width, as decimals that people read; each once."""
+    digits = max(0, math.ceil(-math.log10(width / 100.0)))
+    return list(dict.fromkeys(round(value, digits) + 0.0 for value in values))
+
+
+def _bands(reach: Reach) -> list[Band]:
+    """Hard, medium and easy parts of what occurs, by how many scenes lie there; and what is satisfied, where that is
+    not what occurs anyway."""
+    low, high = reach.down.end, reach.up.end
+    below, above = reach.down.quantile, reach.up.quantile
+    found = [
+        ("hard", below(HARD[0]), below(HARD[1])),
+        ("medium", below(MIDDLE[0]), below(MIDDLE[1])),
+        ("easy", above(EASY[0]), above(EASY[1])),
+    ]
+    if high > 0.0:
+        found.append(("satisfied", max(0.0, low), SATISFIED * high))
+    bands = []
+    for name, least, most in found:
+        if not least < most:
+            continue
+        ends = rounded([least, most], 5.0 * (most - least))
+        probability = _between(reach, *ends)
+        if len(ends) == 2 and probability > 0.0:
+            bands.append(Band(name, ends[0], ends[1], math.log10(probability)))
+    return bands
+
+
+def _between(reach: Reach, low: float, high: float) -> float:
+    """P(low <= phi <= high), from the tail that is the smaller one."""
+
+    def share(estimate: Estimate | None) -> float:
+        return 0.0 if estimate is None else 10.0**estimate.log10
+
+    up = share(reach.up(low)), share(reach.up(high))
+    down = share(reach.down(low)), share(reach.down(high))
+    return up[0] - up[1] if up[0] <= down[1] else down[1] - down[0]

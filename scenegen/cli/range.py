@@ -1,0 +1,202 @@
+"""`scenegen range`: what phi can be reached, and how rare it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenegen.cli.options import Root
+
+if TYPE_CHECKING:
+    from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
+    from scenegen.sampling.rarity import Estimate
+
+FLOOR = -1  # log10 that the axis of a plot reaches down to at least
+
+
+def range_(
+    spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
+    label: Annotated[
+        str | None, typer.Option("--label", help="This label alone.", metavar="NAME", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same numbers.")] = 0,
+    png: Annotated[
+        Path | None,
+        typer.Option("--png", help="Draw the curves into this file, too.", metavar="FILE", show_default=False),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    root: Root = None,
+) -> None:
+    """Say what phi can be reached and how rare it is, before you ask for scenes.
+
+    \b
+      scenegen range specs/table_setting.spec
+      scenegen range my.spec --label safe --png rarity.png
+      scenegen range my.spec --json
+
+    Of every label: the bounds that no scene exceeds, what a search reached, and for a dozen values of phi how many
+    scenes lie at or above it and at or below it, as log10 of their share with its standard error; then the commands
+    that ask for a hard, a medium and an easy part. Shares are those among scenes that meet what the spec requires.
+    """
+    from scenegen.api.rarity import rarity
+    from scenegen.api.spec import load
+    from scenegen.cli.output import complain
+    from scenegen.formats.files import check_writable, write_whole
+
+    if png is not None:
+        _check_png(png)
+        check_writable(png, spec)
+    found = rarity(load(spec, root), label, seed=seed)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(as_json(str(spec), found), indent=1, ensure_ascii=False))
+    else:
+        _print(spec, found)
+    complain(*found.warnings)
+    if png is not None:
+        from scenegen.cli.output import print_error
+        from scenegen.render.plot import Panel, plot
+
+        panels = [
+            Panel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))
+            for one in found.labels
+        ]
+        write_whole(png, plot(panels, spec.name))
+        print_error(f"curves in {png}")
+
+
+def _check_png(path: Path) -> None:
+    from scenegen.errors import Diagnostic, RequestError
+
+    if path.suffix.lower() != ".png":
+        raise RequestError(Diagnostic(f"{path} does not end in .png", help="name a file such as rarity.png"))
+
+
+def _print(spec: Path, found: SpecRarity) -> None:
+    title = f"{spec}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
+    typer.echo(title)
+    if found.requirement is not None:
+        many, exactly = one_in(found.requirement.log10), _estimate(found.requirement)
+        typer.echo(f"  what the spec requires is met by {many} (log10 P = {exactly}); what follows is about these")
+    for one in found.labels:
+        typer.echo("")
+        for line in _lines(spec, one):
+            typer.echo(line)
+
+
+def _lines(spec: Path, one: LabelRarity) -> list[str]:
+    import shlex
+
+    (low, high), (least, most) = one.bounds, one.reached
+    lines = [f"{one.label}: phi in [{low:.4g}, {high:.4g}]; reached {least:.5g} .. {most:.5g}"]
+    at_zero = next((level for level in one.levels if level.phi == 0.0), None)
+    if most < 0.0:
+        lines.append("  no scene that satisfies it was found")
+    elif least >= 0.0:
+        lines.append("  every scene that was looked at satisfies it")
+    elif at_zero is not None and at_zero.above is not None:
+        lines.append(f"  satisfied (phi >= 0) by {one_in(at_zero.above.log10)}")
+    lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>17}  {'log10 P(>= phi)':>17}"]
+    lines += [
+        f"  {level.phi:>9.4g}  {_estimate(level.below):>17}  {_estimate(level.above):>17}" for level in one.levels
+    ]
+    if not all(one.whole):
+        where = " and ".join(end for end, whole in zip(("lower", "upper"), one.whole, strict=True) if not whole)
+        lines.append(f"  the search towards the {where} end was cut off: phi may reach further")
+    lines += ["", *_plot(one)] if one.curve else []
+    if one.bands:
+        lines += ["", "  ask for"]
+        lines += [
+            f"    {band.name:<10} {one_in(band.log10):<22} scenegen sample {shlex.quote(str(spec))}"
+            f" --phi {one.label}={band.low:g}:{band.high:g}"
+            for band in one.bands
+        ]
+    return lines
+
+
+def _plot(one: LabelRarity) -> list[str]:
+    """Both curves, as wide as the terminal."""
+    import math
+    import shutil
+    import sys
+
+    from scenegen.cli.curve import curves
+    from scenegen.cli.output import use_color
+
+    fancy = sys.stdout.isatty() and (sys.stdout.encoding or "").lower().startswith("utf")
+    above, below = _points(one.curve, "above"), _points(one.curve, "below")
+    floor = float(min(FLOOR, *(math.floor(y) for _, y in above + below)))
+    columns = shutil.get_terminal_size().columns - 3
+    color = fancy and use_color()
+    drawn = curves([below, above], "<>", ends=one.reached, floor=floor, columns=columns, fancy=fancy, color=color)
+    head = (
+        "log10 P: of (>= phi) it falls to the right, of (<= phi) to the left"
+        if fancy
+        else "log10 P, drawn > where it is of (>= phi) and < where it is of (<= phi)"
+    )
+    return [f"  {line}" for line in (head, *drawn)]
+
+
+def _points(curve: tuple[Level, ...], side: str) -> list[tuple[float, float]]:
+    found = [(level.phi, level.above if side == "above" else level.below) for level in curve]
+    return [(phi, estimate.log10) for phi, estimate in found if estimate is not None]
+
+
+def one_in(log10: float) -> str:
+    """A share for people: `1 scene in 102,000`, `37 % of scenes`."""
+    if log10 > -0.95:
+        share = 10.0**log10
+        return "nearly every scene" if share > 0.995 else f"{share:.0%} of scenes".replace("%", " %")
+    many = 10.0**-log10
+    if log10 < -9.0:
+        return f"1 scene in 10^{-log10:.0f}"
+    digits = max(0, int(-log10) - 1)
+    return f"1 scene in {round(many, -digits):,.0f}"
+
+
+def _estimate(estimate: Estimate | None) -> str:
+    if estimate is None:
+        return "too rare to tell"
+    digits = 3 if estimate.error < 0.01 else 2
+    return f"{estimate.log10 + 0.0:.{digits}f} +- {estimate.error:.{digits}f}"
+
+
+def as_json(name: str, found: SpecRarity) -> dict[str, Any]:
+    """The findings as plain data."""
+    return {
+        "file": name,
+        "seed": found.seed,
+        "evaluations": found.evaluations,
+        "requirement": _pair(found.requirement),
+        "labels": {one.label: _label(one) for one in found.labels},
+        "warnings": [warning.title for warning in found.warnings],
+    }
+
+
+def _label(one: LabelRarity) -> dict[str, Any]:
+    return {
+        "bounds": list(one.bounds),
+        "reached": list(one.reached),
+        "whole": list(one.whole),
+        "levels": [_level(level) for level in one.levels],
+        "curve": [_level(level) for level in one.curve],
+        "bands": [
+            {"name": band.name, "phi": [band.low, band.high], "log10": band.log10, "phi_option": _option(one, band)}
+            for band in one.bands
+        ],
+    }
+
+
+def _option(one: LabelRarity, band: Band) -> str:
+    return f"{one.label}={band.low:g}:{band.high:g}"
+
+
+def _level(level: Level) -> dict[str, Any]:
+    return {"phi": level.phi, "above": _pair(level.above), "below": _pair(level.below)}
+
+
+def _pair(estimate: Estimate | None) -> dict[str, float] | None:
+    return None if estimate is None else {"log10": estimate.log10, "error": estimate.error}

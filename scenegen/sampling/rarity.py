@@ -1,0 +1,290 @@
+"""How rare each value of phi is under the base distribution: P(phi >= t) and P(phi <= t) for every t at once.
+
+Chains start as uniform scenes and are narrowed level by level, up to the top of phi and, in a run of their own, down
+to its bottom; each level keeps about half (adaptive multilevel splitting, Cerou and Guyader 2007). The share that
+reaches t from the level below it, times the shares of all levels before, estimates P(phi >= t). What a spec requires
+is met first, in the same way, so that the probabilities are those among the scenes that meet it.
+
+The chains live on islands that never exchange any (Whiteley, Lee and Heine 2016 discuss such particle systems): each
+island has an estimate of its own, and how these scatter is the error bar, copies of one ancestor included. Effort is
+counted in node visits, never in seconds. Numpy alone: this room's torch is not loaded for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.lang.core import REQUIRE, Apply, Core, gated, part
+from scenegen.lang.interpret import phi as evaluate
+from scenegen.primitives import NUMPY
+from scenegen.primitives.footprint import Circle
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.chains import Chains, Region
+from scenegen.sampling.frame import Frame, Tape, make_frame
+from scenegen.sampling.tuning import Tuner, longest
+
+Array = npt.NDArray[np.float64]
+
+STREAM = 6  # random stream of these runs, apart from those of the samplers
+ISLANDS = 16  # estimates whose scatter is the error bar: enough that two standard errors mean about 95 %
+MOST, FEWEST = 8192, 256  # chains of a run
+DEPTH = 15  # levels of a run that its effort must suffice for where every one takes all the moves it may
+WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
+PER_SHAPE = 60  # what a footprint with corners costs, in plain nodes; two of them in one node cost four times that
+KEPT, CLIMB = 0.5, 0.1  # share that makes a level; the same once levels are not counted any more
+NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
+LEVELS, SEARCH = 400, 30  # levels that are counted at most, and of the search for the end after that
+COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
+ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
+CAREFUL = 4  # the same for what is required: all runs start from there
+SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
+FEW = 8  # scenes on which an estimate must rest
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """log10 of a probability and its standard error (one sigma, same units)."""
+
+    log10: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """One run: `sign` 1 up to the top of phi, -1 down to its bottom.
+
+    `levels` (K,) are sign * phi from which on each stage's chains are held, the first -inf; `values` are their
+    sign * phi, K arrays (islands, chains of one) in rising order; `weights` (K, islands) are the probabilities of the
+    stages, by each island. `end` is the furthest phi that was met; `whole` says that levels were counted all the way
+    to where hardly anything is left, and not only as far as the effort went.
+    """
+
+    sign: int
+    levels: Array
+    values: tuple[Array, ...]
+    weights: Array
+    end: float
+    whole: bool
+
+    def __call__(self, phi: float) -> Estimate | None:
+        """log10 P(phi' >= phi) for a run upwards, log10 P(phi' <= phi) downwards; None where too few scenes tell."""
+        place = self.sign * phi
+        stage = int(np.searchsorted(self.levels, place, side="right")) - 1
+        values = self.values[stage]
+        hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
+        if hits.sum() < FEW:
+            return None
+        return combine(self.weights[stage] * hits / values.shape[1], self.weights[0])
+
+    def quantile(self, share: float) -> float:
+        """The phi beyond which, in the direction of the run, lies about that share of the scenes."""
+        first = np.sort(self.values[0].ravel())
+        return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What phi of one label does among the scenes that meet the requirement."""
+
+    up: Tail
+    down: Tail
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rarity:
+    """The runs of a spec: `reaches` by label, and how rare the requirement is (None: nothing is required)."""
+
+    reaches: dict[str, Reach]
+    requirement: Estimate | None
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutOfReach:
+    """No scene that meets the requirement was found; `best` is its largest margin."""
+
+    best: float
+    evaluations: int
+
+
+def combine(mine: Array, base: Array) -> Estimate | None:
+    """The ratio of two means over islands, (B,) each, with the standard error by linearisation (Cochran 1977, 6.4)."""
+    ratio = float(mine.sum() / base.sum())
+    if not ratio > 0.0:
+        return None
+    off = (mine - ratio * base) / base.mean()
+    error = float(off.std(ddof=1)) / math.sqrt(len(off))
+    return Estimate(math.log10(ratio), error / (ratio * math.log(10.0)))
+
+
+def measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int = 0) -> Rarity | OutOfReach:
+    """P(phi >= t) and P(phi <= t) of each of the labels, over the box of poses lowest..highest (3N,), uniform but for
+    what the core requires. The same arguments give the same numbers."""
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as out of reach
+        return _measure(gated(core), lowest, highest, labels, seed)
+
+
+def _measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int) -> Rarity | OutOfReach:
+    base: _Base | None = None
+    required: Estimate | None = None
+    spent = 0
+    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest)
+    if gate:
+        base, best = _require(part(core, gate), lowest, highest, count, seed)
+        spent = base.evaluations
+        if not base.weights.any():
+            return OutOfReach(best, spent)
+        required = combine(base.weights, np.ones(ISLANDS))
+    reaches: dict[str, Reach] = {}
+    for index, label in enumerate(labels):
+        alone = part(core, (label,))
+        if not make_frame(alone, lowest, highest).dimension:
+            reaches[label] = _still(float(evaluate(alone, list(lowest), NUMPY)[label]))
+            continue
+        one = part(core, (label, *gate))
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
+        start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
+        work = WORK // (2 * len(labels) * cost(one))
+        up, down = (_run(start.some(start.count), weights, sign, work) for sign in (1, -1))
+        reaches[label] = Reach(up[0], down[0], up[1] + down[1])
+        spent += up[1] + down[1]
+    return Rarity(reaches, required, spent)
+
+
+def _still(phi: float) -> Reach:
+    """Of a label whose phi is the same in all scenes."""
+    weights = np.ones((1, ISLANDS))
+    tails = [
+        Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
+    ]
+    return Reach(tails[0], tails[1], 1)
+
+
+def cost(core: Core) -> int:
+    """About what phi of one scene takes, in visits of plain nodes."""
+    shapes = [node.shapes for node in core.nodes if isinstance(node, Apply)]
+    cornered = [sum(not isinstance(shape, Circle) for shape in pair) for pair in shapes]
+    return len(core.nodes) + PER_SHAPE * sum(many * many for many in cornered)
+
+
+def _chains(cores: Sequence[Core], lowest: Array, highest: Array) -> int:
+    """How many chains the runs of these cores afford, a multiple of the islands."""
+    fewest = MOST
+    for core in cores:
+        moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
+        fewest = min(fewest, int(COUNTED * WORK) // (2 * len(cores) * cost(core) * moves))
+    return max(fewest, FEWEST) // ISLANDS * ISLANDS
+
+
+@dataclass(frozen=True, slots=True)
+class _Base:
+    """Chains that meet the requirement: `rows` by their place in (3N, B) storage, and the islands' weights."""
+
+    rows: dict[int, Array]
+    weights: Array
+    evaluations: int
+
+
+def _require(core: Core, lowest: Array, highest: Array, count: int, seed: int) -> tuple[_Base, float]:
+    """Chains at the base distribution conditioned on the requirement; weights 0 where it could not be met."""
+    frame = make_frame(core, lowest, highest)
+    if not frame.dimension:
+        margin = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
+        return _Base({}, np.full(ISLANDS, float(margin >= 0.0)), 1), margin
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
+    state, weights = _begin(frame, None, count, rng)
+    tuner = Tuner(state)
+    work = WORK // cost(core)
+    met = False
+    while not met and state.evaluations < work:
+        level = _next(_margin(state, 1), state.region.low[0], KEPT)
+        if level is None:
+            break
+        met = level >= 0.0
+        weights = weights * _narrow(state, min(level, 0.0), 1)
+        for _ in range(CAREFUL):
+            tuner.adapt()
+    for _ in range(SETTLE if met else 0):
+        tuner.adapt()
+    best = float(_margin(state, 1).max())
+    rows = dict(zip(frame.rows, state.rows, strict=True))
+    return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
+
+
+def _begin(frame: Frame, base: _Base | None, count: int, rng: np.random.Generator) -> tuple[Chains, Array]:
+    """`count` chains of a frame at the base distribution, and the weights of their islands."""
+    cells = Cells(tuple(frame.core.labels), (), (), np.empty(0), np.empty(0))
+    state = Chains.start(frame, Tape(frame), cells, count, rng)
+    if base is None:
+        return state, np.ones(ISLANDS)
+    state.rows = [base.rows.get(row, fresh) for row, fresh in zip(frame.rows, state.rows, strict=True)]
+    state.pool = list(state.rows)
+    state.phi = state.tape(state.rows)
+    state.region = Region(np.array([-np.inf, 0.0]), np.full(2, np.inf))
+    return state, base.weights
+
+
+def _run(state: Chains, weights: Array, sign: int, work: int) -> tuple[Tail, int]:
+    """Narrow the chains towards one end of phi of their first label, at a cost of about `work` evaluations at most."""
+    phi = _margin(state, sign)
+    levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
+    middle, end = float(np.median(phi)), float(phi.max())
+    tuner = Tuner(state)
+    counting, searched, whole = True, 0, False
+    while state.evaluations < work and searched < SEARCH:
+        here = sign * (state.region.low if sign > 0 else state.region.high)[0]
+        whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
+        counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work
+        level = _next(phi, here, KEPT if counting else CLIMB)
+        if level is None or end - level <= TOP * (end - middle):
+            whole = whole or counting
+            break
+        kept = _narrow(state, level, sign)
+        for _ in range(ROUNDS if counting else 1):
+            tuner.adapt()
+        phi = _margin(state, sign)
+        end = max(end, float(phi.max()))
+        if counting:
+            weights = weights * kept
+            levels.append(level)
+            values.append(_sorted(phi))
+            shares.append(weights)
+        else:
+            searched += 1
+    return Tail(sign, np.array(levels), tuple(values), np.array(shares), sign * end, whole), state.evaluations
+
+
+def _margin(state: Chains, sign: int) -> Array:
+    """sign * phi of the first label, (P,); what is not a number lies below all that is."""
+    phi = sign * state.phi[0]
+    return np.where(np.isnan(phi), -np.inf, phi)
+
+
+def _sorted(phi: Array) -> Array:
+    return np.sort(phi.reshape(ISLANDS, -1), axis=1)
+
+
+def _next(phi: Array, here: float, kept: float) -> float | None:
+    """The next level above `here`: the one that `kept` of the chains reach, or the lowest above; None at the top."""
+    level = float(np.quantile(phi, 1.0 - kept, method="higher"))
+    if level > here:
+        return level
+    above = phi[phi > here]
+    return float(above.min()) if len(above) else None
+
+
+def _narrow(state: Chains, level: float, sign: int) -> Array:
+    """Hold the chains to sign * phi >= level of their first label; returns the share of each island that survived."""
+    low, high = state.region.low.copy(), state.region.high.copy()
+    (low if sign > 0 else high)[0] = sign * level
+    region = Region(low, high)
+    alive: Array = region.holds(state.phi).reshape(ISLANDS, -1).mean(axis=1)
+    state.narrow(region, ISLANDS)
+    return alive

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.api.ask import Ask, Ends, ask
 from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.settled import blamed, refuse_model, settling, told
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
@@ -39,6 +40,7 @@ def sample(
     raw: bool = False,
     keep_partial: bool = False,
     fix: Mapping[str, Held | tuple[float, ...]] | None = None,
+    settle: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
@@ -52,7 +54,8 @@ def sample(
     takes what needs fewer evaluations of phi and tells `on_note`, and the header, what it took and why. From a Model
     they are its proposals, moved onto their target: approximately distributed. `raw` returns a model's own output
     instead, neither moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that
-    the others complete a given scene.
+    the others complete a given scene. `settle` drops every scene in PyBullet for one simulated second and hands out
+    those in which no object moves more than 1 cm or turns more than 5 degrees.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises
@@ -62,12 +65,17 @@ def sample(
     asked = ask(source, phi, n, seed=seed, method=method, spread=spread, timeout=timeout, raw=raw, fix=fix)
     check_size(asked)
     if isinstance(source, Model) and asked.method == "model":
+        if settle:
+            raise refuse_model()
         sampled = _from_model(asked, source, raw, progress)
     else:
         from scenegen.engine.exact import in_memory
 
         choice = chosen(asked, on_note)
-        sampled = in_memory(choice, asked.budget, workers=workers, progress=progress)
+        with settling(asked, choice, workers, settle) as (choice, crew, refusals):
+            sampled = in_memory(choice, asked.budget, workers=crew, progress=progress)
+        warnings, shortfall = told(sampled.warnings, refusals), blamed(sampled.shortfall, refusals)
+        sampled = dataclasses.replace(sampled, warnings=warnings, shortfall=shortfall)
     return _hand_out(asked, sampled, keep_partial)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from scenegen.api.ask import Ends, ask
 from scenegen.api.sample import Note, chosen, partial, sample
 from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.settled import blamed, refuse_model, settling, told
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
@@ -61,6 +62,7 @@ def sample_to(
     timeout: float = 60.0,
     keep_partial: bool = False,
     fix: Mapping[str, Held | tuple[float, ...]] | None = None,
+    settle: bool = False,
     workers: int | None = None,
     resume: bool = False,
     progress: Progress | None = None,
@@ -82,6 +84,8 @@ def sample_to(
         help_ = f"write .jsonl or .parquet, or ask for at most {MAX_JSON:,}"
         raise RequestError(Diagnostic(title, help=help_))
     if isinstance(source, Model) and method in ("auto", "model"):
+        if settle:
+            raise refuse_model()
         if resume:
             title = "a model's scenes are made at once, so there is nothing to resume"
             raise RequestError(Diagnostic(title, help="leave --resume out"))
@@ -105,19 +109,21 @@ def sample_to(
         headers.append(make_header(asked.problem.spec, info, asked.data))
         return headers[-1]
 
-    tally, warnings = to_file(
-        path,
-        choice,
-        header,
-        asked.budget,
-        versions={"scenegen": __version__},
-        workers=workers,
-        resume=resume,
-        keep_partial=keep_partial,
-        joining=seen,
-        progress=progress,
-    )
-    short = fell_short(choice.plan, tally)
+    with settling(asked, choice, workers, settle) as (choice, crew, refusals):
+        tally, warnings = to_file(
+            path,
+            choice,
+            header,
+            asked.budget,
+            versions={"scenegen": __version__},
+            workers=crew,
+            resume=resume,
+            keep_partial=keep_partial,
+            joining=seen,
+            progress=progress,
+        )
+    warnings = told(warnings, refusals)
+    short = blamed(fell_short(choice.plan, tally), refusals)
     if short is not None:
         if not (keep_partial and tally.scenes):
             raise RequestError(_resumable(short, folder_of(path)))

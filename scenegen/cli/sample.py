@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenegen.cli.options import Root
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -51,6 +53,9 @@ def sample(
             show_default=False,
         ),
     ] = None,
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Only scenes in which nothing moves when dropped in a simulator.")
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -73,6 +78,7 @@ def sample(
         Path | None,
         typer.Option("--render", help="Draw the scenes into this folder, too.", metavar="DIR", show_default=False),
     ] = None,
+    root: Root = None,
 ) -> None:
     """Draw scenes whose phi lies in the wanted ranges; every scene handed out is re-scored by the exact spec.
 
@@ -84,7 +90,9 @@ def sample(
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
-    free. If fewer than -n scenes are found in time, nothing is written and the exit status is 1, unless --keep-partial.
+    free. --settle drops every scene in PyBullet for one simulated second and hands out those in which no object moves
+    more than 1 cm or turns more than 5 degrees; what was refused is counted by object. If fewer than -n scenes are
+    found in time, nothing is written and the exit status is 1, unless --keep-partial.
 
     The scenes depend on the spec, the request and --seed alone, not on --workers or the format. Many scenes grow in a
     folder beside --out: what is broken off, by Ctrl-C, by --timeout or by force, goes on with --resume.
@@ -102,7 +110,7 @@ def sample(
         check_writable(out, source)
     elif resume:
         raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
-    subject = _load(source, spec)
+    subject = _load(source, spec, root)
     from scenegen.api.train import Model
     from scenegen.sampling.held import parse_fixed
     from scenegen.sampling.request import parse_ranges
@@ -123,6 +131,7 @@ def sample(
         "timeout": timeout,
         "keep_partial": keep_partial,
         "fix": fixed,
+        "settle": settle,
         "workers": workers,
     }
     if out is not None and (resume or (n > BLOCK and not isinstance(subject, Model))):
@@ -162,18 +171,18 @@ def _refuse_raw(raw: bool) -> None:
         raise RequestError(Diagnostic(title, help="leave --raw or --resume out"))
 
 
-def _load(source: Path, expected: Path | None) -> Spec | Model:
+def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
     """A model if the file is one, else a spec."""
     from scenegen.api.spec import load
     from scenegen.api.train import load_model
     from scenegen.errors import Diagnostic, RequestError
 
     if looks_like_model(source):
-        return load_model(source, None if expected is None else load(expected))
+        return load_model(source, None if expected is None else load(expected, root))
     if expected is not None:
         title = "--spec says which spec a model must be of, and this is no model"
         raise RequestError(Diagnostic(title, help="name a model file, or leave --spec out"))
-    return load(source)
+    return load(source, root)
 
 
 def looks_like_model(path: Path) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,8 @@ import numpy.typing as npt
 from scenegen.formats.blocks import BLOCK
 from scenegen.render.settle import Refusals, Settler
 from scenegen.sampling.cells import Cells
-from scenegen.sampling.pieces import Pieces
+from scenegen.sampling.pieces import Account, Candidates, Plan, Tally
+from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
@@ -25,7 +27,7 @@ AT_LEAST = 2  # of each cell
 
 
 class Settling:
-    """The pieces of `pieces` with what does not settle left out; `refusals` counts it.
+    """A plan with what does not settle left out; `refusals` counts it.
 
     It lives in one process, whose settler has the workers (drawing takes a thousandth of the time of dropping): give it
     to a runner with `workers=1`. A piece takes the first few candidates of every cell. Cells that have got all that
@@ -33,44 +35,76 @@ class Settling:
     piece, or goes on after a break with the cells as full as it left them.
     """
 
-    def __init__(self, pieces: Pieces, settler: Settler, refusals: Refusals) -> None:
-        self._pieces, self._settler, self._refusals = pieces, settler, refusals
-        cells = len(pieces.reached)
+    def __init__(self, plan: Plan, settler: Settler, refusals: Refusals) -> None:
+        self._plan, self._settler, self._refusals = plan, settler, refusals
+        cells = len(plan.reached)
         # Half as many again as are wanted, since some will not settle.
-        self._at_once = max(AT_LEAST, min(math.ceil(1.5 * pieces.wanted / cells), MOST // cells))
+        self._at_once = max(AT_LEAST, min(math.ceil(1.5 * plan.wanted / cells), MOST // cells))
         # Where not all scenes fit into the runner's memory at once, it drops some and takes others later.
-        self._enough = math.ceil(pieces.wanted / cells) if pieces.wanted <= BLOCK else np.inf
-        self._found = np.zeros(max(pieces.reached) + 1)
+        self._enough = math.ceil(plan.wanted / cells) if plan.wanted <= BLOCK else np.inf
+        self._found = np.zeros(max(plan.reached) + 1)
 
     @property
     def plan_digest(self) -> str:
-        return hashlib.sha256(f"settling {self._at_once} {self._pieces.plan_digest}".encode()).hexdigest()
+        return hashlib.sha256(f"settling {self._at_once} {self._plan.plan_digest}".encode()).hexdigest()
 
     @property
     def wanted(self) -> int:
-        return self._pieces.wanted
+        return self._plan.wanted
 
     @property
     def seed(self) -> int:
-        return self._pieces.seed
+        return self._plan.seed
 
     @property
     def cells(self) -> Cells:
-        return self._pieces.cells
+        return self._plan.cells
 
     @property
     def reached(self) -> Sequence[int]:
-        return self._pieces.reached
+        return self._plan.reached
 
-    def piece(self, k: int) -> tuple[Array, Array]:
-        """Those of the first candidates of piece k in each cell that settle: rows (3N, m) and phi (L, m)."""
-        rows, phi = self._pieces.piece(k)
-        cell = self.cells.find(phi)
+    @property
+    def fewest(self) -> int:
+        return self._plan.fewest
+
+    @property
+    def patience(self) -> int | None:
+        return self._plan.patience
+
+    @property
+    def name(self) -> str:
+        return self._plan.name
+
+    @property
+    def problem(self) -> Problem:
+        return self._plan.problem
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self._plan.ruled_out
+
+    @property
+    def evaluations(self) -> float:
+        return self._plan.evaluations
+
+    def account(self, tally: Tally) -> Account:
+        """What the plan itself says, of scenes before they are dropped. What was refused is no part of the file: after
+        a break it is not known any more."""
+        account = self._plan.account(tally)
+        return replace(account, info={**account.info, "settled": True})
+
+    def misses(self) -> tuple[Array, Array]:
+        return self._plan.misses()
+
+    def piece(self, k: int) -> Candidates:
+        """Those of the first candidates of piece k in each cell that settle."""
+        found = self._plan.piece(k)
         open_ = [one for one in self.reached if self._found[one] < self._enough]
-        first = [np.flatnonzero(cell == one)[: self._at_once] for one in open_]
+        first = [np.flatnonzero(found.cell == one)[: self._at_once] for one in open_]
         taken = np.sort(np.concatenate([np.empty(0, dtype=np.intp), *first]))
-        found = self._settler.settle(rows[:, taken].T.reshape(len(taken), -1, 3))
-        self._refusals.add(found)
-        kept = taken[found.kept]
-        self._found += np.bincount(cell[kept], minlength=len(self._found))
-        return rows[:, kept], phi[:, kept]
+        settled = self._settler.settle(found.rows[:, taken].T.reshape(len(taken), -1, 3))
+        self._refusals.add(settled)
+        kept = taken[settled.kept]
+        self._found += np.bincount(found.cell[kept], minlength=len(self._found))
+        return Candidates(found.rows[:, kept], found.phi[:, kept], found.cell[kept], found.facts)

@@ -13,6 +13,7 @@ from scenegen.primitives import Box
 from scenegen.render.settle import Refusals, Settler, settle_scenes
 from scenegen.render.settling import Settling
 from scenegen.sampling.cells import Cells
+from scenegen.sampling.pieces import Candidates
 
 SHAPES = (Shape("box", Box(0.1, 0.1), 0.1), Shape("box", Box(0.1, 0.1), 0.1))
 NAMES = ("red", "blue")
@@ -25,6 +26,8 @@ class Fake:
     wanted: int
     seed: int = 5
     plan_digest: str = "fake"
+    fewest: int = 1
+    patience: int | None = None
     reached: tuple[int, ...] = (0, 1, 2, 3)
 
     @property
@@ -37,7 +40,8 @@ class Fake:
         rows = np.zeros((6, 60))
         rows[0], rows[1] = 0.3 + 0.001 * k, 0.5
         rows[3], rows[4] = rows[0] + draw, 0.5
-        return rows, draw[None]
+        phi = draw[None]
+        return Candidates(rows, phi, self.cells.find(phi), np.zeros(0))
 
 
 def _run(fake, workers=2):
@@ -62,10 +66,10 @@ def test_within_a_cell_those_kept_are_the_first_candidates_that_settle():
     """The oracle settles everything and fills cells in order."""
     fake = Fake(24)
     pieces = [fake.piece(k) for k in range(6)]
-    rows = np.concatenate([piece[0] for piece in pieces], axis=1)
-    phi = np.concatenate([piece[1] for piece in pieces], axis=1)
+    rows = np.concatenate([piece.rows for piece in pieces], axis=1)
+    phi = np.concatenate([piece.phi for piece in pieces], axis=1)
     at_once = 9  # half as many again as the six of a cell
-    first = np.concatenate([_first(fake.cells.find(part), at_once) for _, part in pieces])
+    first = np.concatenate([_first(piece.cell, at_once) for piece in pieces])
     rows, phi = rows[:, first], phi[:, first]
     kept = settle_scenes(SHAPES, rows.T.reshape(-1, 2, 3), workers=2).kept
     cell = np.where(kept, fake.cells.find(phi), -1)

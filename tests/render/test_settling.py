@@ -87,7 +87,6 @@ def _first(cell, count):
 def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
     """As `stream_scenes` does it: the filler is restored, what settles begins anew."""
     fake = Fake(32)
-    cells = fake.cells
 
     def fill(filler, start, stop):
         out = []
@@ -96,8 +95,8 @@ def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
             for k in range(start, stop):
                 if filler.complete:
                     break
-                rows, phi = settling.piece(k)
-                out += list(filler.offer(Block(rows, phi), cells.find(phi)))
+                piece = settling.piece(k)
+                out += list(filler.offer(Block(piece.rows, piece.phi), piece.cell))
         return out
 
     whole = fill(Filler(fake.reached, 32, fake.seed), 0, 100)

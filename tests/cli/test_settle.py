@@ -28,7 +28,7 @@ def test_what_is_handed_out_settles(scenegen, here):
 
 def test_the_number_of_processes_changes_nothing(scenegen, here):
     (here / "near.spec").write_text(OVERLAPPING)
-    words = ["sample", "near.spec", "--phi", "0:0.1", "-n", "6", "--settle"]
+    words = ["sample", "near.spec", "--phi", "0:0.03", "-n", "6", "--settle"]
     assert scenegen(*words, "--workers", "1", "--out", "one.jsonl").status == 0
     assert scenegen(*words, "--workers", "2", "--out", "two.jsonl").status == 0
     assert (here / "one.jsonl").read_bytes() == (here / "two.jsonl").read_bytes()

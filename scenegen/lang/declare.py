@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 MAX_OBJECTS = 20_000
 
 
-def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
+def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, range]]:
     """The places of single objects and elements by name, and those of each array. Raises SpecError."""
     objects: dict[str, int] = {}
-    arrays: dict[str, tuple[int, ...]] = {}
+    arrays: dict[str, range] = {}
     for thing in things:
         one = thing.declaration
         if one is None or one.count is None:
             objects[thing.name.id] = len(objects)
         else:
             count = _count(lowering, one.count, thing.source, len(objects))
-            arrays[thing.name.id] = tuple(range(len(objects), len(objects) + count))
+            arrays[thing.name.id] = range(len(objects), len(objects) + count)
             objects.update((f"{thing.name.id}[{k}]", len(objects) + k - 1) for k in range(1, count + 1))
         if len(objects) > MAX_OBJECTS:
             here = thing.name.span(thing.source)

@@ -103,10 +103,9 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         return Diagnostic(f"`{previous}` cannot have a unit", here, "", help_)
     if after is not None and after[1] not in ("and", "or", "implies", "in", "at") and not depth:
         # relations are written in camel case, objects hardly ever
-        words = (previous, word, after[1])
-        name = next((one for one in words if re.search(r"[A-Z]", one[1:])), word)
-        first, second = (one for one in words if one != name)
-        help_ = f"write {name}({first}, {second})"
+        words = [previous, word, after[1]]
+        name = words.pop(next((place for place, one in enumerate(words) if re.search(r"[A-Z]", one[1:])), 1))
+        help_ = f"write {name}({words[0]}, {words[1]})"
         return Diagnostic("a relation is written in front of its arguments", here, "", help_)
     if re.fullmatch(r"\s*", line[: before.start()]) and re.match(r"\s*\(", text[here.end :]) and not depth:
         return Diagnostic("a formula is named with `:`", here, "", f"write `{previous}: {word}(...)`")

@@ -32,6 +32,7 @@ from scenegen.lang.values import (
     ObjectValue,
     PointValue,
     RegionValue,
+    Row,
     Value,
 )
 from scenegen.primitives import PRIMITIVES, Footprint, UnitMismatch
@@ -187,7 +188,7 @@ class Lowering:
         if node.id in self.scope.objects:
             return ObjectValue(self.scope.objects[node.id], origin=origin)
         places = range(len(self.scope.objects)) if node.id == "objects" else self.scope.arrays[node.id]
-        return ListValue(tuple(ObjectValue(place, origin=origin) for place in places), origin=origin)
+        return ListValue(Row(places, origin), origin=origin)
 
     def _point(self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: Frame) -> Call[Value]:
         if len(coordinates) != 2:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
@@ -85,7 +85,7 @@ def _choices(
     origin = lowering.origin(node.domain, frame)
     if isinstance(domain, range):
         numbers = (NumberValue(lowering.builder.const(float(number)), BARE, origin=origin) for number in domain)
-        items: tuple[Value, ...] = tuple(numbers) if many > 1 else ()
+        items: Sequence[Value] = tuple(numbers) if many > 1 else ()
         if many == 1:
             return ((number,) for number in numbers)
     elif isinstance(domain, NeighboursValue):
@@ -100,7 +100,7 @@ def _choices(
         title = "this list is empty" if not items else f"there are no {many} to choose from {what}"
         raise lowering.error(title, node.domain, frame, f"`{node.kind}` has nothing to range over")
     if isinstance(domain, NeighboursValue):
-        return (items[at : at + many] for at in range(len(items) - many + 1))
+        return (tuple(items[at : at + many]) for at in range(len(items) - many + 1))
     return combinations(items, many)
 
 

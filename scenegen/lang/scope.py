@@ -77,7 +77,7 @@ class Scope:
     regions: dict[str, Declared] = field(default_factory=dict)
     things: dict[str, Thing] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
-    arrays: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    arrays: dict[str, range] = field(default_factory=dict)
     inferred: bool = False
 
     def values(self) -> set[str]:

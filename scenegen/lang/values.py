@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, overload
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang.places import Area
@@ -53,11 +54,36 @@ class RegionValue(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class Row(Sequence[Value]):
+    """The objects at some places in storage order, each made when it is asked for: an array may have thousands, and a
+    text name it as often. `origin` is where the row was named."""
+
+    places: range
+    origin: Span = field(compare=False)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __iter__(self) -> Iterator[Value]:
+        return (ObjectValue(place, origin=self.origin) for place in self.places)
+
+    @overload
+    def __getitem__(self, at: int) -> Value: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[Value]: ...
+
+    def __getitem__(self, at: int | slice) -> Value | Sequence[Value]:
+        found = self.places[at]
+        return Row(found, self.origin) if isinstance(found, range) else ObjectValue(found, origin=self.origin)
+
+
+@dataclass(frozen=True, slots=True)
 class ListValue(Value):
     """Things in a row: an array of objects, `[mug, plate]`, `objects`, the corners of a region."""
 
     kind: ClassVar[str] = "a list"
-    items: tuple[Value, ...]
+    items: Sequence[Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +91,7 @@ class NeighboursValue(Value):
     """`consecutive(items)`: what a quantifier takes two or more neighbours at a time from."""
 
     kind: ClassVar[str] = "a row of neighbours"
-    items: tuple[Value, ...]
+    items: Sequence[Value]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from scenegen.lang.canonical import canonical
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.imports import Placed, Project, inline
+from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
 from scenegen.lang.parse import parse, plain_breaks, read_source
 from scenegen.lang.places import whole
@@ -184,11 +185,25 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: _Stage) ->
             with stage:
                 value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
                 part = lowering.kinds.formula(value, "what `require` demands")
-                if part == FALSE:
+                if part == FALSE or _never(part, lowering.builder):
                     here = one.statement.formula.span(one.source)
                     raise SpecError(Diagnostic("this can never hold", here, "no scene meets it", "remove it"))
                 parts.append(part)
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
+
+
+def _never(formula: int, builder: CoreBuilder) -> bool:
+    """Whether a formula that no coordinate takes part in does not hold."""
+    stack, seen = [formula], set[int]()
+    while stack:
+        index = stack.pop()
+        if index < 0 or isinstance(builder.nodes[index], Coord):
+            return False  # found soon in almost every formula
+        if index not in seen:
+            seen.add(index)
+            stack.extend(children(builder.nodes[index]))
+    core = builder.finish({LABEL: formula})
+    return bool(phi(core, [])[LABEL] < 0.0)
 
 
 def _constant(name: str, formula: ast.Expr, source: Source, note: str = "") -> Diagnostic:
@@ -222,7 +237,9 @@ def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | Non
         first = next(one for one in placed if isinstance(one.statement, ast.Require))
         title = "what `require` demands is the same in every scene"
         stage.problems.append(
-            Diagnostic(title, first.statement.span(first.source), "no free object takes part", note=note)
+            Diagnostic(
+                title, first.statement.span(first.source), "no free object takes part", "leave it out", note=note
+            )
         )
 
 

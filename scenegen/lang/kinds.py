@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from scenegen.errors import Diagnostic, SpecError, suggest
 from scenegen.lang.builder import TRUE, CoreBuilder
-from scenegen.lang.scope import Scope
+from scenegen.lang.resolve import no_number
+from scenegen.lang.scope import NO_NUMBERS, Scope
 from scenegen.lang.spec import Pose
 from scenegen.lang.values import (
     AnyValue,
@@ -47,6 +48,8 @@ class Kinds:
         signature = self.scope.signature(name)
         if signature is not None:
             return SpecError(Diagnostic(f"`{name}` needs its arguments", value.origin, "", f"write {signature.usage}"))
+        if name.lower() in NO_NUMBERS and wanted == "a number":
+            return SpecError(no_number(name, value.origin))
         known = self.scope.constants if wanted == "a number" else {**self.scope.labels, **self.scope.definitions}
         close = suggest(name, known)
         if close:

@@ -9,7 +9,7 @@ from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature
+from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
 SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be
@@ -47,14 +47,16 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
         if isinstance(one.shape, ast.Call):
+            urdf = one.shape.function.id == "urdf"
             for argument in one.shape.arguments:
-                yield from _shape_argument(argument, scope, source)
+                if not (urdf and isinstance(argument.value, ast.Name)):
+                    yield from _shape_argument(argument, scope, source)
         if one.pose is not None:
             yield from _expression(one.pose, set(), scope, source, True)
 
 
 def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Iterator[Diagnostic]:
-    """Texts, and a shape inside `urdf(...)`, are the declaration's own business."""
+    """Texts, and shapes inside a shape, are the declaration's own business."""
     if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
         for inner in argument.value.arguments:
             yield from _shape_argument(inner, scope, source)
@@ -127,7 +129,9 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
     here = node.span(source)
     if node.id in scope.constants or node.id in scope.regions or node.id in BUILT_IN:
         return
-    if constant:
+    if node.id.lower() in NO_NUMBERS and not scope.knows(node.id):
+        yield no_number(node.id, here)
+    elif constant:
         if node.id in scope.labels:
             yield Diagnostic(f"`{node.id}` is not a constant", here, "only numbers and constants can stand here")
         elif node.id not in scope.things:
@@ -151,6 +155,11 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             "no object, constant or label is called so",
             suggest(node.id, known, declared or f"declare it: object {node.id}"),
         )
+
+
+def no_number(name: str, here: Span) -> Diagnostic:
+    help_ = "write a number; where there shall be no limit, leave the comparison out"
+    return Diagnostic(f"there is no `{name}` here", here, "all numbers are finite", help_)
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:

@@ -18,6 +18,8 @@ from scenegen.primitives import PRIMITIVES
 from scenegen.resources import grammar_file
 from scenegen.scene.workspace import AXES
 
+NO_NUMBERS = ("nan", "inf", "infinity")  # how other languages write what is no number of this one
+
 BUILT_IN = ("objects", "workspace")  # names with a meaning of their own
 
 LABEL = "task"  # the name of an unnamed formula

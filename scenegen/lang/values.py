@@ -128,7 +128,8 @@ def _remedy(value: Value, wanted: str) -> str:
     if wanted == "a formula" and isinstance(value, NumberValue):
         return "compare it with something: ... <= 0.25"
     if wanted == "a formula" and isinstance(value, ObjectValue):
-        return f"say something about it: leftOf({value.origin.text}, plate)"
+        other = "mug" if value.origin.text == "plate" else "plate"
+        return f"say something about it: leftOf({value.origin.text}, {other})"
     if "`heading`" in value.role:
         return "a heading is an angle: NORTH, 90 deg, theta(plate)"
     if wanted == "a number" and isinstance(value, ObjectValue):
@@ -136,7 +137,11 @@ def _remedy(value: Value, wanted: str) -> str:
     if isinstance(value, NeighboursValue):
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
     if isinstance(value, ListValue):
-        written = value.origin.text if len(value.origin.text) <= LONGEST else "items"
+        written = value.origin.text
+        if not value.items:
+            return ""
+        if len(written) > LONGEST:
+            written = "items"
         return f"take one of them, {written}[1], or all: forall p in {written}: ..."
     if wanted == "a list" and isinstance(value, ObjectValue):
         return f"write [{value.origin.text}, ...], or declare an array: object {value.origin.text}[3]"
@@ -144,6 +149,10 @@ def _remedy(value: Value, wanted: str) -> str:
         return f"take a coordinate of one of its points: x({value.origin.text}.left)"
     if wanted == "a formula" and isinstance(value, RegionValue):
         return f"say what lies in it: inside(mug, {value.origin.text})"
+    if wanted == "a point" and isinstance(value, RegionValue):
+        return f"write {value.origin.text}.center"
+    if wanted == "a point" and isinstance(value, ObjectValue):
+        return "write where it is: (0.5, 0.2)"
     if "object" in wanted and isinstance(value, NumberValue):
         return "name an object, or write a point: (0.5, 0.2)"
     return ""

@@ -59,7 +59,9 @@ def work(seed: int, first: int, step: int, seconds: float, out: Path) -> int:
             if now - began > seconds:
                 break
     faulthandler.cancel_dump_traceback_later()
-    print(f"done: {count} inputs, {accepted} accepted, {len(known)} kinds of faults, slowest {slowest:.2f} s", flush=True)
+    print(
+        f"done: {count} inputs, {accepted} accepted, {len(known)} kinds of faults, slowest {slowest:.2f} s", flush=True
+    )
     return len(known)
 
 

@@ -138,7 +138,9 @@ class Author:
             lambda: f"gap({self.pair('thing', depth - 1)})",
             lambda: f"room({self.thing(depth - 1)}, {self.area()})",
             lambda: f"reach({self.thing(depth - 1)}, {self.angle(depth - 1)})",
-            lambda: f"{self.rng.choice(['min', 'max', 'sum', 'mean'])}({self.length(depth - 1)}, {self.length(depth - 1)})",
+            lambda: (
+                f"{self.rng.choice(['min', 'max', 'sum', 'mean'])}({self.length(depth - 1)}, {self.length(depth - 1)})"
+            ),
             lambda: f"{self.rng.choice(['min', 'max', 'sum', 'mean'])}(gaps({self.list_(depth - 1)}))",
             lambda: f"abs({self.length(depth - 1)})",
             lambda: f"({self.length(depth - 1)} {self.rng.choice('+-')} {self.length(depth - 1)})",
@@ -237,7 +239,9 @@ class Author:
         ways += [lambda: self.rng.choice(self.lists)] if self.lists else []
         size = self.rng.choice([2, 2, 3]) if not self.chance(self.slip) else self.rng.randrange(3)
         ways.append(lambda: f"[{', '.join(self.different(['thing'] * size, 0))}]")
-        ways.append(lambda: f"{self.rng.choice(['workspace', *(n for n, k in self.regions.items() if k != 'circle')])}.corners")
+        ways.append(
+            lambda: f"{self.rng.choice(['workspace', *(n for n, k in self.regions.items() if k != 'circle')])}.corners"
+        )
         return self.one(*ways)
 
     def area(self) -> str:

@@ -48,7 +48,9 @@ def grammar_names() -> frozenset[str]:
     """The names of terminals and rules: nobody who writes a spec knows them."""
     grammar = grammar_file("spec.lark").read_text(encoding="utf-8")
     terminals = re.findall(r"^(_?[A-Z]+)(?:\.\d+)?:", grammar, re.MULTILINE)
-    return frozenset({*terminals} - {"X"} | {"RPAR", "LPAR", "RSQB", "LSQB", "EQUAL", "COLON", "COMMA", "$END", "ladder"})
+    return frozenset(
+        {*terminals} - {"X"} | {"RPAR", "LPAR", "RSQB", "LSQB", "EQUAL", "COLON", "COMMA", "$END", "ladder"}
+    )
 
 
 @contextlib.contextmanager
@@ -181,6 +183,7 @@ def without_places(core: Core) -> Core:
 def scored(spec: CheckedSpec, rng: random.Random) -> None:
     """The scalar oracle, numpy and the interval bounds agree on a few scenes. Raises Fault."""
     core = gated(spec.core)
+    ends = set(core.labels.values())
     lowest, highest = spec.box()
     with np.errstate(all="ignore"):
         bounds = node_bounds(core, lowest, highest)
@@ -190,12 +193,16 @@ def scored(spec: CheckedSpec, rng: random.Random) -> None:
     for number, scene in enumerate(scenes):
         values = evaluate(core, scene)
         for index, value in enumerate(values):
-            if not math.isfinite(value):
-                raise Fault(f"a value that is not finite: {core.nodes[index]}")
+            if math.isnan(value):
+                raise Fault(f"not a number: {_kind(core, index)}")
+            if index in ends and not math.isfinite(value):
+                raise Fault(f"phi that is not finite: {_kind(core, index)}")
             if not bounds[index].lo <= value <= bounds[index].hi:
                 raise Fault(f"a value outside its bounds: {_kind(core, index)}")
             array = np.broadcast_to(batch[index], (POSES,))
-            if not math.isclose(float(array[number]), value, rel_tol=1e-9, abs_tol=1e-9 * (1 + _size(values, core, index))):
+            if not math.isclose(
+                float(array[number]), value, rel_tol=1e-9, abs_tol=1e-9 * (1 + _size(values, core, index))
+            ):
                 raise Fault(f"numpy and the oracle differ: {_kind(core, index)}")
 
 

@@ -10,8 +10,36 @@ from scenegen.lang.tokens import KEYWORDS, scan
 from .generate import EXTREMES, Case
 
 SIGNS = "( ) [ ] { } , : . .. = == -> & | ! && || <= >= < > + - * / ; @ $ % ^ ~ ? \\ ' \" ` # ∧ ∨ ¬ → ≤ ∀ ∃ ⊤ ⊥".split()
-ODD = ["\t", "\r", "\n", "\0", "\u00a0", "\u2028", "\x85", "\x0b", "\ufeff", "é", "😀", "\u202e", "ﬁ", "²", "١", "\ud7ff", "𝐱"]
-NOISE = [b"\xff", b"\xc3", b"\x00", b"\xed\xa0\x80", b"\xf4\x90\x80\x80", b"\xef\xbb\xbf", b"\r", b"\xe2\x88", b"\x1b[31m"]
+ODD = [
+    "\t",
+    "\r",
+    "\n",
+    "\0",
+    "\u00a0",
+    "\u2028",
+    "\x85",
+    "\x0b",
+    "\ufeff",
+    "é",
+    "😀",
+    "\u202e",
+    "ﬁ",
+    "²",
+    "١",
+    "\ud7ff",
+    "𝐱",
+]
+NOISE = [
+    b"\xff",
+    b"\xc3",
+    b"\x00",
+    b"\xed\xa0\x80",
+    b"\xf4\x90\x80\x80",
+    b"\xef\xbb\xbf",
+    b"\r",
+    b"\xe2\x88",
+    b"\x1b[31m",
+]
 DEEP = [("(", ")"), ("[", "]"), ("!", ""), ("-", ""), ("abs(", ")"), ("forall p in objects: ", ""), ("not ", "")]
 
 

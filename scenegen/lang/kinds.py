@@ -30,7 +30,8 @@ class Kinds:
     """Turns values into what the core is built of. Every method raises SpecError for a value of another kind.
 
     `any` is the number that stands for a parameter which nobody has given a value. `footprints` has one entry per
-    object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their coordinates are constants.
+    object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their
+    coordinates are constants.
     """
 
     scope: Scope

@@ -73,7 +73,7 @@ def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Call[Argume
     given = bind(call, SIGNATURES[call.function.id], source)
     if isinstance(given, Diagnostic):
         raise SpecError(given)
-    values = {}
+    values: Arguments = {}
     for name, expr in given.items():
         if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPES):
             what = "a text" if isinstance(expr, ast.Text) else "a shape"

@@ -1,8 +1,8 @@
 """Random specs over every construct of the grammar: mostly meaningful, with slips of the kinds that people make.
 
-The text is written directly, kind by kind, from what has been declared so far. With `slip` > 0 a place now and then gets
-something of another kind, a name that nobody declared, an index out of its array, a unit that does not fit, a number at
-the edge of what a float holds. The same random.Random gives the same case.
+The text is written directly, kind by kind, from what has been declared so far. With `slip` > 0 a place now and then
+gets something of another kind, a name that nobody declared, an index out of its array, a unit that does not fit, a
+number at the edge of what a float holds. The same random.Random gives the same case.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from scenegen.lang import ast
 from scenegen.lang.scope import prelude
 from scenegen.lang.tokens import KEYWORDS
-from scenegen.primitives import PRIMITIVES
 
 OBJECTS = "mug plate knife fork cup block box x y theta m cm e gap tray a b objects1 _ NORTHEAST".split()
 ASSETS = "mug plate fork crackerbox".split()

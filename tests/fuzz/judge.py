@@ -115,7 +115,7 @@ def _diagnostic(problem: Diagnostic, own: set[str], names: frozenset[str]) -> No
     shown = render(problem)
     if len(shown) > 8000:
         raise Fault("a message of more than 8,000 characters")
-    if "Traceback" in shown or re.search(r"<[\w.]+ object at 0x|\bNone\b|dataclass", shown) and "None" not in own:
+    if "Traceback" in shown or (re.search(r"<[\w.]+ object at 0x|\bNone\b|dataclass", shown) and "None" not in own):
         raise Fault("a message that shows the program's insides")
     render(problem, color=True)
     found = to_json(problem)

@@ -10,36 +10,8 @@ from scenegen.lang.tokens import KEYWORDS, scan
 from .generate import EXTREMES, Case
 
 SIGNS = "( ) [ ] { } , : . .. = == -> & | ! && || <= >= < > + - * / ; @ $ % ^ ~ ? \\ ' \" ` # ∧ ∨ ¬ → ≤ ∀ ∃ ⊤ ⊥".split()
-ODD = [
-    "\t",
-    "\r",
-    "\n",
-    "\0",
-    "\u00a0",
-    "\u2028",
-    "\x85",
-    "\x0b",
-    "\ufeff",
-    "é",
-    "😀",
-    "\u202e",
-    "ﬁ",
-    "²",
-    "١",
-    "\ud7ff",
-    "𝐱",
-]
-NOISE = [
-    b"\xff",
-    b"\xc3",
-    b"\x00",
-    b"\xed\xa0\x80",
-    b"\xf4\x90\x80\x80",
-    b"\xef\xbb\xbf",
-    b"\r",
-    b"\xe2\x88",
-    b"\x1b[31m",
-]
+ODD = "\t \r \n \0 \x0b \x85 \u00a0 \u2028 \ufeff \u202e \ud7ff é 😀 ﬁ ² ١ 𝐱".split(" ")
+NOISE = b"\xff \xc3 \x00 \xed\xa0\x80 \xf4\x90\x80\x80 \xef\xbb\xbf \r \xe2\x88 \x1b[31m".split(b" ")
 DEEP = [("(", ")"), ("[", "]"), ("!", ""), ("-", ""), ("abs(", ")"), ("forall p in objects: ", ""), ("not ", "")]
 
 

@@ -21,7 +21,7 @@ RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 
 
 
 class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
-    """More than MAX_NODES nodes."""
+    """The spec that there is too much of: what it does, in words."""
 
 
 class CoreBuilder:
@@ -38,7 +38,7 @@ class CoreBuilder:
         known = self._index.get(key)
         if known is None:
             if len(self.nodes) >= MAX_NODES:
-                raise TooLarge
+                raise TooLarge(f"expands to more than {MAX_NODES:,} parts")
             known = self._index[key] = len(self.nodes)
             self.nodes.append(node)
         return known

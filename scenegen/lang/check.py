@@ -8,7 +8,7 @@ from pathlib import Path
 from scenegen.errors import Diagnostic, Source, SpecError
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.builder import FALSE, MAX_NODES, TRUE, CoreBuilder, TooLarge
+from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
@@ -54,8 +54,9 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
         raise _refusal(problems, source)
     try:
         return _expand(source, placed, module.bare, scope, project)
-    except TooLarge:
-        raise SpecError(_too_large(source)) from None
+    except TooLarge as error:
+        help_ = "use fewer objects, or smaller definitions and quantifiers"
+        raise SpecError(Diagnostic(f"{source.name} {error}", help=help_)) from None
 
 
 def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
@@ -66,11 +67,6 @@ def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
         return (False, "", 0) if span is None else (span.source is not main, span.source.name, span.start)
 
     return SpecError(*sorted(dict.fromkeys(problems), key=place)[:MOST_ERRORS])
-
-
-def _too_large(source: Source) -> Diagnostic:
-    title = f"{source.name} expands to more than {MAX_NODES:,} parts"
-    return Diagnostic(title, help="use fewer objects, or smaller definitions and quantifiers")
 
 
 class _Stage:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
+from scenegen.lang.blame import MOST_VARIABLES, Frame
 from scenegen.lang.print import print_expr
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
@@ -43,7 +43,8 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         if lowering.steps > MAX_STEPS:
             raise too_many(lowering, node.domain, frame)
         chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen))
+        where = (*frame.where, chosen)[-MOST_VARIABLES:]
+        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where)
         value = yield lowering.lower(node.body, {**env, **chosen}, inside)
         formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
     shown = print_expr(node.domain)

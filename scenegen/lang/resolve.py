@@ -13,6 +13,7 @@ from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
 SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be
+MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
 AREAS = ("rect", "circle", "polygon")  # what a region can be
 
@@ -73,6 +74,10 @@ def _area(shape: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]
 def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnostic]:
     seen: set[str] = set()
     defaults = False
+    if len(definition.parameters) > MAX_PARAMETERS:
+        here = definition.parameters[MAX_PARAMETERS].name.span(source)
+        title = f"`{definition.name.id}` has more than {MAX_PARAMETERS} parameters"
+        yield Diagnostic(title, here, "", "give it a list of things instead")
     for parameter in definition.parameters:
         here = parameter.name.span(source)
         if parameter.name.id in seen:
@@ -199,16 +204,18 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         extra = node.arguments[len(signature.parameters)]
         span = Span(source, extra.start, node.arguments[-1].end)
         return Diagnostic(_arity(signature, count), span, "too many", usage)
+    known: frozenset[str] | None = None  # the parameters, once an argument has a name
     for position, argument in enumerate(node.arguments):
         if argument.name is None:
             name = signature.parameters[position]
-            if len(given) < position or any(one.name is not None for one in node.arguments[:position]):
+            if known is not None:
                 return Diagnostic(
                     "an argument without a name after one with a name", argument.span(source), "", f"write {name} = ..."
                 )
         else:
             name = argument.name.id
-            if name not in signature.parameters:
+            known = frozenset(signature.parameters) if known is None else known
+            if name not in known:
                 help_ = suggest(name, signature.parameters, usage)
                 return Diagnostic(
                     f"`{signature.name}` has no parameter `{name}`", argument.name.span(source), "", help_

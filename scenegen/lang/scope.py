@@ -81,6 +81,7 @@ class Scope:
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
     inferred: bool = False
+    _signatures: dict[str, Signature] = field(default_factory=dict, repr=False)
 
     def values(self) -> set[str]:
         """Names that stand for something by themselves."""
@@ -102,8 +103,10 @@ class Scope:
         declared = self.definitions.get(name)
         if declared is None:
             return signatures().get(name)
-        assert isinstance(declared.statement, ast.Definition)
-        return signature_of(declared.statement)
+        if name not in self._signatures:
+            assert isinstance(declared.statement, ast.Definition)
+            self._signatures[name] = signature_of(declared.statement)
+        return self._signatures[name]
 
     def is_own(self, source: Source) -> bool:
         """Whether a source is the spec itself, neither imported nor the prelude."""

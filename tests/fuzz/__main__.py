@@ -1,4 +1,4 @@
-"""`make fuzz`: python -m tests.fuzz [--minutes 30] [--seed 0] [--workers 1] [--out fuzz-out] [--number K]
+"""`make fuzz`: python -m tests.fuzz [--minutes 30] [--seed 0] [--workers CORES] [--out fuzz-out] [--number K]
 
 Writes each kind of fault once, minimised, to OUT/SEED-NUMBER.spec with its story beside it. Exit status 1 if there is
 any. `--number K` judges input K alone and prints it.
@@ -70,7 +70,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=float(os.environ.get("FUZZ_MINUTES", "30")))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("fuzz-out"))
     parser.add_argument("--number", type=int, help="judge this input alone")
     asked = parser.parse_args()

@@ -83,7 +83,8 @@ def test_a_quantifier_in_a_definition_sees_its_parameters():
     twice = "def any(items, p) = exists q in items: leftOf(q, p)\n"
     assert alike(
         f"{BLOCKS}{twice}task: forall p in block: any([lid, p], (0.5, p1()))\ndef p1() = y(lid)",
-        f"{BLOCKS}{twice}task: forall q in block: leftOf(lid, (0.5, y(lid))) | leftOf(q, (0.5, y(lid)))\ndef p1() = y(lid)",
+        f"{BLOCKS}{twice}def p1() = y(lid)\n"
+        "task: forall q in block: leftOf(lid, (0.5, y(lid))) | leftOf(q, (0.5, y(lid)))",
     )
 
 

@@ -5,7 +5,7 @@ BIN    := .venv/bin
 STAMP  := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint goldens pictures tables bench exp1 clean
+.PHONY: help demo test test-slow fuzz lint goldens pictures tables bench exp1 clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -26,6 +26,11 @@ test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 c
 
 test-slow: $(STAMP) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
+
+FUZZ_MINUTES ?= 30
+FUZZ_SEED    ?= 0
+fuzz: $(STAMP)   ## attack the language with random and damaged specs: FUZZ_MINUTES=30 FUZZ_SEED=0 FUZZ_WORKERS=(cores)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --minutes $(FUZZ_MINUTES) --seed $(FUZZ_SEED) $(if $(FUZZ_WORKERS),--workers $(FUZZ_WORKERS))
 
 lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .

@@ -21,7 +21,7 @@ RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 
 
 
 class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
-    """More than MAX_NODES nodes."""
+    """The spec that there is too much of: what it does, in words."""
 
 
 class CoreBuilder:
@@ -38,7 +38,7 @@ class CoreBuilder:
         known = self._index.get(key)
         if known is None:
             if len(self.nodes) >= MAX_NODES:
-                raise TooLarge
+                raise TooLarge(f"expands to more than {MAX_NODES:,} parts")
             known = self._index[key] = len(self.nodes)
             self.nodes.append(node)
         return known
@@ -127,17 +127,21 @@ class CoreBuilder:
     # ---- the end
 
     def finish(self, labels: dict[str, int], requirement: int | None = None) -> Core:
-        """The core of these labels: what they do not need is left out, the order of the rest is kept."""
-        needed: set[int] = set()
-        stack = [*labels.values(), *(() if requirement is None else (requirement,))]
+        """The core of these labels: every node after those that it is computed from, and the first label's first.
+
+        What no label needs is left out. The order is that of the formulas alone: a number that a declaration was the
+        first to mention stands where the formulas come to it, so equal formulas have equal tapes.
+        """
+        place: dict[int, int] = {}
+        stack = [*labels.values(), *(() if requirement is None else (requirement,))][::-1]
         while stack:
             index = stack.pop()
-            if index not in needed:
-                needed.add(index)
-                stack.extend(children(self.nodes[index]))
-        order = sorted(needed)
-        place = {old: new for new, old in enumerate(order)}
-        nodes = tuple(moved(self.nodes[old], place) for old in order)
+            if index < 0:  # all that it is computed from has its place
+                place.setdefault(~index, len(place))
+            elif index not in place:
+                stack.append(~index)
+                stack.extend(child for child in reversed(children(self.nodes[index])) if child not in place)
+        nodes = tuple(moved(self.nodes[old], place) for old in place)
         kept = None if requirement is None else place[requirement]
         return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects, kept)
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from scenegen.errors import Diagnostic, Source, SpecError
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.builder import FALSE, MAX_NODES, TRUE, CoreBuilder, TooLarge
+from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.imports import Placed, Project, inline
+from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
 from scenegen.lang.parse import parse, plain_breaks, read_source
 from scenegen.lang.places import whole
@@ -58,8 +59,9 @@ def check_module(module: ast.Module, project: Project | None = None) -> CheckedS
         raise _refusal(problems, source)
     try:
         return _expand(source, placed, module.bare, scope, project)
-    except TooLarge:
-        raise SpecError(_too_large(source)) from None
+    except TooLarge as error:
+        help_ = "use fewer objects, or smaller definitions and quantifiers"
+        raise SpecError(Diagnostic(f"{source.name} {error}", help=help_)) from None
 
 
 def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
@@ -70,11 +72,6 @@ def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
         return (False, "", 0) if span is None else (span.source is not main, span.source.name, span.start)
 
     return SpecError(*sorted(dict.fromkeys(problems), key=place)[:MOST_ERRORS])
-
-
-def _too_large(source: Source) -> Diagnostic:
-    title = f"{source.name} expands to more than {MAX_NODES:,} parts"
-    return Diagnostic(title, help="use fewer objects, or smaller definitions and quantifiers")
 
 
 class _Stage:
@@ -189,11 +186,25 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: _Stage) ->
             with stage:
                 value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
                 part = lowering.kinds.formula(value, "what `require` demands")
-                if part == FALSE:
+                if part == FALSE or _never(part, lowering.builder):
                     here = one.statement.formula.span(one.source)
                     raise SpecError(Diagnostic("this can never hold", here, "no scene meets it", "remove it"))
                 parts.append(part)
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
+
+
+def _never(formula: int, builder: CoreBuilder) -> bool:
+    """Whether a formula that no coordinate takes part in does not hold."""
+    stack, seen = [formula], set[int]()
+    while stack:
+        index = stack.pop()
+        if index < 0 or isinstance(builder.nodes[index], Coord):
+            return False  # found soon in almost every formula
+        if index not in seen:
+            seen.add(index)
+            stack.extend(children(builder.nodes[index]))
+    core = builder.finish({LABEL: formula})
+    return bool(phi(core, [])[LABEL] < 0.0)
 
 
 def _constant(name: str, formula: ast.Expr, source: Source, note: str = "") -> Diagnostic:
@@ -227,7 +238,9 @@ def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | Non
         first = next(one for one in placed if isinstance(one.statement, ast.Require))
         title = "what `require` demands is the same in every scene"
         stage.problems.append(
-            Diagnostic(title, first.statement.span(first.source), "no free object takes part", note=note)
+            Diagnostic(
+                title, first.statement.span(first.source), "no free object takes part", "leave it out", note=note
+            )
         )
 
 

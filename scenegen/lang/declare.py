@@ -16,7 +16,7 @@ from scenegen.lang.scope import Thing
 from scenegen.lang.select import whole_number
 from scenegen.lang.spec import Pose
 from scenegen.lang.trampoline import Call, run
-from scenegen.lang.values import NumberValue
+from scenegen.lang.values import ListValue, NumberValue
 from scenegen.primitives.footprint import Box, Circle, Footprint
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.units import ANGLE, BARE
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 MAX_OBJECTS = 20_000
 
 
-def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
+def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, range]]:
     """The places of single objects and elements by name, and those of each array. Raises SpecError."""
     objects: dict[str, int] = {}
-    arrays: dict[str, tuple[int, ...]] = {}
+    arrays: dict[str, range] = {}
     for thing in things:
         one = thing.declaration
         if one is None or one.count is None:
             objects[thing.name.id] = len(objects)
         else:
             count = _count(lowering, one.count, thing.source, len(objects))
-            arrays[thing.name.id] = tuple(range(len(objects), len(objects) + count))
+            arrays[thing.name.id] = range(len(objects), len(objects) + count)
             objects.update((f"{thing.name.id}[{k}]", len(objects) + k - 1) for k in range(1, count + 1))
         if len(objects) > MAX_OBJECTS:
             here = thing.name.span(thing.source)
@@ -128,18 +128,30 @@ def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...
     if one is None or one.pose is None:
         return ()
     count = len(lowering.scope.arrays.get(thing.name.id, (0,)))
-    points = one.pose.items if isinstance(one.pose, ast.List) else (one.pose,)
-    if thing.is_array != isinstance(one.pose, ast.List) or len(points) != count:
-        here = one.pose.span(thing.source)
-        if thing.is_array:
-            help_ = f"write a list of {count} points: at [(0.2, 0.5), ...]"
-            raise SpecError(Diagnostic(f"{count} objects stand in {count} places", here, f"{len(points)} given", help_))
+    here = one.pose.span(thing.source)
+    if thing.is_array and not isinstance(one.pose, ast.List):
+        value = run(lowering.lower(one.pose, {}, Frame(thing.source)))  # a constant may be a list of places
+        items = value.items if isinstance(value, ListValue) else (value,)
+        _count_places(len(items), count, here)
+        places = [point(lowering, item, "the place of an object") for item in items]
+        for x, y in places:
+            _refuse_outside(x, y, here, within)
+        return tuple((x, y, 0.0) for x, y in places)
+    parts = one.pose.items if isinstance(one.pose, ast.List) else (one.pose,)
+    if thing.is_array:
+        _count_places(len(parts), count, here)
+    elif isinstance(one.pose, ast.List):
         raise SpecError(Diagnostic("one object stands in one place", here, "", "write at (0.5, 0.5)"))
-    return tuple(_pose(lowering, point, thing.source, within) for point in points)
+    return tuple(_pose(lowering, part, thing.source, within) for part in parts)
+
+
+def _count_places(given: int, count: int, here: Span) -> None:
+    if given != count:
+        help_ = f"write a list of {count} points: at [(0.2, 0.5), ...]"
+        raise SpecError(Diagnostic(f"{count} objects stand in {count} places", here, f"{given} given", help_))
 
 
 def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace) -> Pose:
-    here = expr.span(source)
     frame = Frame(source)
     theta = 0.0
     if isinstance(expr, ast.Point):
@@ -151,13 +163,17 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
             theta = _heading(lowering, expr.coordinates[2], source)
     else:
         x, y = point(lowering, run(lowering.lower(expr, {}, frame)), "the place of an object")
+    _refuse_outside(x, y, expr.span(source), within)
+    return x, y, theta
+
+
+def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
     if not (within.x[0] <= x <= within.x[1] and within.y[0] <= y <= within.y[1]):
         (left, right), (bottom, top) = within.x, within.y
         label = f"the workspace is [{left:g}, {right:g}] x [{bottom:g}, {top:g}]"
         raise SpecError(
             Diagnostic("this place is outside the workspace", here, label, "move it, or widen the workspace")
         )
-    return x, y, theta
 
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:

@@ -53,6 +53,9 @@ def explain_habit(source: Source, start: int, end: int, depth: int, accepts: set
         head = re.fullmatch(r"\s*((\w+)\s*\([\w\s,]*\))\s*", line)
         if head is not None and head[2] not in PRIMITIVES and head[2] not in AXES:
             return Diagnostic("a definition opens with `def`", here, "", f"write `def {head[1]} = ...`")
+    if word == "[" and re.search(r"\bobject\s[^\n:=]*\]\s*$", text[max(0, start - 500) : start]):
+        help_ = "declare several arrays: object block[2], cup[3]"
+        return Diagnostic("an array has one number of elements", here, "", help_)
     if word == ":":
         return _colon(source, here, line, depth, accepts)
     if word.isidentifier() and "NAME" not in accepts and "COLON" not in accepts:

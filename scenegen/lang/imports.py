@@ -7,6 +7,8 @@ two files import both is taken once.
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +16,7 @@ from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang import ast
-from scenegen.lang.parse import parse, read_source
+from scenegen.lang.parse import MAX_CHARACTERS, parse, read_source
 
 MAX_BYTES = 64_000_000
 MAX_FILES = 1000
@@ -44,8 +46,9 @@ class Project:
             raise SpecError(
                 Diagnostic("a spec without a file cannot read files", here, "", "save it as a .spec file and load that")
             )
-        root = (self.root or (self.file or base).parent).resolve()
         try:
+            # A spec that is a link reads what lies beside the file that it leads to.
+            root = self.root.resolve() if self.root is not None else (self.file or base).resolve().parent
             wanted = (base.resolve().parent / path).resolve()
         except (OSError, RuntimeError, ValueError):
             raise SpecError(Diagnostic(f"cannot find {path}", here)) from None
@@ -61,14 +64,16 @@ class Project:
             info = wanted.stat()
             if not stat.S_ISREG(info.st_mode):
                 raise SpecError(Diagnostic(f"{path} is not a file", here, "", f"name {what}"))
-            if info.st_size > MAX_BYTES:
-                raise SpecError(Diagnostic(f"{path} is too large: {info.st_size:,} bytes", here))
-            return wanted.read_bytes()
+            with wanted.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            near = sorted(one.name for one in wanted.parent.glob("*.*"))[:5] if wanted.parent.is_dir() else []
+            near = _beside(wanted)
             found = f"beside it are {', '.join(near)}" if near else "the path is relative to this file"
             raise SpecError(Diagnostic(f"cannot read {path}: {reason}", here, "", found)) from None
+        if len(data) > MAX_BYTES:
+            raise SpecError(Diagnostic(f"{path} is too large", here, f"the limit is {MAX_BYTES:,} bytes"))
+        return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
         """The bytes of a file that the file `path` names, relative to it: the mesh of a URDF. Raises SpecError."""
@@ -78,11 +83,19 @@ class Project:
         return self.read(str(Path(path).parent / plain), here, "a mesh")
 
 
+def _beside(wanted: Path) -> list[str]:
+    """A few files of the folder that a file was looked for in."""
+    with contextlib.suppress(OSError):  # the folder may be missing as well, or closed to us
+        return sorted(one.name for one in wanted.parent.iterdir() if one.suffix)[:5]
+    return []
+
+
 def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Diagnostic]]:
     """All statements in order, imports replaced by what they import, and what was wrong with the imports."""
     problems: list[Diagnostic] = []
     out: list[Placed] = []
     seen: set[Path] = set()
+    characters = len(module.source.text)
     first = project.file.resolve() if project.file is not None else None
     open_files: list[Path | None] = [first]
     walks: list[tuple[Source, Iterator[ast.Statement]]] = [(module.source, iter(module.statements))]
@@ -106,11 +119,17 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
             if path in seen:
                 continue
             if len(seen) >= MAX_FILES:
-                raise SpecError(Diagnostic(f"more than {MAX_FILES} files are imported", here))
+                problems.append(Diagnostic(f"more than {MAX_FILES:,} files are imported", here))
+                break
             imported = _imported(statement.path.value, path, here, project)
         except SpecError as error:
             problems.extend(error.diagnostics)
             continue
+        characters += len(imported.source.text)
+        if characters > MAX_CHARACTERS:
+            title = f"this spec is too long with its imports; the limit is {MAX_CHARACTERS:,} characters"
+            problems.append(Diagnostic(title, here))
+            break
         seen.add(path)
         open_files.append(path)
         walks.append((imported.source, iter(imported.statements)))
@@ -121,7 +140,11 @@ def _imported(written: str, path: Path, here: Span, project: Project) -> ast.Mod
     data = project.read(written, here, "a .spec file")
     shown = _shown(path, project)
     project.sources[shown] = path
-    module = parse(read_source(shown, data))
+    try:
+        module = parse(read_source(shown, data))
+    except SpecError as error:  # what is wrong with all of a file has no place in it
+        found = (one if one.span is not None else dataclasses.replace(one, span=here) for one in error.diagnostics)
+        raise SpecError(*found) from None
     if module.bare is not None:
         help_ = "give its formula a name there: task: ..."
         raise SpecError(Diagnostic(f"{written} has no statements to import", here, "it is one unnamed formula", help_))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenegen.errors import Diagnostic, SpecError, suggest
 from scenegen.lang.builder import TRUE, CoreBuilder
-from scenegen.lang.scope import Scope
+from scenegen.lang.resolve import no_number
+from scenegen.lang.scope import NO_NUMBERS, Scope
 from scenegen.lang.spec import Pose
 from scenegen.lang.values import (
     AnyValue,
@@ -29,7 +30,8 @@ class Kinds:
     """Turns values into what the core is built of. Every method raises SpecError for a value of another kind.
 
     `any` is the number that stands for a parameter which nobody has given a value. `footprints` has one entry per
-    object; `fixed` holds the poses of those that do not move: their coordinates are constants.
+    object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their
+    coordinates are constants.
     """
 
     scope: Scope
@@ -47,6 +49,8 @@ class Kinds:
         signature = self.scope.signature(name)
         if signature is not None:
             return SpecError(Diagnostic(f"`{name}` needs its arguments", value.origin, "", f"write {signature.usage}"))
+        if name.lower() in NO_NUMBERS and wanted == "a number":
+            return SpecError(no_number(name, value.origin))
         known = self.scope.constants if wanted == "a number" else {**self.scope.labels, **self.scope.definitions}
         close = suggest(name, known)
         if close:
@@ -72,7 +76,7 @@ class Kinds:
             return NumberValue(self.builder.const(self.any), origin=value.origin)
         raise self.wrong(value, "a number", place)
 
-    def items(self, value: Value, place: str) -> tuple[Value, ...]:
+    def items(self, value: Value, place: str) -> Sequence[Value]:
         """The members of a list."""
         if isinstance(value, ListValue):
             return value.items
@@ -111,6 +115,9 @@ class Kinds:
         x, y = self.place(value, place)
         match value:
             case ObjectValue(index):
+                if not self.footprints:
+                    label, help_ = "the shapes of objects are not known yet", "write numbers and constants here"
+                    raise SpecError(Diagnostic("a declaration cannot measure objects", value.origin, label, help_))
                 return self.footprints[index], (x, y, self.coordinate(index, 2))
             case RegionValue(_, area):
                 return area.footprint, (x, y, self.builder.const(0.0))

@@ -14,7 +14,7 @@ from typing import Any
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
-from scenegen.lang.builder import FALSE, TRUE, CoreBuilder
+from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.describe import describe
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
@@ -32,6 +32,7 @@ from scenegen.lang.values import (
     ObjectValue,
     PointValue,
     RegionValue,
+    Row,
     Value,
 )
 from scenegen.primitives import PRIMITIVES, Footprint, UnitMismatch
@@ -40,9 +41,18 @@ from scenegen.scene.workspace import AXES, TWO_PI
 
 Environment = Mapping[str, Value]
 
+MAX_WORK = 4_000_000  # expressions to expand: a large body in many rounds of a quantifier may make few nodes
+
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
+
+
+def _key(value: Value) -> object:
+    """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
+    somebody holds the list."""
+    listed = isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple)
+    return id(value.items) if listed else value  # type: ignore[attr-defined]
 
 
 class Lowering:
@@ -59,7 +69,8 @@ class Lowering:
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.steps = 0  # rounds of quantifiers so far
-        self._expansions: dict[object, Value] = {}
+        self._expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see _key
+        self._work = 0  # expressions expanded so far
         self._globals: dict[str, Value] = {}
         self._calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
 
@@ -78,7 +89,10 @@ class Lowering:
     # ---- expressions
 
     def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
-        """The value of an expression, as a call for `trampoline.run`. Raises SpecError."""
+        """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and TooLarge."""
+        self._work += 1
+        if self._work > MAX_WORK:
+            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
         origin = self.origin(node, frame)
         match node:
             case ast.Name():
@@ -187,7 +201,7 @@ class Lowering:
         if node.id in self.scope.objects:
             return ObjectValue(self.scope.objects[node.id], origin=origin)
         places = range(len(self.scope.objects)) if node.id == "objects" else self.scope.arrays[node.id]
-        return ListValue(tuple(ObjectValue(place, origin=origin) for place in places), origin=origin)
+        return ListValue(Row(places, origin), origin=origin)
 
     def _point(self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: Frame) -> Call[Value]:
         if len(coordinates) != 2:
@@ -386,12 +400,13 @@ class Lowering:
                 value = yield self.lower(parameter.default, {}, Frame(declared.source, places))
                 values[parameter.name.id] = value.moved(value.origin)
         ordered = [values[parameter.name.id] for parameter in definition.parameters]
-        key = (definition.name.id, *ordered)
+        key = (definition.name.id, *map(_key, ordered))
         if key not in self._expansions:
             text = f"{definition.name.id}({', '.join(map(self.text, ordered))})"
             inside = Frame(declared.source, places, text, definition.body, frame.where)
-            self._expansions[key] = yield self.lower(definition.body, values, inside)
-        return self._expansions[key].moved(places[0])
+            expanded: Value = yield self.lower(definition.body, values, inside)
+            self._expansions[key] = (expanded, ordered)
+        return self._expansions[key][0].moved(places[0])
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""

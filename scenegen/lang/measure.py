@@ -8,7 +8,7 @@ from scenegen.errors import Diagnostic, Source, SpecError
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
 from scenegen.lang.places import Point
-from scenegen.lang.resolve import bind
+from scenegen.lang.resolve import SHAPES, bind
 from scenegen.lang.scope import Signature
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import ListValue, PointValue, Value
@@ -69,12 +69,16 @@ Arguments = dict[str, tuple[Value, ast.Expr]]
 
 
 def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Call[Arguments]:
-    """The arguments of a shape by parameter, each with the expression it was written as."""
+    """The arguments of a shape by parameter, each with the expression it was written as. Raises SpecError."""
     given = bind(call, SIGNATURES[call.function.id], source)
     if isinstance(given, Diagnostic):
         raise SpecError(given)
-    values = {}
+    values: Arguments = {}
     for name, expr in given.items():
+        if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPES):
+            what = "a text" if isinstance(expr, ast.Text) else "a shape"
+            help_ = f"write {SIGNATURES[call.function.id].usage}"
+            raise SpecError(Diagnostic(f"{what} cannot stand here", expr.span(source), f"the {name}", help_))
         value = yield lowering.lower(expr, {}, Frame(source))
         values[name] = (value, expr)
     return values

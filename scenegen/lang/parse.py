@@ -21,6 +21,7 @@ _ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
 
 MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
+MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the variables along
 MOST_ERRORS = 20  # of one run; whoever has more has one mistake that causes the others
 
 _STATEMENT_RULES = frozenset("workspace objects region const define require import_ label".split())
@@ -156,10 +157,13 @@ def _has_content(text: str) -> bool:
 def _too_deep(module: ast.Module) -> Diagnostic | None:
     """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
     roots = [expr for statement in module.statements for expr in ast.expressions(statement)]
-    level: list[Any] = roots if module.bare is None else [module.bare]
+    roots = roots if module.bare is None else [module.bare]
+    level: list[Any] = roots
+    quantifiers = 0
     for _ in range(MAX_NESTING):
         if not level:
-            return None
+            return _too_many_quantifiers(module.source, roots) if quantifiers > MAX_QUANTIFIERS else None
+        quantifiers += sum(isinstance(node, ast.Quantifier) for node in level)
         level = [child for node in level for child in ast.children(node)]
     if not level:
         return None
@@ -169,6 +173,19 @@ def _too_deep(module: ast.Module) -> Diagnostic | None:
         f"more than {MAX_NESTING:,} levels down",
         "split it: give parts of it a name with `def`",
     )
+
+
+def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None:
+    """The first quantifier that too many others are around."""
+    stack = [(root, 0) for root in reversed(roots)]
+    while stack:
+        node, around = stack.pop()
+        inside = around + isinstance(node, ast.Quantifier)
+        if inside > MAX_QUANTIFIERS:
+            title = f"more than {MAX_QUANTIFIERS} quantifiers stand inside each other"
+            return Diagnostic(title, node.span(source), "", "split it: give parts of it a name with `def`")
+        stack.extend((child, inside) for child in reversed(ast.children(node)))
+    return None
 
 
 def plain_breaks(text: str) -> str:

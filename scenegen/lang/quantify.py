@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
+from scenegen.lang.blame import MOST_VARIABLES, Frame
 from scenegen.lang.print import print_expr
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
@@ -43,7 +43,8 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         if lowering.steps > MAX_STEPS:
             raise too_many(lowering, node.domain, frame)
         chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen))
+        where = (*frame.where, chosen)[-MOST_VARIABLES:]
+        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where)
         value = yield lowering.lower(node.body, {**env, **chosen}, inside)
         formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
     shown = print_expr(node.domain)
@@ -85,7 +86,7 @@ def _choices(
     origin = lowering.origin(node.domain, frame)
     if isinstance(domain, range):
         numbers = (NumberValue(lowering.builder.const(float(number)), BARE, origin=origin) for number in domain)
-        items: tuple[Value, ...] = tuple(numbers) if many > 1 else ()
+        items: Sequence[Value] = tuple(numbers) if many > 1 else ()
         if many == 1:
             return ((number,) for number in numbers)
     elif isinstance(domain, NeighboursValue):
@@ -100,7 +101,7 @@ def _choices(
         title = "this list is empty" if not items else f"there are no {many} to choose from {what}"
         raise lowering.error(title, node.domain, frame, f"`{node.kind}` has nothing to range over")
     if isinstance(domain, NeighboursValue):
-        return (items[at : at + many] for at in range(len(items) - many + 1))
+        return (tuple(items[at : at + many]) for at in range(len(items) - many + 1))
     return combinations(items, many)
 
 

@@ -9,10 +9,11 @@ from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import BUILT_IN, Declared, Scope, Signature
+from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
 SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be
+MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
 AREAS = ("rect", "circle", "polygon")  # what a region can be
 
@@ -47,14 +48,16 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
         if isinstance(one.shape, ast.Call):
+            urdf = one.shape.function.id == "urdf"
             for argument in one.shape.arguments:
-                yield from _shape_argument(argument, scope, source)
+                if not (urdf and isinstance(argument.value, ast.Name)):
+                    yield from _shape_argument(argument, scope, source)
         if one.pose is not None:
             yield from _expression(one.pose, set(), scope, source, True)
 
 
 def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Iterator[Diagnostic]:
-    """Texts, and a shape inside `urdf(...)`, are the declaration's own business."""
+    """Texts, and shapes inside a shape, are the declaration's own business."""
     if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
         for inner in argument.value.arguments:
             yield from _shape_argument(inner, scope, source)
@@ -71,6 +74,10 @@ def _area(shape: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]
 def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnostic]:
     seen: set[str] = set()
     defaults = False
+    if len(definition.parameters) > MAX_PARAMETERS:
+        here = definition.parameters[MAX_PARAMETERS].name.span(source)
+        title = f"`{definition.name.id}` has more than {MAX_PARAMETERS} parameters"
+        yield Diagnostic(title, here, "", "give it a list of things instead")
     for parameter in definition.parameters:
         here = parameter.name.span(source)
         if parameter.name.id in seen:
@@ -127,7 +134,9 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
     here = node.span(source)
     if node.id in scope.constants or node.id in scope.regions or node.id in BUILT_IN:
         return
-    if constant:
+    if node.id.lower() in NO_NUMBERS and not scope.knows(node.id):
+        yield no_number(node.id, here)
+    elif constant:
         if node.id in scope.labels:
             yield Diagnostic(f"`{node.id}` is not a constant", here, "only numbers and constants can stand here")
         elif node.id not in scope.things:
@@ -151,6 +160,11 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             "no object, constant or label is called so",
             suggest(node.id, known, declared or f"declare it: object {node.id}"),
         )
+
+
+def no_number(name: str, here: Span) -> Diagnostic:
+    help_ = "write a number; where there shall be no limit, leave the comparison out"
+    return Diagnostic(f"there is no `{name}` here", here, "all numbers are finite", help_)
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -190,16 +204,18 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         extra = node.arguments[len(signature.parameters)]
         span = Span(source, extra.start, node.arguments[-1].end)
         return Diagnostic(_arity(signature, count), span, "too many", usage)
+    known: frozenset[str] | None = None  # the parameters, once an argument has a name
     for position, argument in enumerate(node.arguments):
         if argument.name is None:
             name = signature.parameters[position]
-            if len(given) < position or any(one.name is not None for one in node.arguments[:position]):
+            if known is not None:
                 return Diagnostic(
                     "an argument without a name after one with a name", argument.span(source), "", f"write {name} = ..."
                 )
         else:
             name = argument.name.id
-            if name not in signature.parameters:
+            known = frozenset(signature.parameters) if known is None else known
+            if name not in known:
                 help_ = suggest(name, signature.parameters, usage)
                 return Diagnostic(
                     f"`{signature.name}` has no parameter `{name}`", argument.name.span(source), "", help_

@@ -18,6 +18,8 @@ from scenegen.primitives import PRIMITIVES
 from scenegen.resources import grammar_file
 from scenegen.scene.workspace import AXES
 
+NO_NUMBERS = ("nan", "inf", "infinity")  # how other languages write what is no number of this one
+
 BUILT_IN = ("objects", "workspace")  # names with a meaning of their own
 
 LABEL = "task"  # the name of an unnamed formula
@@ -77,8 +79,9 @@ class Scope:
     regions: dict[str, Declared] = field(default_factory=dict)
     things: dict[str, Thing] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
-    arrays: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    arrays: dict[str, range] = field(default_factory=dict)
     inferred: bool = False
+    _signatures: dict[str, Signature] = field(default_factory=dict, repr=False)
 
     def values(self) -> set[str]:
         """Names that stand for something by themselves."""
@@ -100,8 +103,10 @@ class Scope:
         declared = self.definitions.get(name)
         if declared is None:
             return signatures().get(name)
-        assert isinstance(declared.statement, ast.Definition)
-        return signature_of(declared.statement)
+        if name not in self._signatures:
+            assert isinstance(declared.statement, ast.Definition)
+            self._signatures[name] = signature_of(declared.statement)
+        return self._signatures[name]
 
     def is_own(self, source: Source) -> bool:
         """Whether a source is the spec itself, neither imported nor the prelude."""

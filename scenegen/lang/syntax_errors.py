@@ -35,6 +35,7 @@ _FOREIGN = {
     "/*": ("`/*` opens no comment here", "comments start with `#`"),
 }
 _BINARY = ("&", "|", "->", "<=", ">=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥")
+_KNOWN = frozenset("()[],.:<>+-*/&|!≤≥∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 _CLOSING = {")": "(", "]": "["}
 _TOKEN = re.compile(r'#[^\n]*|"[^"\n]*"|\s+|.', re.DOTALL)
 
@@ -83,7 +84,7 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
             f"unexpected {_shown(text[start:end])}",
             Span(source, start, end),
             f"expected {_expected(accepts)}",
-            _character_help(text[start:end]),
+            _character_help(text[start:end], accepts),
         )
     )
 
@@ -103,10 +104,12 @@ def _expected(accepts: set[str]) -> str:
     return next((words for needed, words in _EXPECTED if needed <= accepts), "something else")
 
 
-def _character_help(text: str) -> str:
+def _character_help(text: str, accepts: set[str]) -> str:
     if len(text) == 1 and ord(text) > 127 and text.isalpha():
         return "names are made of the letters a-z and A-Z, digits and `_`"
-    return ""
+    if len(text) != 1 or text in _KNOWN or text.isalnum():
+        return ""
+    return "put `&` (and), `|` (or) or `->` (implies) in its place" if "_AND" in accepts else "remove it"
 
 
 def _open_brackets(text: str, end: int) -> tuple[list[int], int | None]:

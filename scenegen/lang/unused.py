@@ -25,9 +25,10 @@ def unused(
             case ast.Definition(name, parameters, body):
                 if name.id not in by_formulas:
                     out.append(_never(f"definition `{name.id}`", name, one.source, "no formula calls it"))
+                inside = _free_names(body)
                 for parameter in parameters:
                     out.extend(_hidden(parameter.name, "parameter", scope, one.source))
-                    if parameter.name.id not in _free_names(body):
+                    if parameter.name.id not in inside:
                         what = f"parameter `{parameter.name.id}`"
                         out.append(_never(what, parameter.name, one.source, f"the body of `{name.id}` has none"))
             case ast.Constant(name) | ast.Region(name):

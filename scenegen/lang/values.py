@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, overload
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang.places import Area
@@ -53,11 +54,36 @@ class RegionValue(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class Row(Sequence[Value]):
+    """The objects at some places in storage order, each made when it is asked for: an array may have thousands, and a
+    text name it as often. `origin` is where the row was named."""
+
+    places: range
+    origin: Span = field(compare=False)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __iter__(self) -> Iterator[Value]:
+        return (ObjectValue(place, origin=self.origin) for place in self.places)
+
+    @overload
+    def __getitem__(self, at: int) -> Value: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[Value]: ...
+
+    def __getitem__(self, at: int | slice) -> Value | Sequence[Value]:
+        found = self.places[at]
+        return Row(found, self.origin) if isinstance(found, range) else ObjectValue(found, origin=self.origin)
+
+
+@dataclass(frozen=True, slots=True)
 class ListValue(Value):
     """Things in a row: an array of objects, `[mug, plate]`, `objects`, the corners of a region."""
 
     kind: ClassVar[str] = "a list"
-    items: tuple[Value, ...]
+    items: Sequence[Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +91,7 @@ class NeighboursValue(Value):
     """`consecutive(items)`: what a quantifier takes two or more neighbours at a time from."""
 
     kind: ClassVar[str] = "a row of neighbours"
-    items: tuple[Value, ...]
+    items: Sequence[Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +128,8 @@ def _remedy(value: Value, wanted: str) -> str:
     if wanted == "a formula" and isinstance(value, NumberValue):
         return "compare it with something: ... <= 0.25"
     if wanted == "a formula" and isinstance(value, ObjectValue):
-        return f"say something about it: leftOf({value.origin.text}, plate)"
+        other = "mug" if value.origin.text == "plate" else "plate"
+        return f"say something about it: leftOf({value.origin.text}, {other})"
     if "`heading`" in value.role:
         return "a heading is an angle: NORTH, 90 deg, theta(plate)"
     if wanted == "a number" and isinstance(value, ObjectValue):
@@ -110,7 +137,11 @@ def _remedy(value: Value, wanted: str) -> str:
     if isinstance(value, NeighboursValue):
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
     if isinstance(value, ListValue):
-        written = value.origin.text if len(value.origin.text) <= LONGEST else "items"
+        written = value.origin.text
+        if not value.items:
+            return ""
+        if len(written) > LONGEST:
+            written = "items"
         return f"take one of them, {written}[1], or all: forall p in {written}: ..."
     if wanted == "a list" and isinstance(value, ObjectValue):
         return f"write [{value.origin.text}, ...], or declare an array: object {value.origin.text}[3]"
@@ -118,6 +149,10 @@ def _remedy(value: Value, wanted: str) -> str:
         return f"take a coordinate of one of its points: x({value.origin.text}.left)"
     if wanted == "a formula" and isinstance(value, RegionValue):
         return f"say what lies in it: inside(mug, {value.origin.text})"
+    if wanted == "a point" and isinstance(value, RegionValue):
+        return f"write {value.origin.text}.center"
+    if wanted == "a point" and isinstance(value, ObjectValue):
+        return "write where it is: (0.5, 0.2)"
     if "object" in wanted and isinstance(value, NumberValue):
         return "name an object, or write a point: (0.5, 0.2)"
     return ""

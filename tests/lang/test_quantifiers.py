@@ -1,0 +1,116 @@
+"""Quantifiers, lists and relations over lists are worth what they are worth written out by hand, everywhere."""
+
+import pytest
+
+from .worth import alike, problems
+
+BLOCKS = "object block[4], lid\n"
+b1, b2, b3, b4 = (f"block[{i}]" for i in range(1, 5))
+PAIRS = [(b1, b2), (b1, b3), (b1, b4), (b2, b3), (b2, b4), (b3, b4)]
+TRIPLES = [(b1, b2, b3), (b1, b2, b4), (b1, b3, b4), (b2, b3, b4)]
+
+
+def every(shape, of, sign=" & "):
+    return sign.join(f"({shape.format(*one)})" for one in of)
+
+
+WRITTEN_OUT = [
+    ("forall i in 1..3: leftOf(block[i], block[i + 1])", every("leftOf({}, {})", [(b1, b2), (b2, b3), (b3, b4)])),
+    (
+        "exists i in 2..4: leftOf(block[i], block[i - 1])",
+        every("leftOf({}, {})", [(b2, b1), (b3, b2), (b4, b3)], " | "),
+    ),
+    ("forall i in -1..1: x(lid) <= i + 2", "x(lid) <= 1 & x(lid) <= 2 & x(lid) <= 3"),
+    ("forall i in 2..2: closeTo(block[i], lid, i)", "closeTo(block[2], lid, 2)"),
+    ("forall i, j in 1..3: leftOf(block[i], block[j])", every("leftOf({}, {})", [(b1, b2), (b1, b3), (b2, b3)])),
+    ("forall p in block: aboveOf(p, lid)", every("aboveOf({}, lid)", [(b1,), (b2,), (b3,), (b4,)])),
+    ("exists p in block: on(lid, p)", every("on(lid, {})", [(b1,), (b2,), (b3,), (b4,)], " | ")),
+    ("forall p, q in block: clearOf(p, q)", every("gap({}, {}) >= 0 m", PAIRS)),
+    ("exists p, q in block: leftOf(p, q)", every("leftOf({}, {})", PAIRS, " | ")),
+    ("forall p, q, r in block: between(p, q, r)", every("between({}, {}, {})", TRIPLES)),
+    ("forall p, q in consecutive(block): leftOf(p, q)", every("leftOf({}, {})", [(b1, b2), (b2, b3), (b3, b4)])),
+    (
+        "exists p, q, r in consecutive(block): between(q, p, r)",
+        every("between({1}, {0}, {2})", [(b1, b2, b3), (b2, b3, b4)], " | "),
+    ),
+    ("forall p in [lid, block[2]]: leftOf(p, (1, 0))", "leftOf(lid, (1, 0)) & leftOf(block[2], (1, 0))"),
+    (
+        "forall p in [lid, (0.5, 0.5), workspace]: farFrom(p, block[1])",
+        every("farFrom({}, block[1])", [("lid",), ("(0.5, 0.5)",), ("workspace",)]),
+    ),
+    (
+        "exists c in workspace.corners: closeTo(lid, c)",
+        every("closeTo(lid, {})", [("(0, 0)",), ("(1, 0)",), ("(1, 1)",), ("(0, 1)",)], " | "),
+    ),
+    ("forall p in objects: x(p) <= 1", every("x({}) <= 1", [(b1,), (b2,), (b3,), (b4,), ("lid",)])),
+    (
+        "forall p in block: exists q in [lid, block[1]]: leftOf(p, q) | p1(p)",
+        every("(leftOf({0}, lid) | p1({0})) | (leftOf({0}, block[1]) | p1({0}))", [(b1,), (b2,), (b3,), (b4,)]),
+    ),
+    (
+        "forall i in 1..2: forall j in i..2: closeTo(block[i], block[j + 2], i + j)",
+        every("closeTo({}, {}, {})", [(b1, b3, 2), (b1, b4, 3), (b2, b4, 4)]),
+    ),
+    ("!(forall p in block: leftOf(p, lid))", "exists p in block: !leftOf(p, lid)"),
+    ("!(exists p, q in block: leftOf(p, q))", "forall p, q in block: !leftOf(p, q)"),
+    (
+        "(forall p in block: leftOf(p, lid)) -> leftOf(lid, block[1])",
+        "(exists p in block: !leftOf(p, lid)) | leftOf(lid, block[1])",
+    ),
+    ("forall p in block: leftOf(p, lid) -> aboveOf(p, lid)", "forall p in block: (leftOf(p, lid) -> aboveOf(p, lid))"),
+    ("noOverlap(block)", every("gap({}, {}) >= 0", PAIRS)),
+    ("insideWorkspace([lid])", "room(lid, workspace) >= 0"),
+    ("ordered(block, EAST)", every("rightOf({}, {})", [(b2, b1), (b3, b2), (b4, b3)])),
+    ("forall g in gaps(block): g >= 2 cm", every("gap({}, {}) >= 2 cm", [(b1, b2), (b2, b3), (b3, b4)])),
+    ("max(gaps(block)) <= 0.2", every("gap({}, {}) <= 0.2", [(b1, b2), (b2, b3), (b3, b4)])),
+]
+
+
+@pytest.mark.parametrize(("short", "long"), WRITTEN_OUT)
+def test_written_out_by_hand(short, long):
+    head = f"{BLOCKS}def p1(p) = y(p) <= 0.5\n"
+    assert alike(f"{head}task: {short}", f"{head}task: {long}")
+
+
+def test_a_quantifier_in_a_definition_sees_its_parameters():
+    text = "def row(items, e) = forall p, q in consecutive(items): closeTo(p, q, e)\n"
+    near = every("closeTo({}, {}, 0.5)", [(b1, b2), (b2, b3), (b3, b4)])
+    assert alike(
+        f"{BLOCKS}{text}task: row(block, 0.5)",
+        f"{BLOCKS}{text}task: {near}",
+    )
+    # the inner p is another p than the caller's
+    twice = "def any(items, p) = exists q in items: leftOf(q, p)\n"
+    assert alike(
+        f"{BLOCKS}{twice}task: forall p in block: any([lid, p], (0.5, p1()))\ndef p1() = y(lid)",
+        f"{BLOCKS}{twice}def p1() = y(lid)\n"
+        "task: forall q in block: leftOf(lid, (0.5, y(lid))) | leftOf(q, (0.5, y(lid)))",
+    )
+
+
+@pytest.mark.parametrize(
+    ("formula", "said"),
+    [
+        ("forall i in 4..1: leftOf(block[i], lid)", "the range 4..1 is empty"),
+        ("forall i in 1..4: leftOf(block[i], block[i + 1])", "there is no element 5 of 4"),
+        ("forall i in 0..1: leftOf(block[i], lid)", "there is no element 0 of 4"),
+        ("forall i in 1..2.5: leftOf(block[i], lid)", "an end of a range is a whole number"),
+        ("forall i in 1..2 cm: leftOf(block[1], lid)", "an end of a range is a plain number, not a length"),
+        ("forall i in 1..x(lid): leftOf(block[1], lid)", "an end of a range must be a constant"),
+        ("forall p in lid: leftOf(p, lid)", "what `forall` ranges over must be a list, not an object"),
+        ("forall p in []: leftOf(p, lid)", "this list is empty"),
+        ("forall p, q in [lid]: leftOf(p, q)", "there are no 2 to choose from 1 element"),
+        ("forall p in consecutive(block): leftOf(p, lid)", "neighbours come in twos or more"),
+        ("forall p, p in block: leftOf(p, lid)", "`p` is named twice"),
+        ("forall p in block: forall p in block: leftOf(p, lid)", "`p` would hide another `p`"),
+        ("forall p in block: p", "the formula of `forall` must be a formula, not an object"),
+        ("(forall p in block: leftOf(p, lid)) & leftOf(p, lid)", "unknown name `p`"),
+        ("forall p in p: leftOf(p, lid)", "unknown name `p`"),
+        ("forall objects in block: leftOf(lid, block[1])", "`objects` is built in"),
+        ("block[1] & leftOf(lid, block[1])", "each side of `&` must be a formula, not an object"),
+        ("lid[1] -> true", "`lid` is one object, not an array"),
+        ("leftOf(block, lid)", "the argument `a` of `leftOf` must be an object, a point or a region, not a list"),
+    ],
+)
+def test_what_makes_no_sense(formula, said):
+    assert problems(f"{BLOCKS}task: {formula}") == [said]

@@ -53,12 +53,12 @@ def checked(name):
 
 @pytest.mark.parametrize("name", THROUGH)
 def test_all_the_way_through(name):
-    began = time.perf_counter()
+    began = time.process_time()
     spec = checked(name)
     generator = torch.Generator().manual_seed(0)
     poses = torch.rand(1, len(spec.objects), 3, dtype=torch.float64, generator=generator)
     value = Robustness(spec.core)(poses)
-    assert time.perf_counter() - began < BAR
+    assert time.process_time() - began < BAR
     expected = phi(spec.core, poses.reshape(-1).tolist())["task"]
     assert value.shape == (1, 1) and float(value) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
@@ -86,10 +86,10 @@ def test_the_canonical_text_of_the_deep_means_the_same(name):
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused_with_a_diagnostic(name):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(SpecError) as refused:
         check_text(REFUSED[name])
-    assert time.perf_counter() - began < BAR
+    assert time.process_time() - began < BAR
     problem = refused.value.diagnostics[0]
     assert problem.title and problem.span is not None
     assert len(refused.value.diagnostics) <= MOST_ERRORS

@@ -179,7 +179,7 @@ N = 1_500
         "(" * N + "a" + " -> b)" * N,
         "-" * N + "1",
         " + ".join(["x(a)"] * N) + " <= 1",
-        "forall p in b: " * N + "p",
+        "forall p in b: " * 99 + "p",
         "[" * N + "a" + "]" * N,
         " & ".join(f"leftOf(a, b)  # {i}\n" for i in range(N)),
     ],

@@ -56,13 +56,13 @@ class Fused:
             pair = self(rows.expand(-1, 2), 2)
             return None if pair is None else pair[:, :1]
         out = torch.empty(self._labels, count, dtype=rows.dtype)
-        kernel = self._kernel(rows.dtype)
         # By way of numpy, a row becomes a tensor that knows of no base and no offset, on which a kernel could depend.
         storage = rows.detach().numpy()
         taken = [np.ascontiguousarray(storage[row]) for row in self._rows]
         filled = list(out.numpy())
         starts = [0, *range(chunk, count - 1, chunk)]  # the last chunk must not be a single scene, either
         try:
+            kernel = self._kernel(rows.dtype)
             # Whether gradients are on is part of what was compiled, too.
             with torch.inference_mode(False), torch.no_grad():
                 for start, stop in zip(starts, [*starts[1:], count], strict=True):

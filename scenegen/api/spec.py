@@ -66,11 +66,15 @@ class Spec:
         """The canonical text."""
         return self.checked.source
 
-    def robustness(self) -> Robustness:
-        """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity."""
+    def robustness(self, *, compiled: bool = False) -> Robustness:
+        """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
+
+        `compiled` makes machine code of it (seconds, at the first call in each dtype): worth it for millions of scenes
+        stored as (3N, B). See Robustness.
+        """
         from scenegen.robustness import Robustness
 
-        return Robustness(self.checked.core)
+        return Robustness(self.checked.core, compiled=compiled)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at most, anywhere in the workspace (interval bounds: never too narrow)."""

@@ -1,7 +1,8 @@
 """Core formula -> vectorised torch robustness.
 
 Storage is (3N, B): one contiguous row per coordinate (design.md, section 5: 3 to 4 times faster than scenes-first). The
-tape is run row-wise with each intermediate freed after its last use, in chunks of scenes that stay in cache.
+tape is run row-wise with each intermediate freed after its last use, in chunks of scenes that stay in cache; or as one
+kernel that torch.compile makes of it.
 """
 
 from __future__ import annotations
@@ -11,32 +12,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, last_uses
-from scenegen.primitives import PRIMITIVES
-from scenegen.robustness.namespace import TORCH
+from scenegen.lang.core import Core, last_uses
+from scenegen.robustness.fused import fused
+from scenegen.robustness.tape import most_alive, run
 
-CHUNK = 65_536  # scenes at a time when no gradient is wanted: intermediates of most specs then stay in cache
-LIVE = 1 << 25  # numbers alive at a time; specs of thousands of atoms get smaller chunks
-
-
-class _Junction(torch.autograd.Function):
-    """Hard min or max over the first dimension whose gradient is that of log-sum-exp at sharpness beta.
-
-    The straight-through gradient of design.md, section 5: the value stays exact, and every argument, not the deciding
-    one alone, is told where to go, with softmax weights.
-    """
-
-    @staticmethod
-    def forward(ctx: Any, stacked: Tensor, beta: float) -> Tensor:
-        """stacked (K, B) -> (B,); beta < 0 is a minimum."""
-        ctx.save_for_backward(stacked)
-        ctx.beta = beta
-        return stacked.amin(0) if beta < 0 else stacked.amax(0)
-
-    @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
-        (stacked,) = ctx.saved_tensors
-        return torch.softmax(ctx.beta * stacked, dim=0) * grads[0], None
+# Scenes at a time when no gradient is wanted, in float64; twice as many in float32: intermediates of 256 KiB. On a core
+# with 1 MiB of cache, half of that was not faster for any formula, with or without footprints, and often slower.
+CHUNK = 32_768
+LIVE = 1 << 24  # numbers in float64 that are alive at a time; specs of thousands of atoms get smaller chunks
 
 
 class Robustness:
@@ -44,14 +27,28 @@ class Robustness:
 
     Works in the dtype and on the device of its input. Values are the paper's quantitative semantics (Definition 2) with
     hard min and max, in metres and radians; they are differentiable, and `beta` asks for the straight-through gradient.
+
+    With `compiled`, torch.compile makes one kernel of the formula: several times as fast on large batches. The first
+    call in each dtype pays for that, with seconds (half a minute for a formula of 4,000 operations; larger ones are not
+    compiled). Values are the same but for rounding (the last bits of sqrt, sin, cos and atan2, and whatever the C++
+    compiler contracts), whatever the batch. A call that wants gradients or `beta`, or that is not on the CPU, runs
+    operation by operation as without `compiled`; so do all calls after a RuntimeWarning where compiling fails, above
+    all where there is no C++ compiler.
     """
 
-    def __init__(self, core: Core) -> None:
+    def __init__(self, core: Core, *, compiled: bool = False) -> None:
         self.core = core
         self.labels = tuple(core.labels)
         self.objects = core.objects
+        self.compiled = compiled
         self._dead = last_uses(core)
-        self._chunk = max(256, min(CHUNK, LIVE // _most_alive(self._dead)))
+        self._most = max(256, LIVE // most_alive(self._dead))
+        self._chunk = min(CHUNK, self._most)
+        self._fused = fused(core) if compiled else None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Machine code does not travel; whoever unpickles compiles anew, if at all.
+        return _again, (self.core, self.compiled)
 
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:
         """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage.
@@ -75,10 +72,19 @@ class Robustness:
             raise ValueError(f"coordinates must be float32 or float64, not {str(rows.dtype).removeprefix('torch.')}")
         if check:
             self._refuse_nonfinite(rows)
-        if rows.shape[1] <= self._chunk or (rows.requires_grad and torch.is_grad_enabled()):
-            return self._run(rows, beta)
-        starts = range(0, rows.shape[1], self._chunk)
-        return torch.cat([self._run(rows[:, start : start + self._chunk], beta) for start in starts], dim=1)
+        if rows.requires_grad and torch.is_grad_enabled():
+            return torch.stack(self._run(rows, beta))
+        wider = 2 if rows.dtype == torch.float32 else 1
+        if self._fused is not None and beta is None and rows.device.type == "cpu":
+            found = self._fused(rows, wider * self._most)
+            if found is not None:
+                return found
+        out = rows.new_empty(len(self.labels), rows.shape[1])
+        for start in range(0, rows.shape[1], wider * self._chunk):
+            part = slice(start, start + wider * self._chunk)
+            for label, value in zip(out, self._run(rows[:, part], beta), strict=True):
+                label[part] = value
+        return out
 
     def _refuse_nonfinite(self, rows: Tensor) -> None:
         # One sum, at the speed of memory, carries any NaN or infinity; only then is it worth to look where.
@@ -91,45 +97,11 @@ class Robustness:
             value = float(rows[row, scene])
             raise ValueError(f"{'xyθ'[row % 3]} of `{name}` in scene {scene} is {value}; coordinates must be finite")
 
-    def _run(self, rows: Tensor, beta: float | None) -> Tensor:
-        values: list[Any] = [None] * len(self.core.nodes)
-        for index, node in enumerate(self.core.nodes):
-            match node:
-                case Const(value):
-                    # A tensor, not a float: torch.minimum and its kin take tensors only.
-                    values[index] = rows.new_tensor(value)
-                case Coord():
-                    values[index] = rows[node.row]
-                case Apply(primitive, args, shapes):
-                    values[index] = PRIMITIVES[primitive].evaluate(TORCH, *shapes, *(values[arg] for arg in args))
-                case Atom(margin):
-                    values[index] = values[margin]
-                case Junction(kind, args):
-                    values[index] = _junction(kind, [values[arg] for arg in args], beta)
-            for child in self._dead[index]:
-                values[child] = None
+    def _run(self, rows: Tensor, beta: float | None) -> list[Tensor]:
+        """phi of every label, each (B,)."""
         batch = rows.shape[1]
-        return torch.stack([values[node].expand(batch) for node in self.core.labels.values()])
+        return [value.expand(batch) for value in run(self.core, self._dead, rows.__getitem__, rows.new_tensor, beta)]
 
 
-def _most_alive(dead: list[list[int]]) -> int:
-    """How many values are alive at once, at most, while the tape runs."""
-    alive = most = 1
-    for freed in dead:
-        alive += 1
-        most = max(most, alive)
-        alive -= len(freed)
-    return most
-
-
-def _junction(kind: str, args: list[Tensor], beta: float | None) -> Tensor:
-    if beta is not None:
-        width = max(arg.numel() for arg in args)
-        stacked = torch.stack([arg.expand(width) for arg in args])
-        result: Tensor = _Junction.apply(stacked, -beta if kind == "min" else beta)  # type: ignore[no-untyped-call]
-        return result
-    step = torch.minimum if kind == "min" else torch.maximum
-    value = args[0]
-    for other in args[1:]:
-        value = step(value, other)
-    return value
+def _again(core: Core, compiled: bool) -> Robustness:
+    return Robustness(core, compiled=compiled)

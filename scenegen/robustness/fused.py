@@ -1,0 +1,124 @@
+"""Core formula -> one kernel of machine code, by torch.compile.
+
+The tape is recorded as an FX graph, so that Dynamo reads a straight line and not our interpreter. Rows go in and come
+out one by one, as tensors of their own: no batch, stride, offset or neighbour is then part of what was compiled, and
+one compilation per dtype serves every call (and one more after a change of the number of threads).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, fx
+
+from scenegen.lang.core import Coord, Core, Node, last_uses
+from scenegen.robustness.tape import run
+
+LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
+
+
+class TooLargeError(Exception):
+    """A formula of more operations than are compiled."""
+
+
+class Fused:
+    """phi of every label by compiled code, without gradients. Make it with `fused`, which keeps the last few cores'.
+
+    Where there is no C++ compiler, compiling fails for another reason, or the formula is too large to try, a
+    RuntimeWarning says so once, and every call from then on returns None.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._labels = len(core.labels)
+        self._works = any(isinstance(node, Coord) for node in core.nodes)  # constants alone are not worth it
+        if not self._works:
+            return
+        try:
+            graph, self._rows = record(core)
+        except TooLargeError:
+            self._give_up(f"its formula takes more than {LARGEST:,} operations, too many to compile in good time")
+            return
+        self._kernel = cache(lambda dtype: _compiled(graph))
+
+    def __call__(self, rows: Tensor, chunk: int) -> Tensor | None:
+        """(3N, B) storage on the CPU, float32 or float64 -> (L, B), `chunk` scenes at a time at most."""
+        count = rows.shape[1]
+        if not self._works:
+            return None
+        if count == 0:
+            return rows.new_empty(self._labels, 0)
+        if count == 1:  # torch.compile makes a special case of one
+            pair = self(rows.expand(-1, 2), 2)
+            return None if pair is None else pair[:, :1]
+        out = torch.empty(self._labels, count, dtype=rows.dtype)
+        # By way of numpy, a row becomes a tensor that knows of no base and no offset, on which a kernel could depend.
+        storage = rows.detach().numpy()
+        taken = [np.ascontiguousarray(storage[row]) for row in self._rows]
+        filled = list(out.numpy())
+        starts = [0, *range(chunk, count - 1, chunk)]  # the last chunk must not be a single scene, either
+        try:
+            kernel = self._kernel(rows.dtype)
+            # Whether gradients are on is part of what was compiled, too.
+            with torch.inference_mode(False), torch.no_grad():
+                for start, stop in zip(starts, [*starts[1:], count], strict=True):
+                    kernel(*(torch.from_numpy(row[start:stop]) for row in (*taken, *filled)))
+        except (RuntimeError, ImportError, OSError) as error:
+            reason = str(error).strip().partition("\n")[0]
+            self._give_up(f"{reason}. It takes a C++ compiler (g++, or what CXX names) and the headers of Python")
+            return None
+        return out
+
+    def _give_up(self, why: str) -> None:
+        self._works = False
+        text = f"phi is computed operation by operation, as without compiled=True: {why}"
+        warnings.warn(text, RuntimeWarning, stacklevel=4)
+
+
+def fused(core: Core) -> Fused:
+    """The compiled core; equal cores share one."""
+    return _fused(core.nodes, tuple(core.labels.items()), core.objects)
+
+
+@lru_cache(maxsize=32)
+def _fused(nodes: tuple[Node, ...], labels: tuple[tuple[str, int], ...], objects: tuple[str, ...]) -> Fused:
+    return Fused(Core(nodes, dict(labels), objects))
+
+
+class _Recorder(fx.proxy.GraphAppendingTracer):
+    def create_node(self, *args: Any, **kwargs: Any) -> fx.Node:
+        if len(self.graph.nodes) >= LARGEST:
+            raise TooLargeError
+        return super().create_node(*args, **kwargs)
+
+
+def record(core: Core) -> tuple[fx.Graph, list[int]]:
+    """The tape as a graph from rows (B,) to rows (B,), which it overwrites: first the rows of the storage that the
+    formula reads, given beside it, then one row for each label. Raises TooLargeError."""
+    graph = fx.Graph()
+    tracer = _Recorder(graph)
+    read = sorted({node.row for node in core.nodes if isinstance(node, Coord)})
+    rows = {row: fx.Proxy(graph.placeholder(f"row{row}"), tracer) for row in read}
+    out = [fx.Proxy(graph.placeholder(f"phi{label}"), tracer) for label in range(len(core.labels))]
+
+    def constant(value: float) -> Any:
+        return out[0].new_full((), value)
+
+    with torch.no_grad():
+        values = run(core, last_uses(core), rows.__getitem__, constant)
+    for label, value in zip(out, values, strict=True):
+        label.copy_(value)
+    graph.output(None)
+    return graph, read
+
+
+def _compiled(graph: fx.Graph) -> Callable[..., None]:
+    # A module of its own for each dtype: torch.compile allows any one only a few compilations.
+    module = fx.GraphModule(torch.nn.Module(), graph)
+    # One thread compiles: more would be left running, and there is next to nothing for them.
+    kernel: Callable[..., None] = torch.compile(module, dynamic=True, fullgraph=True, options={"compile_threads": 1})
+    return kernel

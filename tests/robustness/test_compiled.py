@@ -1,0 +1,202 @@
+"""The compiled core against the eager one: shipped specs, made-up formulas, batches of every size and layout."""
+
+import math
+import os
+import pickle
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+
+import scenegen
+from scenegen.lang.check import check_text
+from scenegen.lang.core import Atom, Const, Core, Junction
+from scenegen.primitives import LENGTH
+from scenegen.resources import shipped_specs
+from scenegen.robustness import Robustness
+from scenegen.robustness.fused import LARGEST
+
+from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
+
+# comparisons, distances, wrapped angles, sine and cosine, labels that share atoms, constants, sums: one compilation
+MIXED = """object mug, plate, fork
+near: closeTo(mug, plate, 0.4) & !leftOf(mug, plate) | angle(fork, NORTH)
+task: near & farFrom(fork, mug) & 0 <= sin(theta(mug)) * x(plate) + max(x(mug), 0.3, y(fork)) / 3
+low: y(fork) - 0.5 <= 0
+"""
+# circle and box, box and box, box in region
+SHAPES = """object a = box(0.2, 0.1, 0.05), b = box(0.1, 0.1, 0.05)
+object disc = cylinder(0.05, 0.1)
+region tray = polygon([(0.1, 0.1), (0.9, 0.2), (0.5, 0.9)])
+task: clearOf(a, b) & clearOf(disc, a, 1 cm)
+in_tray: inside(b, tray)
+"""
+
+
+def agree(spec, rows, dtype=torch.float64):
+    core, rows = spec.core, torch.from_numpy(rows).to(dtype)
+    expected, found = (Robustness(core, compiled=compiled).rows(rows) for compiled in (False, True))
+    assert found.dtype == dtype and found.shape == expected.shape
+    columns = rows.double().numpy().T
+    scale = np.array([magnitude(core, column) for column in columns])
+    # Where wrap jumps, either side is right.
+    clear = np.array([away_from_jumps(core, column) for column in columns]) > 64 * torch.finfo(dtype).eps
+    difference = np.abs((found - expected).double().numpy())
+    assert (difference <= 16 * torch.finfo(dtype).eps * scale)[:, clear].all()
+    assert clear.any()
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    return check_text(MIXED)
+
+
+def test_the_kernel_agrees_with_the_tape_whatever_the_batch_and_layout(mixed):
+    rows = torch.from_numpy(scenes(3, 1000, seed=5))
+    eager, run = Robustness(mixed.core).rows(rows), Robustness(mixed.core, compiled=True)
+    whole = run.rows(rows)
+    assert not torch.equal(whole, torch.zeros_like(whole)) and whole.is_contiguous()
+    agree(mixed, rows.numpy()[:, :200])
+    assert whole.numpy() == pytest.approx(eager.numpy(), abs=1e-14)
+    for count in (0, 1, 2, 3, 17, 999):
+        assert torch.equal(run.rows(rows[:, :count].contiguous()), whole[:, :count])
+        assert torch.equal(run.rows(rows[:, 1 : 1 + count]), whole[:, 1 : 1 + count])
+    poses = rows.T.reshape(-1, 3, 3)
+    assert torch.equal(run(poses), whole.T) and torch.equal(run(poses.contiguous()), whole.T)
+    assert torch.equal(run.rows(rows[:, ::2]), whole[:, ::2])
+    for chunk in (2, 7, 333, 999):
+        run._most = chunk
+        assert torch.equal(run.rows(rows), whole)
+
+
+def test_one_compilation_serves_all_calls(mixed, monkeypatch):
+    from torch._dynamo.utils import counters
+
+    rows = torch.from_numpy(scenes(3, 64, seed=6))
+    Robustness(mixed.core, compiled=True).rows(rows)
+    before = counters["stats"]["unique_graphs"]
+    for count in (1, 2, 5, 64):
+        Robustness(check_text(MIXED).core, compiled=True).rows(rows[:, -count:])
+    with torch.no_grad():
+        Robustness(mixed.core, compiled=True).rows(rows)
+    with torch.inference_mode():
+        Robustness(mixed.core, compiled=True).rows(rows)
+    assert before > 0 and counters["stats"]["unique_graphs"] == before
+
+
+def test_gradients_are_those_of_the_tape(mixed):
+    eager, run = Robustness(mixed.core), Robustness(mixed.core, compiled=True)
+    rows = torch.from_numpy(scenes(3, 20, seed=7))
+    for beta in (None, 10.0):
+        wanted, found = (
+            torch.autograd.grad(one.rows(here, beta=beta).sum(), here)[0]
+            for one, here in ((eager, rows.clone().requires_grad_()), (run, rows.clone().requires_grad_()))
+        )
+        assert torch.equal(found, wanted) and wanted.abs().sum() > 0
+    with torch.no_grad():
+        assert torch.equal(run.rows(rows.clone().requires_grad_()), run.rows(rows))
+    assert torch.equal(run.rows(rows, beta=10.0), eager.rows(rows, beta=10.0))
+
+
+def test_what_is_refused_stays_refused(mixed):
+    run = Robustness(mixed.core, compiled=True)
+    rows = torch.zeros(9, 5, dtype=torch.float64)
+    rows[2, 3] = math.nan
+    with pytest.raises(ValueError, match="θ of `mug` in scene 3 is nan"):
+        run.rows(rows)
+    assert run.rows(rows, check=False)[0].isnan().tolist() == [False] * 5  # the heading of the mug is not in `near`
+    assert run.rows(rows, check=False)[1].isnan().tolist() == [False, False, False, True, False]
+
+
+def test_a_compiled_spec_can_be_pickled(mixed):
+    run = pickle.loads(pickle.dumps(Robustness(mixed.core, compiled=True)))  # noqa: S301
+    assert run.compiled and run.labels == ("near", "task", "low")
+
+
+def test_too_large_a_formula_is_not_compiled():
+    count = LARGEST // 2
+    text = f"object a[{count}]\ntask: forall p in a: x(p) <= 1 & y(p) <= 1"
+    with pytest.warns(RuntimeWarning, match="more than 4,000 operations"):
+        run = scenegen.parse(text).robustness(compiled=True)
+    rows = torch.zeros(3 * count, 3)
+    rows[4] = 0.25
+    assert run.rows(rows).tolist() == [[0.75] * 3]
+
+
+def test_constants_alone_are_not_compiled():
+    nodes = (Const(0.5), Const(-1.0), Atom(0, "", LENGTH, ()), Atom(1, "", LENGTH, ()), Junction("min", (2, 3)))
+    run = Robustness(Core(nodes, {"task": 4, "half": 2}, ("a",)), compiled=True)
+    assert run.rows(torch.zeros(3, 2)).tolist() == [[-1.0, -1.0], [0.5, 0.5]]
+
+
+def test_where_compiling_fails_it_says_so_once_and_goes_on(monkeypatch):
+    def fails(module, **options):
+        raise RuntimeError("no compiler\nat all")
+
+    monkeypatch.setattr(torch, "compile", fails)
+    spec = scenegen.parse("leftOf(a, b) & farFrom(a, b, 0.125)")  # of no other test: equal cores share a kernel
+    rows = torch.tensor([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.5], [0.0, 0.0], [0.0, 0.0]])
+    run = spec.robustness(compiled=True)
+    with pytest.warns(RuntimeWarning, match=r"operation by operation.*: no compiler\. It takes .*g\+\+"):
+        assert run.rows(rows).tolist() == [[0.875, 0.375]]
+    for again in (run, spec.robustness(compiled=True)):
+        assert again.rows(rows).tolist() == [[0.875, 0.375]]
+
+
+@pytest.mark.slow
+def test_without_a_compiler(tmp_path):
+    program = """if True:
+        import torch, warnings, scenegen
+        run = scenegen.parse("leftOf(a, b)").robustness(compiled=True)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            rows = torch.tensor([[0.0], [0.0], [0.0], [1.0], [0.0], [0.0]])
+            first, second = run.rows(rows), run.rows(2 * rows)
+        print(first.tolist(), second.tolist())
+        (only,) = [w for w in caught if issubclass(w.category, RuntimeWarning)]
+        print(only.message)
+    """
+    environment = {**os.environ, "CXX": str(tmp_path / "none"), "TORCHINDUCTOR_CACHE_DIR": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    values, message = done.stdout.splitlines()
+    assert values == "[[1.0]] [[2.0]]"
+    assert message.startswith("phi is computed operation by operation, as without compiled=True: ")
+    assert "compiler" in message and "g++" in message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_footprints(dtype):
+    spec = check_text(SHAPES)
+    rows = torch.from_numpy(scenes(3, 2000, seed=8)).to(dtype)
+    eager, run = Robustness(spec.core).rows(rows), Robustness(spec.core, compiled=True).rows(rows)
+    # The square root of the gap near contact is what loses most.
+    assert run.numpy() == pytest.approx(eager.numpy(), abs=1e-6 if dtype == torch.float64 else 1e-3)
+    assert np.median(np.abs((run - eager).numpy())) <= 4 * torch.finfo(dtype).eps
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(shipped_specs()))
+def test_shipped_specs(name):
+    spec = scenegen.load(shipped_specs()[name])
+    lowest, highest = (torch.from_numpy(end)[:, None] for end in spec.checked.box())
+    generator = torch.Generator().manual_seed(3)
+    rows = lowest + (highest - lowest) * torch.rand(len(lowest), 2000, generator=generator, dtype=torch.float64)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = spec.robustness(compiled=True).rows(rows)
+    assert found.numpy() == pytest.approx(spec.robustness().rows(rows).numpy(), abs=1e-12)
+
+
+@pytest.mark.slow
+@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@given(specs(labels=("task", "safe")), seeds)
+def test_made_up_formulas(spec, seed):
+    rows = scenes(len(spec.objects), 64, seed)
+    agree(spec, rows)
+    agree(spec, rows, torch.float32)

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from scenegen.engine.exact import draw
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.problem import Budget, pose
 from scenegen.sampling.rarity import OutOfReach, combine, measure
-from scenegen.sampling.rejection import rejection
 from scenegen.sampling.request import Range
 
 SURE = 4.0  # standard errors: of a few dozen comparisons none should be further off
@@ -94,7 +94,8 @@ def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
 @pytest.mark.parametrize(("name", "label", "t"), [("mug_left_of_plate", "task", 0.8), ("sort_7", "sorted", 0.05)])
 def test_pruned_rejection_agrees(name, label, t):
     spec = check_text(shipped_specs()[name].read_text(), name)
-    info = rejection(pose(spec, {label: Range(t, None)}, n=20_000, seed=1, spread="base"), Budget()).info
+    problem = pose(spec, {label: Range(t, None)}, n=20_000, seed=1, spread="base")
+    info = draw(problem, Budget(), method="rejection").info
     ours = measured(spec, seed=1).reaches[label].up(t)
     error = math.hypot(ours.error, info["log10_probability_error"])
     assert abs(ours.log10 - info["log10_probability"]) < SURE * error

@@ -80,7 +80,7 @@ def sample(
       scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
       scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5
-      scenegen sample my.spec --phi 0:0.2 -n 10000000 --timeout 900 --out s.parquet
+      scenegen sample my.spec --phi 0: -n 1000000 --timeout 600 --out s.parquet
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
@@ -124,7 +124,6 @@ def sample(
         "keep_partial": keep_partial,
         "fix": fixed,
         "workers": workers,
-        "on_note": print_error,
     }
     if out is not None and (resume or (n > BLOCK and not isinstance(subject, Model))):
         _refuse_raw(raw)
@@ -132,7 +131,7 @@ def sample(
         from scenegen.api.stream import sample_to
 
         with _Bar() as bar:
-            written = sample_to(out, subject, ranges, n, resume=resume, progress=bar, **common)
+            written = sample_to(out, subject, ranges, n, resume=resume, progress=bar, on_note=print_error, **common)
         complain(*written.warnings)
         _summary(written.header, written.count, written.phi, out)
         if render is not None:
@@ -148,6 +147,8 @@ def sample(
         from scenegen.formats.scenes_json import dump
 
         write_data(dump(scenes.file()))
+    if "reason" in scenes.header.sampler:
+        print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
     _summary(scenes.header, len(scenes), _met(scenes), out)
     if render is not None:
         draw(scenes, render)

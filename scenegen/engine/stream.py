@@ -20,6 +20,7 @@ from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.formats.table import format_of
 from scenegen.sampling.pieces import Array, Pieces, Tally
 from scenegen.scene.data import SceneFile
+from scenegen.training.interrupt import stop_signals
 
 Progress = Callable[[int, int, int], None]
 """Told after each piece: scenes found, scenes wanted, candidates in the wanted cells."""
@@ -100,8 +101,8 @@ def run_blocks(
 ) -> Generator[Block, None, Tally]:
     """The scenes of a request in blocks of `size`; the generator's return value is the tally.
 
-    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends with
-    what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
+    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends
+    with what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
     """
     run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
     with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
@@ -140,7 +141,9 @@ def stream_scenes(
     They grow in `x.parquet.part/` and are joined at the end, so that the file appears whole or not at all. After an
     interrupt or kill -9 at any moment, the same call with `resume` goes on from the last checkpoint and ends with the
     same bytes as an unbroken run; without `resume`, what is there is refused. With `resume` and nothing there, it just
-    begins. The bytes do not depend on `workers`, nor on when the run was broken.
+    begins. The bytes do not depend on `workers`, nor on when the run was broken. SIGINT and SIGTERM end the run after
+    the piece that is under way, with a checkpoint; KeyboardInterrupt then says how to go on. A second one does not
+    wait.
 
     `labels` are the spec's. `header` makes the scene file without scenes from the tally, once all scenes are there; it
     is tried with an empty tally before the work begins. `request` is JSON that, with the plan, fixes the scenes: put
@@ -148,10 +151,10 @@ def stream_scenes(
     block before it is stored, and raises if it finds fault; `joining` sees every block that goes into the file, those
     from before a break too.
 
-    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early. The
-    tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then the
-    scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what
-    `run_pieces` raises.
+    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early.
+    The tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then
+    the scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and
+    what `run_pieces` raises.
     """
     module = format_of(path)
     trial = header(Tally(0, 0, 0))
@@ -169,12 +172,17 @@ def stream_scenes(
             return standing.tally()
         begun = standing.used
         try:
-            with closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results:
+            with (
+                stop_signals() as stop,
+                closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results,
+            ):
                 while not standing.over:
                     run.take(*next(results))
                     if progress is not None:
                         progress(standing.filler.found, pieces.wanted, standing.filler.candidates)
                     run.checkpoint(checkpoint)
+                    if stop.asked:
+                        raise KeyboardInterrupt
                     if spent():
                         break
         except BaseException as error:

@@ -90,9 +90,16 @@ def _in_range(plan: Rejection) -> str:
     boxes = "1 box" if parts == 1 else f"{parts:,} boxes"
     if len(plan.sources) == 1:
         rate = plan.explored
-        return f"{100.0 * rate.hits / rate.candidates:.2g}% of the candidates from {boxes} are in range"
+        return f"{_percent(rate.hits / rate.candidates)} of the candidates from {boxes} are in range"
     share = min(1.0, SPARE * plan.wanted / plan.expected)
-    return f"about {100.0 * share:.2g}% of the candidates from {boxes} are of use"
+    return f"about {_percent(share)} of the candidates from {boxes} are of use"
+
+
+def _percent(share: float) -> str:
+    """45 %, 0.3 %; never 100 % for less than all."""
+    if share >= 0.995:
+        return "all" if share == 1.0 else "over 99%"
+    return f"{100.0 * share:.0f}%" if share >= 0.1 else f"{100.0 * share:.2g}%"
 
 
 def _short(count: float) -> str:

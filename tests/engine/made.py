@@ -68,7 +68,8 @@ def stream(path, made, **options):
     """Stream to a file; the tally."""
 
     def header(tally):
-        return header_of(made, {"pieces": tally.pieces, "candidates": tally.candidates, "strays": list(tally.strays)})
+        facts = {"pieces": tally.pieces, "candidates": tally.candidates, "facts": list(tally.facts)}
+        return header_of(made, {**facts, "strays": list(tally.strays)})
 
     return stream_scenes(Path(path), made, ("task",), header, request={"spec": SHA, "low": made.low}, **options)
 
@@ -78,7 +79,7 @@ def run(words):
     from strike import strike_at
 
     operations = strike_at(words.pop("kill", None))
-    asked, pieces = itertools.count(), words.pop("pieces", 1000)
+    asked, pieces = itertools.count(1), words.pop("pieces", 1000)
     spent = lambda: next(asked) >= pieces  # noqa: E731
     stream(words.pop("path"), Made(**words.pop("made")), spent=spent, **words)
     return operations()

@@ -1,6 +1,6 @@
 """The exact samplers against the truth, at n = 20,000 and five seeds; and what the same tests say of wrong samplers.
 
-A quarter of an hour on one core. Each test prints the lines of docs/experiments/exactness.md that it measures:
+Ten minutes on one core. Each test prints the lines of docs/experiments/exactness.md that it measures:
 
     python -m pytest -m slow tests/slow/test_exactness.py -s | grep '^|'
 """
@@ -84,7 +84,9 @@ def test_wrong_samplers_are_rejected_on_every_seed(name, double):
     for seed in SEEDS:
         wrong = DOUBLES[double](CASES[name], N, generator(seed, name, double))
         assert fits(CASES[name], wrong).all()
-        verdicts.append(judge(true(name, seed), wrong, generator(seed, name)))
+        # the issue's own specs are judged by all three bars, the others by as many as it takes
+        short = name not in ("exp1", "sort_3")
+        verdicts.append(judge(true(name, seed), wrong, generator(seed, name), short=short))
     print("\n" + row(f"{name}: {double}", verdicts))
     alike = sum(verdict.alike for verdict in verdicts)
     assert alike >= 4 if (name, double) in RIGHT_AFTER_ALL else alike == 0, verdicts

@@ -18,7 +18,7 @@ from scenegen.bounds.chain import Edge
 
 Array = npt.NDArray[np.float64]
 
-NEAR = 1e-7  # of the room: how much the rooms may differ, for contraction rounds
+NEAR = 1e-5  # of the room: how much the rooms may differ, for contraction loosens every gap a little
 NETWORK = 12  # numbers that are sorted by comparing and swapping rows
 
 

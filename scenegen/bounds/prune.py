@@ -191,8 +191,10 @@ class _Search:
         # A demand that fails often may be tied to others that do not: these come in the second time.
         for loose in LOOSE:
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if part.acceptance >= GOOD or not more:
+            if part.acceptance >= GOOD:
                 break
+            if not more:
+                continue
             coupling |= more
             tied = any(node in self.tape.differences for one in atoms if one.core in coupling for node in one.support)
             before = best

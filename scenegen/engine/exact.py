@@ -26,6 +26,7 @@ from scenegen.scene.data import SceneFile
 
 SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: some seconds
 AT_LEAST = 1 << 27  # of them for each process, for the same reason
+BESIDE = 16  # what drawing, sorting into cells and looking again costs, in nodes per evaluation (measured)
 
 Header = Callable[[dict[str, object]], SceneFile]
 """From what `sampler` is to say to the scene file without its scenes."""
@@ -36,7 +37,7 @@ def crew(plan: Plan, workers: int | None) -> int:
     as many as there are cores. It changes no scene."""
     if workers is not None:
         return workers
-    work = plan.evaluations * len(plan.problem.core.nodes)
+    work = plan.evaluations * (len(plan.problem.core.nodes) + BESIDE)
     return 1 if work < SMALL else max(1, min(_cores(), math.floor(work / AT_LEAST)))
 
 

@@ -76,7 +76,7 @@ class _Standing:
     def tally(self) -> Tally:
         filler = self.filler
         strays, facts = tuple(sorted(filler.strays)), tuple(map(float, self.facts))
-        return Tally(filler.done, self.used, filler.candidates, strays, facts, filler.scarcest)
+        return Tally(filler.done, filler.found, self.used, filler.candidates, strays, facts, filler.scarcest)
 
     def state(self) -> tuple[dict[str, object], Array]:
         """Everything that is not fixed by the request: JSON, and the scenes that wait for a block."""
@@ -157,7 +157,7 @@ def stream_scenes(
     what `run_pieces` raises.
     """
     module = format_of(path)
-    trial = header(Tally(0, 0, 0))
+    trial = header(Tally(0, 0, 0, 0))
     module.write(io.BytesIO(), trial, labels, [])
     coordinates = 3 * len(trial.objects)
     facts = {**request, "plan": pieces.plan_digest, "n": pieces.wanted, "seed": pieces.seed, "block": size}

@@ -1,1 +1,1 @@
-"""Drawing scenes for a range of phi: plain rejection, or any proposer whose scenes are refined; all verified."""
+"""Drawing scenes for a range of phi: pruned rejection, or any proposer whose scenes are refined; all verified."""

@@ -22,8 +22,8 @@ from scenegen.sampling.splitting import moves, plan_splitting, why_stalled
 
 METHODS = ("auto", "rejection", "splitting")
 
-CHEAP = 1 << 23  # candidates that are drawn sooner than a plan of splitting is made
-ADVANTAGE = 4.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
+LEAST, EACH = 10_000_000, 20  # evaluations that splitting takes at least: for its plan, and for each scene
+ADVANTAGE = 2.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,8 @@ def _better(problem: Problem, budget: Budget) -> Choice:
     mine = plan_rejection(problem, budget, trial)
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
-    if mine.evaluations <= CHEAP and open_cells <= len(mine.reached):
+    cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
+    if cheap and open_cells <= len(mine.reached):
         return Choice(mine, in_range)
     rival = plan_splitting(problem, budget)
     if isinstance(rival, Stalled):

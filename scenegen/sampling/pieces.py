@@ -40,11 +40,13 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """How a run stands. `pieces` are used up, they gave `candidates` in reached cells; `strays` are cells that were hit
-    although the plan takes them for out of reach; `facts` are the sums of the pieces' facts; `scarcest` is the cell
-    that lacks most, None where none does. All of it depends on the request alone, never on the workers."""
+    """How a run stands. Of `found` scenes, `scenes` have been handed out in whole blocks. `pieces` are used up, they
+    gave `candidates` in reached cells; `strays` are cells that were hit although the plan takes them for out of reach;
+    `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most, None where none does. All of it
+    depends on the request alone, never on the workers."""
 
     scenes: int
+    found: int
     pieces: int
     candidates: int
     strays: tuple[int, ...] = ()

@@ -31,7 +31,8 @@ Bool = npt.NDArray[np.bool_]
 
 LIVE = 1 << 22  # numbers that are alive at a time while candidates are scored
 CHUNK = 16_384  # candidates drawn and scored at a time, at most: intermediates then stay in cache
-SMALLEST = 4096  # candidates of a piece, at least
+SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
+WORK = 1 << 26  # candidates times nodes that one look around may take
 EXPLORE = 4  # chunks drawn from the common cover to see which cells it serves
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out of reach
 LONG_SEARCH = 32 * 65_536  # candidates after which the search for further cells ends where exploring found none at all
@@ -122,9 +123,10 @@ class Plan:
         phi: list[Array] = []
         found: list[Index] = []
         hits = np.zeros(len(self.sources))
+        room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
         for which, source in enumerate(self.sources):
             for count in _chunks(self.problem, source.candidates):
-                kept, values, cells = _draw(self.problem, source.cover, count, rng)
+                kept, values, cells = _draw(self.problem, source.cover, count, rng, room)
                 mine = np.flatnonzero(source.cells[cells])
                 hits[which] += len(mine) if which else len(cells)
                 if len(mine) < len(cells):
@@ -268,7 +270,13 @@ def _balance(
 def _size(problem: Problem, need: float) -> int:
     """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    return int(min(max(SMALLEST, 1 << min(bits, 62)), max(problem.piece_size, SMALLEST)))
+    least = _affordable(problem, SMALLEST)
+    return int(min(max(least, 1 << min(bits, 62)), max(problem.piece_size, least)))
+
+
+def _affordable(problem: Problem, count: int) -> int:
+    """That many candidates, or fewer where scoring one takes thousands of operations."""
+    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes)))
 
 
 def _chunks(problem: Problem, count: int) -> list[int]:
@@ -285,7 +293,7 @@ def _explore(
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried = 0
     for chunk in range(most):
-        for count in _chunks(problem, 2048 if cell is not None and not chunk else 16_384):
+        for count in _chunks(problem, _affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
             _, _, cells = _draw(problem, cover, count, rng)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count
@@ -294,9 +302,12 @@ def _explore(
     return hits, tried
 
 
-def _draw(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) -> tuple[Array, Array, Index]:
-    """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,)."""
-    rows, phi, usable = _candidates(problem, cover, count, rng)
+def _draw(
+    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+) -> tuple[Array, Array, Index]:
+    """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is memory to
+    draw them in, (3N, CHUNK)."""
+    rows, phi, usable = _candidates(problem, cover, count, rng, room)
     for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
         if low > -math.inf:
             usable &= value >= low
@@ -308,9 +319,11 @@ def _draw(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) 
     return rows.take(kept, axis=1), chosen, problem.cells.find(chosen)
 
 
-def _candidates(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) -> tuple[Array, Array, Bool]:
+def _candidates(
+    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+) -> tuple[Array, Array, Bool]:
     """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
-    rows = np.empty((len(problem.lowest), count))
+    rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
     np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
     values = evaluate(problem.core, list(rows), NUMPY)

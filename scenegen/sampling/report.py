@@ -32,7 +32,7 @@ def fell_short(plan: Plan, tally: Tally) -> Diagnostic | None:
     if tally.scenes >= plan.wanted:
         return None
     tried = plan.account(tally).tried
-    return shortfall(plan.problem, tally.scenes, tried, *plan.misses(), rarest=tally.scarcest)
+    return shortfall(plan.problem, tally.found, tried, *plan.misses(), rarest=tally.scarcest)
 
 
 def finish(

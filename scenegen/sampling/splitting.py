@@ -57,7 +57,8 @@ class Piece:
 @dataclass(frozen=True, slots=True)
 class Splitting:
     """A plan for one request. The facts of a piece are: 1 if it lived, its estimate of the probability and the square
-    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects."""
+    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and
+    their squares."""
 
     problem: Problem
     plan: Plan
@@ -110,20 +111,21 @@ class Splitting:
             float(len(order)),
             float(made.evaluations),
             *made.effect,
+            *made.effect**2,
         ]
         return Candidates(rows, phi, self.cells.find(phi), np.array(facts))
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
         plan = self.plan
-        alive, mean, square, accepted, stuck, scenes, evaluations, *effects = tally.facts or (0.0,) * 7
-        effect = max([1.0, *effects]) if alive == 0.0 else max([1.0, *(one / alive for one in effects)])
+        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
+        effect = _worst(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
-        total = plan.evaluations + int(evaluations)
+        evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
             "method": "splitting",
             "seed": self.seed,
-            "candidates": total,
+            "candidates": evaluations,
             "levels": plan.levels,
             "pieces": tally.pieces,
             "chains": plan.chains,
@@ -133,7 +135,7 @@ class Splitting:
             "correlation": round(float(plan.left), 4),
             "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
         }
-        info |= probability(tally.pieces, mean, square)
+        info |= probability(tally.pieces, total, square)
         warnings: tuple[Diagnostic, ...] = ()
         if plan.left > 2 * NEGLIGIBLE:
             title = (
@@ -141,7 +143,7 @@ class Splitting:
             )
             note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
             warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
-        return Account(info, f"{total:,} evaluations of splitting", warnings)
+        return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
     def misses(self) -> tuple[Array, Array]:
         return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
@@ -211,6 +213,16 @@ def _nothing(problem: Problem, evaluations: int) -> Piece:
 def _aside(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for what is done with the scenes of piece k, or of the plan (-1), once they are there."""
     return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+
+
+def _worst(count: float, effects: Array) -> float:
+    """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
+    errors over the pieces are taken off each. `effects` (2, S) are sums and sums of squares over `count` pieces."""
+    if not count:
+        return 1.0
+    mean, square = effects / count
+    error = np.sqrt(np.maximum(square - mean * mean, 0.0) / (count - 1.0)) if count > 1.0 else 0.0
+    return float((mean - 2.0 * error).max(initial=1.0))
 
 
 def probability(count: int, total: float, square: float) -> dict[str, object]:

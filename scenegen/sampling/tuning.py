@@ -56,8 +56,8 @@ class Tuner:
     def adapt(self) -> int:
         """Move until the copies have parted, tuning step lengths on the way; returns the number of moves."""
         state, rng = self._chains, self._chains.rng
-        enough = max(2.0, 0.25 * self._frame.dimension)
-        least, most = 6, 24 + 4 * self._frame.dimension
+        enough = max(3.0, 0.5 * self._frame.dimension)
+        least, most = 6, 24 + 6 * self._frame.dimension
         moved, moves = 0.0, 0
         tuning = self.tuning()
         while moves < least or (moved < enough and moves < most):

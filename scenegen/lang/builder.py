@@ -32,9 +32,9 @@ class CoreBuilder:
         self.nodes: list[Node] = []
         self._index: dict[object, int] = {}
         self._negation: dict[int, int] = {TRUE: FALSE, FALSE: TRUE}
+        self._sides: dict[int, tuple[int, int]] = {}  # of an atom, the numbers that it compares
 
-    def _add(self, node: Node, key: object = None) -> int:
-        key = node if key is None else key
+    def _add(self, node: Node, key: object) -> int:
         known = self._index.get(key)
         if known is None:
             if len(self.nodes) >= MAX_NODES:
@@ -49,7 +49,8 @@ class CoreBuilder:
         return self._add(Const(value), ("const", value, math.copysign(1.0, value)))
 
     def coord(self, index: int, axis: int) -> int:
-        return self._add(Coord(index, axis))
+        known = self._index.get((index, axis))
+        return self._add(Coord(index, axis), (index, axis)) if known is None else known
 
     def value(self, number: int) -> float | None:
         """The value of a constant number, None of one that depends on the scene."""
@@ -79,17 +80,28 @@ class CoreBuilder:
             return self.const(result)
         if len(args) == 1 and PRIMITIVES[primitive].variadic:
             return args[0]
-        return self._add(Apply(primitive, tuple(args), shapes))
+        key = (primitive, tuple(args), shapes)
+        known_ = self._index.get(key)
+        return self._add(Apply(*key), key) if known_ is None else known_
 
     # ---- formulas
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
-        margin, opposite = self.apply("sub", (upper, lower)), self.apply("sub", (lower, upper))
+        margin = self.apply("sub", (upper, lower))
         holds = self._add(Atom(margin, text, unit, spans), ("atom", margin, text))
-        fails = self._add(Atom(opposite, _negated(text), unit, spans), ("atom", opposite, _negated(text)))
-        self._negation[holds], self._negation[fails] = fails, holds
+        self._sides.setdefault(holds, (lower, upper))
         return holds
+
+    def _opposite(self, index: int, atom: Atom) -> None:
+        """Makes the negation of an atom: most are never asked for."""
+        lower, upper = self._sides[index]
+        text = _negated(atom.text)
+        margin = self.apply("sub", (lower, upper))
+        fails = self._add(Atom(margin, text, atom.unit, atom.spans), ("atom", margin, text))
+        self._negation[index] = fails
+        self._negation.setdefault(fails, index)
+        self._sides.setdefault(fails, (upper, lower))
 
     def junction(self, kind: Literal["min", "max"], parts: Sequence[int], text: str = "") -> int:
         """Conjunction or disjunction of formulas; doubles are dropped, true and false decided."""
@@ -112,7 +124,10 @@ class CoreBuilder:
                 stack.pop()
                 continue
             node = self.nodes[top]
-            assert isinstance(node, Junction)  # atoms are made together with their negation
+            if isinstance(node, Atom):
+                self._opposite(top, node)
+                continue
+            assert isinstance(node, Junction)
             waiting = [part for part in node.args if part not in self._negation]
             if waiting:
                 stack.extend(waiting)

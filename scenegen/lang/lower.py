@@ -94,15 +94,13 @@ class Lowering:
         if self._work > MAX_WORK:
             raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
         origin = self.origin(node, frame)
+        value: Value
         match node:
             case ast.Name():
-                value: Value = yield self._name(node, env, frame)
+                value = yield self._name(node, env, frame)
                 return value
-            case ast.Quantity(number, suffix):
-                amount, unit = quantity(number, suffix)
-                if not math.isfinite(amount):
-                    raise self.error("this number is too large", node, frame)
-                return NumberValue(self.builder.const(amount), unit, origin=origin)
+            case ast.Quantity():
+                return self._quantity(node, frame)
             case ast.Truth(truth):
                 return FormulaValue(TRUE if truth else FALSE, origin=origin)
             case ast.Point(coordinates):
@@ -118,8 +116,8 @@ class Lowering:
                 value = yield self.lower(base, env, frame)
                 return member(self, value, node, name.id, frame)
             case ast.Index(base, place):
-                value = yield self.lower(base, env, frame)
-                which = yield self.lower(place, env, frame)
+                value = self._at_once(base, env, frame) or (yield self.lower(base, env, frame))
+                which = self._at_once(place, env, frame) or (yield self.lower(place, env, frame))
                 return index(self, value, self.kinds.number(which, "an index"), node, frame)
             case ast.Quantifier():
                 over: Value = yield quantify(self, node, env, frame)
@@ -159,6 +157,26 @@ class Lowering:
                 help_ = "a range stands in a quantifier: forall i in 1..6: ..."
                 raise self.error("a range cannot stand here", node, frame, "", help_)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
+
+    def _at_once(self, node: ast.Expr, env: Environment, frame: Frame) -> Value | None:
+        """The value of an expression that is a variable, a number or an object: a call for it would cost more."""
+        match node:
+            case ast.Name(name):
+                if name in env:
+                    return env[name]
+                if name in self.scope.things:
+                    return self._objects(node, frame, self.origin(node, frame))
+                return None
+            case ast.Quantity():
+                return self._quantity(node, frame)
+            case _:
+                return None
+
+    def _quantity(self, node: ast.Quantity, frame: Frame) -> NumberValue:
+        amount, unit = quantity(node.number, node.unit)
+        if not math.isfinite(amount):
+            raise self.error("this number is too large", node, frame)
+        return NumberValue(self.builder.const(amount), unit, origin=self.origin(node, frame))
 
     # ---- names
 
@@ -223,7 +241,7 @@ class Lowering:
         symbol = "-" if isinstance(node, ast.Negative) else node.operator
         numbers = []
         for part in parts:
-            value = yield self.lower(part, env, frame)
+            value = self._at_once(part, env, frame) or (yield self.lower(part, env, frame))
             numbers.append(self.kinds.number(value, f"what `{symbol}` works on"))
         if symbol in ("+", "-"):
             self.refuse_degrees(numbers)
@@ -283,7 +301,7 @@ class Lowering:
     def _compare(self, node: ast.Compare, env: Environment, frame: Frame) -> Call[Value]:
         numbers: list[NumberValue] = []
         for operand in node.operands:
-            value = yield self.lower(operand, env, frame)
+            value = self._at_once(operand, env, frame) or (yield self.lower(operand, env, frame))
             numbers.append(self.kinds.number(value, "each side of a comparison"))
         self.refuse_degrees(numbers)
         atoms = []
@@ -292,9 +310,9 @@ class Lowering:
         for (left, right), operator in zip(pairwise(numbers), node.operators, strict=True):
             unit = self.agree(node, frame, "compared with", left.unit, right.unit)
             low, high = (left.node, right.node) if operator == "<=" else (right.node, left.node)
-            sides = [describe(self.builder.nodes, self.builder.objects, side.node) for side in (left, right)]
+            text = named or f" {operator} ".join(map(self.text, (left, right)))
             try:
-                atoms.append(self.builder.atom(low, high, named or f" {operator} ".join(sides), unit, places))
+                atoms.append(self.builder.atom(low, high, text, unit, places))
             except OverflowError:
                 raise self.error("this number is too large", node, frame) from None
         return FormulaValue(self.builder.junction("min", atoms), origin=places[0])
@@ -305,10 +323,7 @@ class Lowering:
         name = node.function.id
         values: dict[str, Value] = {}
         for parameter, argument, role in self._arguments(node, frame):
-            if isinstance(argument, ast.Name) and argument.id in env:
-                value = env[argument.id]
-            else:
-                value = yield self.lower(argument, env, frame)
+            value = self._at_once(argument, env, frame) or (yield self.lower(argument, env, frame))
             values[parameter] = value if value.role else value.moved(value.origin, role)
         if name in self.scope.definitions:
             expanded: Value = yield self._expand(self.scope.definitions[name], values, node, frame)

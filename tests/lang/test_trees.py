@@ -48,8 +48,25 @@ def test_a_shipped_spec(path, golden):
 
 
 def test_the_corpus(golden):
-    assert len(LINES) >= 120
+    assert len(LINES) == len(set(LINES)) >= 400
     golden("lang/formulas.trees.txt", "\n".join(f"> {line}\n{tree(line, True)}= {canonical(line)}" for line in LINES))
+
+
+def test_what_the_corpus_means(golden):
+    """The objects, what is fixed, and every label expanded, of each text that the checker accepts."""
+    parts = []
+    for line in LINES:
+        try:
+            checked = check_text(line)
+        except SpecError:
+            continue
+        head = f"> {line}\nobjects {', '.join(checked.objects)}\n"
+        held = "".join(f"{checked.objects[place]} at {pose}\n" for place, pose in checked.fixed.items())
+        regions = "".join(f"region {one.name} {one.footprint} {one.pose}\n" for one in checked.regions)
+        told = "".join(f"warning: {one.title}\n" for one in checked.warnings)
+        parts.append(head + held + regions + expanded(checked) + told)
+    assert len(parts) >= 300
+    golden("lang/formulas.meaning.txt", "\n".join(parts))
 
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)

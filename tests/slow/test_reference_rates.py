@@ -9,7 +9,8 @@ import torch
 import scenegen
 from scenegen.metrics.coverage import coverage
 from scenegen.resources import shipped_specs
-from scenegen.sampling.base import PIECE, draw, piece_generator
+from scenegen.sampling.base import draw, piece_generator
+from scenegen.sampling.pieces import PIECE
 
 pytestmark = pytest.mark.slow
 

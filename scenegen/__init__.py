@@ -22,6 +22,8 @@ _PUBLIC = {
     "SceneSet": "scenes",
     "read_scenes": "scenes",
     "sample": "sample",
+    "sample_to": "stream",
+    "Written": "stream",
     "train": "train",
     "Model": "train",
     "load_model": "train",
@@ -38,12 +40,14 @@ __all__ = [
     "ScenegenError",
     "Spec",
     "SpecError",
+    "Written",
     "__version__",
     "load",
     "load_model",
     "parse",
     "read_scenes",
     "sample",
+    "sample_to",
     "train",
 ]
 
@@ -51,6 +55,7 @@ if TYPE_CHECKING:
     from scenegen.api.sample import sample
     from scenegen.api.scenes import SceneSet, read_scenes
     from scenegen.api.spec import Spec, load, parse
+    from scenegen.api.stream import Written, sample_to
     from scenegen.api.train import Model, load_model, train
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
 

@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Mapping
-from numbers import Real
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
-from scenegen.api.scenes import SceneSet, evaluate, make_header
+from scenegen.api.ask import Ask, Ends, ask
+from scenegen.api.scenes import SceneSet, make_header
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
-from scenegen.errors import Diagnostic, RequestError, suggest
-from scenegen.lang.core import REQUIRE
-from scenegen.lang.interpret import phi as interpret
-from scenegen.primitives import NUMPY
-from scenegen.scene.data import RequestData
+from scenegen.errors import Diagnostic, RequestError
 
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
+    from scenegen.engine.stream import Progress
+    from scenegen.sampling.auto import Choice
     from scenegen.sampling.collect import Sampled
     from scenegen.sampling.held import Held
-    from scenegen.sampling.problem import Budget, Problem, Progress
     from scenegen.sampling.request import Range
 
-METHODS = ("auto", "rejection", "splitting", "model")
+IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
-Ends = tuple[float | None, float | None]
+Note = Callable[[str], None]
 
 
 def sample(
@@ -46,125 +39,89 @@ def sample(
     raw: bool = False,
     keep_partial: bool = False,
     fix: Mapping[str, Held | tuple[float, ...]] | None = None,
+    workers: int | None = None,
     progress: Progress | None = None,
+    on_note: Note | None = None,
 ) -> SceneSet:
     """n scenes whose phi lies in the wanted range of every label, re-scored by the exact spec in float64.
 
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free. With two ends
     the range is cut into cells that get equal shares of the scenes; `spread="base"` switches that off. From a Spec the
-    scenes are drawn by pruned rejection: independent, and exactly distributed within a cell; the method `splitting`
-    reaches rare ranges with Markov chains, exact in the limit of long chains. From a Model they are its proposals,
-    moved onto their target: approximately distributed. `raw` returns a model's own output instead, neither moved nor
-    filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given
-    scene.
+    scenes are drawn by pruned rejection (`rejection`: independent, and exactly distributed within a cell) or by
+    multilevel splitting (`splitting`: Markov chains that reach rare ranges, exact in the limit of long chains); `auto`
+    takes what needs fewer evaluations of phi and tells `on_note`, and the header, what it took and why. From a Model
+    they are its proposals, moved onto their target: approximately distributed. `raw` returns a model's own output
+    instead, neither moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that
+    the others complete a given scene.
 
-    The same arguments give the same scenes; `timeout` (seconds) can only cut a run short. Raises RequestError for a
-    request that is wrong or out of reach, and where fewer than n scenes were found in time, unless `keep_partial`.
+    `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
+    arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises
+    RequestError for a request that is wrong or out of reach, where fewer than n scenes were found in time, unless
+    `keep_partial`, and for more scenes than go into memory: see `sample_to`.
     """
-    from scenegen.sampling.problem import Budget, pose
-
-    spec = source.spec if isinstance(source, Model) else source
-    method = _method(method, source, raw)
-    if not (math.isfinite(timeout) and timeout > 0):
-        raise RequestError(
-            Diagnostic(f"the timeout cannot be {timeout:g} s", help="give it a positive number of seconds")
-        )
-    ranges = {label: _range(label, ends) for label, ends in (phi or {}).items()}
-    if raw and fix:
-        title = "`raw` is a model's own output, and a model does not know of objects that are held"
-        raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
-    problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix)
-    budget = Budget(timeout)
-    if method == "model":
-        assert isinstance(source, Model)
-        sampled = _from_model(problem, source, budget, raw, progress)
-    elif method == "splitting":
-        from scenegen.sampling.splitting import splitting
-
-        sampled = splitting(problem, budget, progress)
+    asked = ask(source, phi, n, seed=seed, method=method, spread=spread, timeout=timeout, raw=raw, fix=fix)
+    check_size(asked)
+    if isinstance(source, Model) and asked.method == "model":
+        sampled = _from_model(asked, source, raw, progress)
     else:
-        from scenegen.sampling.rejection import rejection
+        from scenegen.engine.exact import in_memory
 
-        sampled = rejection(problem, budget, progress)
-    return _hand_out(problem, sampled, raw, keep_partial)
-
-
-def _range(label: str, ends: object) -> Range:
-    """A range as people write it in Python. Raises RequestError for anything but two ends."""
-    from scenegen.sampling.request import Range
-
-    if isinstance(ends, Range):
-        return ends
-    if (
-        not isinstance(ends, tuple | list)
-        or len(ends) != 2
-        or not all(end is None or isinstance(end, Real) for end in ends)
-    ):
-        help_ = "write (lowest, highest), with None for an open end"
-        raise RequestError(Diagnostic(f"phi of `{label}` is asked for as {ends!r}", help=help_))
-    low, high = ends
-    return Range(None if low is None else float(low), None if high is None else float(high))
+        choice = chosen(asked, on_note)
+        sampled = in_memory(choice, asked.budget, workers=workers, progress=progress)
+    return _hand_out(asked, sampled, keep_partial)
 
 
-def _method(method: str, source: Spec | Model, raw: bool) -> str:
-    if method not in METHODS:
-        raise RequestError(
-            Diagnostic(f"unknown method `{method}`", help=suggest(method, METHODS, f"one of {', '.join(METHODS)}"))
-        )
-    if method == "auto":
-        method = "model" if isinstance(source, Model) else "rejection"
-    if method == "model" and not isinstance(source, Model):
-        title = "the method `model` needs a trained model, not a spec"
-        raise RequestError(Diagnostic(title, help="name the model file: scenegen sample model.safetensors --phi ..."))
-    if raw and method != "model":
-        title = "`raw` is a model's own output, and no model takes part here"
-        raise RequestError(Diagnostic(title, help="name a model file, or leave --raw out"))
-    return method
+def chosen(asked: Ask, on_note: Note | None = None) -> Choice:
+    """The plan of a request to a spec; a choice by `auto` is told."""
+    from scenegen.sampling.auto import choose
+
+    choice = choose(asked.problem, asked.method, asked.budget)
+    if choice.reason is not None and on_note is not None:
+        on_note(f"{choice.plan.name}: {choice.reason}")
+    return choice
 
 
-def _from_model(problem: Problem, model: Model, budget: Budget, raw: bool, progress: Progress | None) -> Sampled:
+def check_size(asked: Ask) -> None:
+    """Refuse more scenes than go into memory. Raises RequestError."""
+    problem = asked.problem
+    each = len(problem.lowest) + len(problem.spec.labels)
+    most = IN_MEMORY // each
+    if problem.request.n > most:
+        title = f"{problem.request.n:,} scenes of {len(problem.spec.objects)} objects are too many for memory"
+        help_ = f"write them to a file with --out scenes.parquet (in Python, sample_to), or ask for at most {most:,}"
+        raise RequestError(Diagnostic(title, help=help_))
+
+
+def partial(shortfall: Diagnostic) -> Diagnostic:
+    """The warning that goes with fewer scenes than wanted."""
+    return dataclasses.replace(shortfall, title=f"{shortfall.title}; these are kept", severity="warning")
+
+
+def _from_model(asked: Ask, model: Model, raw: bool, progress: Progress | None) -> Sampled:
     from scenegen.sampling.guided import guided, unrefined
+    from scenegen.sampling.verify import verify
 
     def propose(phi: Tensor, generator: torch.Generator) -> Tensor:
         # a model knows the labels, not the requirement that may stand after them
         return model.trained.propose(phi[: len(model.spec.labels)], generator)
 
     if raw:
-        return unrefined(problem, propose, model.name)
-    return guided(problem, propose, model.name, budget, progress)
+        return unrefined(asked.problem, propose, model.name)
+    sampled = guided(asked.problem, propose, model.name, asked.budget, progress)
+    verify(asked.problem, sampled.rows, sampled.phi)
+    return sampled
 
 
-def _hand_out(problem: Problem, sampled: Sampled, raw: bool, keep_partial: bool) -> SceneSet:
-    """The scene set of what a sampler found, after a second look by another evaluator."""
+def _hand_out(asked: Ask, sampled: Sampled, keep_partial: bool) -> SceneSet:
+    """The scene set of what a sampler found. Raises RequestError where that is too little."""
+    problem = asked.problem
     warnings = list(sampled.warnings)
     if sampled.shortfall is not None:
         if not (keep_partial and sampled.count):
             raise RequestError(sampled.shortfall)
-        kept = f"{sampled.shortfall.title}; these are kept"
-        warnings.append(dataclasses.replace(sampled.shortfall, title=kept, severity="warning"))
-    request = problem.request
-    asked = {label: (wanted.low, wanted.high) for label, wanted in request.ranges.items()}
-    header = make_header(problem.spec, sampled.info, RequestData(phi=asked, n=request.n, spread=request.spread))
-    objects = len(problem.spec.objects)
-    poses = np.ascontiguousarray(sampled.rows.T).reshape(sampled.count, objects, 3)
-    scenes = SceneSet(poses, {}, header, tuple(warnings))
-    phi = evaluate(problem.spec, scenes)
-    _verify(problem, sampled, phi, raw)
-    return dataclasses.replace(scenes, phi=phi)
-
-
-def _verify(problem: Problem, sampled: Sampled, phi: Mapping[str, npt.NDArray[np.float64]], raw: bool) -> None:
-    """A second look at what is handed out. What fails here is a bug of ours, and is never handed out."""
-    again = np.array(list(phi.values())).reshape(len(phi), sampled.count)
-    if not np.allclose(again, sampled.phi[: len(phi)], rtol=0.0, atol=1e-9):
-        raise AssertionError("two evaluators of the same spec disagree about phi")
-    if raw:
-        return
-    if problem.spec.core.requirement is not None:
-        margin = interpret(problem.core, list(sampled.rows), NUMPY)[REQUIRE]
-        again = np.vstack([again, np.broadcast_to(margin, (1, sampled.count))])
-    inside = (again >= problem.cells.low[:, None]) & (again <= problem.cells.high[:, None])
-    still = problem.lowest == problem.highest
-    held = (sampled.rows[still] == problem.lowest[still, None]).all()
-    if not (problem.spec.workspace.contains(sampled.rows).all() and inside.all() and held):
-        raise AssertionError("a sampler handed out a scene that was not asked for")
+        warnings.append(partial(sampled.shortfall))
+    header = make_header(problem.spec, sampled.info, asked.data)
+    # a view of (3N, n) storage, in which each coordinate is contiguous
+    poses = sampled.rows.T.reshape(sampled.count, len(problem.spec.objects), 3)
+    phi = dict(zip(problem.spec.labels, sampled.phi, strict=False))
+    return SceneSet(poses, phi, header, tuple(warnings))

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
+    from scenegen.api.stream import Met
     from scenegen.api.train import Model
+    from scenegen.scene.data import SceneFile
 
 
 def sample(
@@ -47,6 +51,15 @@ def sample(
             show_default=False,
         ),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", help="Processes; default: one for small requests, else one per core.", show_default=False
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an earlier run with this --out was broken off.")
+    ] = False,
     timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
     keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
     raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
@@ -67,20 +80,28 @@ def sample(
       scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
       scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5
+      scenegen sample my.spec --phi 0: -n 1000000 --timeout 600 --out s.parquet
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
     free. If fewer than -n scenes are found in time, nothing is written and the exit status is 1, unless --keep-partial.
+
+    The scenes depend on the spec, the request and --seed alone, not on --workers or the format. Many scenes grow in a
+    folder beside --out: what is broken off, by Ctrl-C, by --timeout or by force, goes on with --resume.
     """
     from scenegen.api.sample import sample as draw_scenes
-    from scenegen.cli.output import complain
+    from scenegen.cli.output import complain, print_error
     from scenegen.cli.render import draw
+    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.formats.blocks import BLOCK
     from scenegen.formats.files import check_folder, check_writable
     from scenegen.formats.table import format_of
 
     if out is not None:
         format_of(out)
         check_writable(out, source)
+    elif resume:
+        raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
     subject = _load(source, spec)
     from scenegen.api.train import Model
     from scenegen.sampling.held import parse_fixed
@@ -91,23 +112,33 @@ def sample(
     fixed = parse_fixed(fix or [])
     if render is not None:
         check_folder(render, out)
-    import torch
+    if isinstance(subject, Model):
+        import torch
 
-    torch.set_num_threads(1)  # a piece is drawn on one thread, so that its bytes do not depend on the machine's load
+        torch.set_num_threads(1)  # so that the bytes do not depend on the number of cores
+    common: dict[str, Any] = {
+        "seed": seed,
+        "method": method,
+        "spread": spread,
+        "timeout": timeout,
+        "keep_partial": keep_partial,
+        "fix": fixed,
+        "workers": workers,
+    }
+    if out is not None and (resume or (n > BLOCK and not isinstance(subject, Model))):
+        _refuse_raw(raw)
+        from scenegen.api.scenes import read_scenes
+        from scenegen.api.stream import sample_to
+
+        with _Bar() as bar:
+            written = sample_to(out, subject, ranges, n, resume=resume, progress=bar, on_note=print_error, **common)
+        complain(*written.warnings)
+        _summary(written.header, written.count, written.phi, out)
+        if render is not None:
+            draw(read_scenes(out), render)
+        return
     with _Bar() as bar:
-        scenes = draw_scenes(
-            subject,
-            ranges,
-            n,
-            seed=seed,
-            method=method,
-            spread=spread,
-            timeout=timeout,
-            raw=raw,
-            keep_partial=keep_partial,
-            fix=fixed,
-            progress=bar,
-        )
+        scenes = draw_scenes(subject, ranges, n, raw=raw, progress=bar, **common)
     complain(*scenes.warnings)
     if out is not None:
         scenes.save(out)
@@ -116,9 +147,19 @@ def sample(
         from scenegen.formats.scenes_json import dump
 
         write_data(dump(scenes.file()))
-    _summary(scenes, out)
+    if "reason" in scenes.header.sampler:
+        print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
+    _summary(scenes.header, len(scenes), _met(scenes), out)
     if render is not None:
         draw(scenes, render)
+
+
+def _refuse_raw(raw: bool) -> None:
+    from scenegen.errors import Diagnostic, RequestError
+
+    if raw:
+        title = "`raw` is a model's own output, made at once: there is nothing to resume"
+        raise RequestError(Diagnostic(title, help="leave --raw or --resume out"))
 
 
 def _load(source: Path, expected: Path | None) -> Spec | Model:
@@ -171,22 +212,36 @@ class _Bar:
         self._progress.update(self._task, description=text, completed=found, total=wanted)
 
 
-def _summary(scenes: SceneSet, out: Path | None) -> None:
+def _met(scenes: SceneSet) -> dict[str, Met]:
+    from scenegen.api.stream import met
+
+    return met(scenes)
+
+
+def _summary(header: SceneFile, count: int, phi: Mapping[str, Met], out: Path | None) -> None:
     """What was asked for beside what came out."""
     from rich.table import Table
 
     from scenegen.cli.output import console, print_error
 
-    info = scenes.header.sampler
-    tried = f"{info['draws']:,} draws" if "draws" in info else f"{info['candidates']:,} candidates"
-    kind = "raw output of the model" if info.get("raw") else f"{info['method']}, {tried}"
-    print_error(f"{len(scenes)} scenes ({kind})" + (f" in {out}" if out is not None else ""))
+    print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
     table = Table("label", "asked phi", "lowest", "mean", "highest", box=None, header_style="bold")
-    for label, values in scenes.phi.items():
-        low, high = scenes.header.request.phi.get(label, (None, None))
+    for label, values in phi.items():
+        low, high = header.request.phi.get(label, (None, None))
         asked = "any" if low is None and high is None else f"{_end(low)}:{_end(high)}"
-        table.add_row(label, asked, *(f"{value:+.4f}" for value in (values.min(), values.mean(), values.max())))
+        table.add_row(label, asked, *(f"{value:+.4f}" for value in (values.lowest, values.mean, values.highest)))
     console().print(table)
+
+
+def _how(info: Mapping[str, Any]) -> str:
+    """How scenes were made, and with what yield."""
+    if info.get("raw"):
+        return "raw output of the model"
+    if info["method"] == "rejection":
+        return f"rejection, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
+    if info["method"] == "splitting":
+        return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    return f"{info['method']}, {info['candidates']:,} candidates"
 
 
 def _end(value: float | None) -> str:

@@ -8,7 +8,8 @@ How n scenes are spread over the cells when no process ever sees more than a few
 * Candidates are offered in the order of the pieces. A cell keeps the first that it has room for: what the block in the
   making and the next one want of it; the others are dropped. That depends on counts per cell only, never on the scenes,
   so within a cell the kept ones follow the same distribution as the offered ones.
-* A block is finished when every cell has its share of it; it is then shuffled with a seed of its own.
+* A block is finished when every cell has its share of it; it is then shuffled with a seed of its own. With a single
+  cell there is nothing to shuffle: candidates come in an order without pattern.
 
 A shuffle across blocks would need all scenes in memory or on disk twice, and nothing needs it: any run of scenes as
 long as a few times C is even over the cells already. Common cells wait for rare ones, at most one block ahead: no more
@@ -59,6 +60,14 @@ class Filler:
         """Scenes that would be handed out now."""
         return self.done + int(self._count.sum())
 
+    @property
+    def scarcest(self) -> int | None:
+        """The cell that lacks most for all scenes to be handed out; None where none does."""
+        if self.complete:
+            return None
+        lacks = self._shares(self.done, self._wanted) - self._count
+        return int(self._cells[int(lacks.argmax())])
+
     def offer(self, block: Block, cell: Cell) -> Iterator[Block]:
         """The blocks that are finished by m candidates more; `cell` (m,) is -1 for those out of range."""
         index = self._index[np.minimum(cell, len(self._index) - 1)]
@@ -108,6 +117,12 @@ class Filler:
     def _keep(self, block: Block, index: Cell, known: npt.NDArray[np.bool_]) -> None:
         horizon = min(self.done + 2 * self._size, self._wanted)
         room = self._shares(self.done, horizon) - self._count
+        if len(self._cells) == 1 and known.all():
+            count = min(block.count, int(room[0]))
+            if count > 0:
+                self._waiting.append((block.part(0, count), index[:count]))
+                self._count += count
+            return
         kept = np.flatnonzero(known)
         kept = kept[_rank(index[kept], len(self._cells)) < room[index[kept]]]
         if len(kept):
@@ -120,6 +135,13 @@ class Filler:
             if (self._count < shares).any():
                 return
             block, index = self._together()
+            if len(self._cells) == 1:
+                size = int(shares[0])
+                self._waiting = [(block.part(size, block.count), index[size:])] if size < block.count else []
+                self._count = self._count - shares
+                self.done += size
+                yield block.part(0, size)
+                continue
             leaves = _rank(index, len(self._cells)) < shares[index]
             stays = np.flatnonzero(~leaves)
             self._waiting = [(Block(block.rows[:, stays], block.phi[:, stays]), index[stays])] if len(stays) else []
@@ -127,6 +149,9 @@ class Filler:
             yield self._leave(block, np.flatnonzero(leaves))
 
     def _leave(self, block: Block, which: Cell) -> Block:
+        if len(self._cells) == 1:
+            self.done += len(which)
+            return block
         seed = np.random.SeedSequence([self._seed, ORDER, self.done])
         order = which[np.random.default_rng(seed).permutation(len(which))]
         self.done += len(order)

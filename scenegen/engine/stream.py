@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import itertools
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,24 +18,14 @@ from scenegen.engine.pool import run_pieces
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.formats.table import format_of
-from scenegen.sampling.pieces import Pieces
+from scenegen.sampling.pieces import Array, Pieces, Tally
 from scenegen.scene.data import SceneFile
+from scenegen.training.interrupt import stop_signals
 
 Progress = Callable[[int, int, int], None]
 """Told after each piece: scenes found, scenes wanted, candidates in the wanted cells."""
 
 CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; when checkpoints are made does not change the file
-
-
-@dataclass(frozen=True, slots=True)
-class Tally:
-    """How a run stands. `pieces` are used up, they gave `candidates` in reached cells; `strays` are cells that were hit
-    although the plan takes them for out of reach. All of it depends on the request alone, never on the workers."""
-
-    scenes: int
-    pieces: int
-    candidates: int
-    strays: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +36,58 @@ class _Work:
     pieces: Pieces
     labels: int
 
-    def __call__(self, k: int) -> tuple[Block, Cell]:
-        rows, phi = self.pieces.piece(k)
-        cell = self.pieces.cells.find(phi)
-        inside = np.flatnonzero(cell >= 0)
-        return Block(rows[:, inside], phi[: self.labels, inside]), cell[inside]
+    def __call__(self, k: int) -> tuple[Block, Cell, Array]:
+        made = self.pieces.piece(k)
+        rows, phi, cell = made.rows, made.phi[: self.labels], made.cell
+        if len(cell) and cell.min() < 0:
+            inside = np.flatnonzero(cell >= 0)
+            rows, phi, cell = rows.take(inside, axis=1), phi.take(inside, axis=1), cell[inside]
+        return Block(rows, phi), cell, made.facts
+
+
+@dataclass(slots=True)
+class _Standing:
+    """How far a run is. `used` pieces have given the sums `facts`; the last `idle` of them brought nothing of use."""
+
+    pieces: Pieces
+    filler: Filler
+    used: int = 0
+    idle: int = 0
+    facts: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has come to its end by itself."""
+        if self.filler.complete:
+            return self.used >= self.pieces.fewest
+        patience = self.pieces.patience
+        return patience is not None and self.idle >= patience
+
+    def take(self, candidates: Block, cell: Cell, facts: Array) -> Generator[Block, None, None]:
+        """The blocks that a piece more finishes."""
+        found = self.filler.found
+        yield from self.filler.offer(candidates, cell)
+        if len(facts) > len(self.facts):  # a piece that came to nothing may have fewer than others
+            self.facts, facts = facts.copy(), self.facts
+        self.facts[: len(facts)] += facts
+        self.idle = self.idle + 1 if self.filler.found == found else 0
+        self.used += 1
+
+    def tally(self) -> Tally:
+        filler = self.filler
+        strays, facts = tuple(sorted(filler.strays)), tuple(map(float, self.facts))
+        return Tally(filler.done, filler.found, self.used, filler.candidates, strays, facts, filler.scarcest)
+
+    def state(self) -> tuple[dict[str, object], Array]:
+        """Everything that is not fixed by the request: JSON, and the scenes that wait for a block."""
+        facts, waiting = self.filler.state()
+        state = {"pieces": self.used, "idle": self.idle, "found": self.filler.found}
+        return {**state, "facts": self.facts.tolist(), "filler": facts}, waiting
+
+    def restore(self, state: Mapping[str, Any], waiting: Array, coordinates: int) -> None:
+        self.used, self.idle = int(state["pieces"]), int(state["idle"])
+        self.facts = np.array(state["facts"], dtype=np.float64)
+        self.filler.restore(state["filler"], waiting, coordinates)
 
 
 def run_blocks(
@@ -63,21 +101,22 @@ def run_blocks(
 ) -> Generator[Block, None, Tally]:
     """The scenes of a request in blocks of `size`; the generator's return value is the tally.
 
-    `labels` is the number of the spec's labels. Where `spent` says so, which is asked between pieces, the run ends with
-    what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
+    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends
+    with what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
     """
-    filler = Filler(pieces.reached, pieces.wanted, pieces.seed, size)
-    used = 0
+    run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
     with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
-        while not (filler.complete or spent()):
-            yield from filler.offer(*next(results))
-            used += 1
+        while not run.over:
+            yield from run.take(*next(results))
             if progress is not None:
-                progress(filler.found, pieces.wanted, filler.candidates)
-    rest = filler.rest()
+                progress(run.filler.found, pieces.wanted, run.filler.candidates)
+            if spent():
+                break
+    scarcest = run.filler.scarcest
+    rest = run.filler.rest()
     if rest is not None:
         yield rest
-    return _tally(filler, used)
+    return replace(run.tally(), scarcest=scarcest)
 
 
 def stream_scenes(
@@ -92,6 +131,7 @@ def stream_scenes(
     keep_partial: bool = False,
     spent: Callable[[], bool] = lambda: False,
     inspect: Callable[[Block], None] | None = None,
+    joining: Callable[[Block], None] | None = None,
     progress: Progress | None = None,
     checkpoint: float = CHECKPOINT,
     size: int = BLOCK,
@@ -101,62 +141,79 @@ def stream_scenes(
     They grow in `x.parquet.part/` and are joined at the end, so that the file appears whole or not at all. After an
     interrupt or kill -9 at any moment, the same call with `resume` goes on from the last checkpoint and ends with the
     same bytes as an unbroken run; without `resume`, what is there is refused. With `resume` and nothing there, it just
-    begins. The bytes do not depend on `workers`, nor on when the run was broken.
+    begins. The bytes do not depend on `workers`, nor on when the run was broken. SIGINT and SIGTERM end the run after
+    the piece that is under way, with a checkpoint; KeyboardInterrupt then says how to go on. A second one does not
+    wait.
 
     `labels` are the spec's. `header` makes the scene file without scenes from the tally, once all scenes are there; it
     is tried with an empty tally before the work begins. `request` is JSON that, with the plan, fixes the scenes: put
     the spec's hash, ranges, n, seed, method and the versions of scenegen, numpy and torch there. `inspect` sees every
-    block before it is stored, and raises if it finds fault.
+    block before it is stored, and raises if it finds fault; `joining` sees every block that goes into the file, those
+    from before a break too.
 
-    Where `spent` says so, which is asked between pieces, the run ends early. The tally then has fewer scenes than
-    wanted, and nothing is written but the checkpoint, unless `keep_partial`: then the scenes that there are become the
-    file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what `run_pieces` raises.
+    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early.
+    The tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then
+    the scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and
+    what `run_pieces` raises.
     """
     module = format_of(path)
-    trial = header(Tally(0, 0, 0))
+    trial = header(Tally(0, 0, 0, 0))
     module.write(io.BytesIO(), trial, labels, [])
     coordinates = 3 * len(trial.objects)
     facts = {**request, "plan": pieces.plan_digest, "n": pieces.wanted, "seed": pieces.seed, "block": size}
     with open_shards(path, facts, coordinates, resume=resume) as shards:
-        if shards.joined:
-            facts = shards.state["filler"]
-            shards.discard()
-            return Tally(facts["done"], shards.state["pieces"], facts["candidates"], tuple(facts["strays"]))
-        filler = Filler(pieces.reached, pieces.wanted, pieces.seed, size)
-        used = 0
+        run = _Run(shards, _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size)), inspect)
+        standing = run.standing
         if shards.state:
-            used = int(shards.state["pieces"])
-            filler.restore(shards.state["filler"], shards.pool(), coordinates)
-        run = _Run(shards, filler, used, inspect)
+            waiting = np.empty((0, 0)) if shards.joined else shards.pool()
+            standing.restore(shards.state, waiting, coordinates)
+        if shards.joined:
+            shards.discard()
+            return standing.tally()
+        begun = standing.used
         try:
-            with closing(run_pieces(_Work(pieces, len(labels)), itertools.count(used), workers)) as results:
-                while not (filler.complete or spent()):
+            with (
+                stop_signals() as stop,
+                closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results,
+            ):
+                while not standing.over:
                     run.take(*next(results))
                     if progress is not None:
-                        progress(filler.found, pieces.wanted, filler.candidates)
+                        progress(standing.filler.found, pieces.wanted, standing.filler.candidates)
                     run.checkpoint(checkpoint)
+                    if stop.asked:
+                        raise KeyboardInterrupt
+                    if spent():
+                        break
         except BaseException as error:
             # What comes while a piece is waited for finds everything in order; in the midst of a piece it does not.
-            if run.settled and run.used:
+            if run.settled and standing.used:
                 run.checkpoint()
-                if isinstance(error, KeyboardInterrupt):
-                    kept = f"{folder_of(path)} keeps {filler.found:,} scenes: go on with --resume"
-                    raise KeyboardInterrupt(f"interrupted; {kept}") from error
+            if isinstance(error, KeyboardInterrupt) and shards.state:
+                kept = f"{folder_of(path)} keeps {shards.state['found']:,} scenes: go on with --resume"
+                raise KeyboardInterrupt(f"interrupted; {kept}") from error
             raise
-        if run.used:
+        if standing.used:
             run.checkpoint()
-        tally = _tally(filler, run.used)
-        if filler.complete:
-            shards.join(lambda sink, blocks: module.write(sink, header(tally), labels, blocks))
-        elif keep_partial and filler.found:
+        tally = standing.tally()
+
+        def seen(blocks: Iterable[Block]) -> Iterator[Block]:
+            for block in blocks:
+                if joining is not None:
+                    joining(block)
+                yield block
+
+        if standing.filler.complete:
+            shards.join(lambda sink, blocks: module.write(sink, header(tally), labels, seen(blocks)))
+        elif keep_partial and standing.filler.found:
             # The rest is in no checkpoint: killed in the midst of joining, the run can still be resumed to its end.
-            rest = filler.rest()
+            rest = standing.filler.rest()
             assert rest is not None
             if inspect is not None:
                 inspect(rest)
-            tally = _tally(filler, run.used)
+            tally = replace(standing.tally(), scarcest=tally.scarcest)
             shards.join(
-                lambda sink, blocks: module.write(sink, header(tally), labels, itertools.chain(blocks, [rest])),
+                lambda sink, blocks: module.write(sink, header(tally), labels, seen(itertools.chain(blocks, [rest]))),
                 whole=False,
             )
     return tally
@@ -165,32 +222,24 @@ def stream_scenes(
 class _Run:
     """A run that stores what it finds. `settled` unless it is in the midst of taking a piece or of a checkpoint."""
 
-    def __init__(
-        self, shards: Shards, filler: Filler, used: int, inspect: Callable[[Block], None] | None = None
-    ) -> None:
+    def __init__(self, shards: Shards, standing: _Standing, inspect: Callable[[Block], None] | None) -> None:
         self.settled = True
-        self.used = used
-        self._shards, self._filler, self._inspect = shards, filler, inspect
+        self.standing = standing
+        self._shards, self._inspect = shards, inspect
         self._last = time.monotonic()
 
-    def take(self, candidates: Block, cell: Cell) -> None:
+    def take(self, candidates: Block, cell: Cell, facts: Array) -> None:
         self.settled = False
-        for block in self._filler.offer(candidates, cell):
+        for block in self.standing.take(candidates, cell, facts):
             if self._inspect is not None:
                 self._inspect(block)
             self._shards.append(block)
-        self.used += 1
         self.settled = True
 
     def checkpoint(self, after: float = 0.0) -> None:
         """A checkpoint, where the last one is that many seconds ago."""
         if time.monotonic() - self._last >= after:
             self.settled = False
-            facts, waiting = self._filler.state()
-            self._shards.checkpoint({"pieces": self.used, "filler": facts}, waiting)
+            self._shards.checkpoint(*self.standing.state())
             self._last = time.monotonic()
             self.settled = True
-
-
-def _tally(filler: Filler, used: int) -> Tally:
-    return Tally(filler.done, used, filler.candidates, tuple(sorted(filler.strays)))

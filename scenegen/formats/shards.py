@@ -245,7 +245,8 @@ def _check(folder: Path, found: _Manifest, wanted: Mapping[str, Any], resume: bo
     if not resume:
         title = f"{folder} holds {scenes:,} scenes of an unfinished run"
         raise RequestError(Diagnostic(title, help="go on with --resume, or delete the folder"))
-    for key in sorted({*found.request, *wanted}):
+    # another plan follows from any other difference, so that is named first
+    for key in sorted({*found.request, *wanted}, key=lambda key: (key == "plan", key)):
         before, now = found.request.get(key), wanted.get(key)
         if before != now:
             title = f"{folder} is of another request: `{key}` was {_short(before)}, and is {_short(now)} now"

@@ -11,14 +11,6 @@ from scenegen.scene.workspace import TWO_PI, Workspace
 
 Array = npt.NDArray[np.float64]
 
-PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
-LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
-
-
-def piece_size(objects: int) -> int:
-    """How many scenes of that many objects a piece has."""
-    return max(16, min(PIECE, LARGEST_PIECE // (3 * objects)))
-
 
 def piece_generator(seed: int, piece: int, stream: int = 0) -> torch.Generator:
     """The random numbers of piece k. `stream` parts uses that must not share them."""

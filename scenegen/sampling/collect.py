@@ -71,12 +71,6 @@ class Collector:
                 self._count[cell] += len(mine)
         return found
 
-    def expect(self, cells: Set[int]) -> None:
-        """Declare that exactly these cells can be reached: their shares are fixed from now on."""
-        for cell in sorted(cells):
-            self._count.setdefault(cell, 0)
-        self._dead.update(cell for cell in range(self.cells.count) if cell not in cells)
-
     def give_up(self, cell: int) -> None:
         """Declare a cell out of reach: its share goes to the others."""
         if not self._count.get(cell):

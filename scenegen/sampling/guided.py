@@ -134,6 +134,6 @@ def unrefined(problem: Problem, propose: Proposer, name: str) -> Sampled:
     wanted = np.resize(chooser.permutation(possible), n)
     target = Targets(problem).draw(wanted, chooser)
     rows = propose(torch.from_numpy(target), piece_generator(seed, 0, GUIDED)).to(torch.float64)
-    phi = problem.score(rows)
+    phi = problem.phi(rows.numpy())
     info = {"method": "model", "model": name, "seed": seed, "raw": True, "candidates": n}
     return Sampled(rows.numpy(), phi, info, problem.request.warnings)

@@ -1,16 +1,67 @@
-"""What a sampler offers to whoever runs it on many processes: a plan, made once, and pieces that follow from it."""
+"""What an exact sampler offers to whoever runs it, on one process or many: a plan, and pieces that follow from it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.errors import Diagnostic
 from scenegen.sampling.cells import Cells
 
+if TYPE_CHECKING:
+    from scenegen.sampling.problem import Problem
+
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
+LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
+
+
+def piece_size(objects: int) -> int:
+    """How many scenes of that many objects a piece has."""
+    return max(16, min(PIECE, LARGEST_PIECE // (3 * objects)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """What a piece brings, in a fixed order without pattern: rows (3N, m), phi (L, m) of all labels, the requirement's
+    last, and the cell of each, (m,), -1 for those out of range. `facts` (F,) are to be added up over all pieces."""
+
+    rows: Array
+    phi: Array
+    cell: Index
+    facts: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """How a run stands. Of `found` scenes, `scenes` have been handed out in whole blocks. `pieces` are used up, they
+    gave `candidates` in reached cells; `strays` are cells that were hit although the plan takes them for out of reach;
+    `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most, None where none does. All of it
+    depends on the request alone, never on the workers."""
+
+    scenes: int
+    found: int
+    pieces: int
+    candidates: int
+    strays: tuple[int, ...] = ()
+    facts: tuple[float, ...] = ()
+    scarcest: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """What a plan makes of a tally: what goes into the scene file's `sampler`, how much was `tried`, in words, and what
+    is to be said about it. No timings: the same seed gives the same bytes."""
+
+    info: Mapping[str, object]
+    tried: str
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 class Pieces(Protocol):
@@ -40,9 +91,43 @@ class Pieces(Protocol):
     def reached(self) -> Sequence[int]:
         """The cells that the plan has found reachable: they get equal shares of the scenes."""
 
-    def piece(self, k: int) -> tuple[Array, Array]:
-        """Candidates of piece k in a fixed order: rows (3N, m) and phi (L, m) of all labels, the requirement's last.
+    @property
+    def fewest(self) -> int:
+        """Pieces that are run at least, though fewer may bring enough scenes: an error bar may need them."""
+
+    @property
+    def patience(self) -> int | None:
+        """Pieces in a row that may bring nothing of use before a run ends for good; None where time alone ends it."""
+
+    def piece(self, k: int) -> Candidates:
+        """Candidates of piece k.
 
         Within a cell they follow the target distribution; how many fall into which cell is the sampler's affair, but
         every reached cell must get some in the long run. m may be 0.
         """
+
+
+class Plan(Pieces, Protocol):
+    """A plan together with what is to be said about it."""
+
+    @property
+    def name(self) -> str:
+        """The method."""
+
+    @property
+    def problem(self) -> Problem:
+        """What the plan is for."""
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        """Cells that are proved to be empty."""
+
+    @property
+    def evaluations(self) -> float:
+        """How often phi will be evaluated for the whole request, as far as the plan can tell."""
+
+    def account(self, tally: Tally) -> Account:
+        """What is said of a run."""
+
+    def misses(self) -> tuple[Array, Array]:
+        """Candidates out of the range, from which a report tells what stands in the way: rows (3N, m), phi (L, m)."""

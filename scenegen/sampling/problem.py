@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch import Tensor
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
@@ -22,12 +21,16 @@ from scenegen.lang.core import REQUIRE, Core, gated
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
-from scenegen.robustness import Robustness
-from scenegen.sampling.base import draw, piece_generator, piece_size
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.collect import Collector
 from scenegen.sampling.held import Held, hold
+from scenegen.sampling.pieces import piece_size
 from scenegen.sampling.request import Range, Request, check_request, empty_range
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenegen.robustness import Robustness
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int, int], None]
@@ -55,53 +58,66 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What every sampler gets. `core`, `robustness` and `cells` are over the gated core: where the spec requires
+    """What every sampler gets. `core` and `cells` are over the gated core: where the spec requires
     something, its margin is one label more, the last, wanted from 0 up. `lowest` and `highest` (3N,) are the box of
     poses; their rows are equal where an object is held, by the spec or by the request. `possible` are the cells that
-    bounds do not rule out; `tape` is the core as contraction reads it."""
+    bounds do not rule out; `tape` is the core as contraction reads it.
+
+    It pickles. torch is loaded by what refines a model's scenes alone: the exact samplers, and the processes that they
+    run on, do without, which saves more time than drawing a thousand scenes takes."""
 
     spec: CheckedSpec
     core: Core
     lowest: Array
     highest: Array
     request: Request
-    robustness: Robustness
     cells: Cells
     possible: frozenset[int]
     tape: Tape
 
-    def collector(self, reachable: Set[int] = frozenset(), ruled_out: Set[int] = frozenset()) -> Collector:
-        """A collector for the request. `reachable`: the cells that are to have scenes, where that is known already;
-        `ruled_out`: cells proved empty beside those that are not possible."""
+    def collector(self) -> Collector:
+        """A collector for the request."""
         seed = np.random.SeedSequence([self.request.seed, SHUFFLE])
-        collector = Collector(self.cells, self.request.n, self.possible - ruled_out, np.random.default_rng(seed))
-        if reachable:
-            collector.expect(reachable)
-        return collector
+        return Collector(self.cells, self.request.n, self.possible, np.random.default_rng(seed))
 
     def wanted(self, cell: int | None = None) -> dict[int, Ends]:
         """What a cell, or the whole range, wants of each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
         return _wanted(self.core, low, high)
 
+    def phi(self, rows: Array) -> Array:
+        """Exact phi of float64 rows, (3N, B) -> (L, B), the requirement's last: what scenes are judged by."""
+        values = evaluate(self.core, list(rows), NUMPY)
+        return np.stack([np.broadcast_to(value, rows.shape[1]) for value in values.values()])
+
+    @property
+    def robustness(self) -> Robustness:
+        """phi over torch tensors, with gradients."""
+        from scenegen.robustness import Robustness
+
+        return Robustness(self.core)
+
     def score(self, rows: Tensor) -> Array:
-        """Exact phi of float64 rows, (3N, B) -> (L, B).
+        """Exact phi of float64 rows, (3N, B) -> (L, B), of which most are expected to be far out of the range.
 
         torch scores them all; what comes near the wanted range is scored again by numpy, whose square root, unlike
         torch's, is rounded correctly in batches of any size. So `scenegen eval` finds the very same bits later.
         """
+        import torch
+
         with torch.no_grad():
             phi = np.array(self.robustness.rows(rows, check=False).numpy())
         low, high = self.cells.low[:, None] - SLACK, self.cells.high[:, None] + SLACK
         near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
         if len(near):
-            exact = evaluate(self.core, list(rows.numpy()[:, near]), NUMPY)
-            phi[:, near] = np.stack([np.broadcast_to(value, len(near)) for value in exact.values()])
+            phi[:, near] = self.phi(rows.numpy()[:, near])
         return phi
 
     @property
     def held(self) -> tuple[Tensor, Tensor] | None:
         """The rows that spec or request hold in place, indices and values, (H,) each; None where there are none."""
+        import torch
+
         rows = np.flatnonzero(self.lowest == self.highest)
         return (torch.from_numpy(rows), torch.from_numpy(self.lowest[rows])) if len(rows) else None
 
@@ -112,6 +128,8 @@ class Problem:
 
     def base(self, piece: int, *, stream: int = 0) -> Tensor:
         """Piece k of the base distribution, (3N, piece_size)."""
+        from scenegen.sampling.base import draw, piece_generator
+
         generator = piece_generator(self.request.seed, piece, stream)
         return draw(self.lowest, self.highest, self.piece_size, generator)
 
@@ -140,7 +158,7 @@ def pose(
     if core is not spec.core:
         cells.low[-1] = 0.0
     possible = _possible(core, tape, cells, lowest, highest)
-    problem = Problem(spec, core, lowest, highest, request, Robustness(core), cells, possible, tape)
+    problem = Problem(spec, core, lowest, highest, request, cells, possible, tape)
     if not possible:
         raise RequestError(impossible(problem))
     return problem

@@ -8,6 +8,7 @@ spec, request and seed; piece k of it depends on nothing but the plan and k.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +16,14 @@ import numpy.typing as npt
 
 from scenegen.bounds.proposal import BELOW_TURN
 from scenegen.bounds.prune import Cover, prune
-from scenegen.errors import RequestError
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
-from scenegen.sampling.collect import Sampled
-from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, Progress, impossible
-from scenegen.sampling.report import finish
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.digest import digest
+from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
+from scenegen.sampling.report import shortfall, too_early
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -48,114 +51,129 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class Rate:
     """Candidates looked at, and how many of them were kept."""
 
     candidates: int = 0
     hits: int = 0
 
-    def __add__(self, other: Tally) -> Tally:
-        return Tally(self.candidates + other.candidates, self.hits + other.hits)
-
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """Scenes of one piece in an order without pattern: rows (3N, m), phi (L, m); and the tally of every source."""
+class Trial:
+    """A cover of the whole range and what the first candidates from it say: `hits` (C,) of each cell, among `tried`."""
 
-    rows: Array
-    phi: Array
-    tallies: tuple[Tally, ...]
+    cover: Cover
+    hits: Index
+    tried: int
+
+    @property
+    def rate(self) -> Rate:
+        return Rate(self.tried, int(self.hits.sum()))
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
     """What pieces are drawn from. The first source covers the whole range, the others one rare cell each.
 
-    `reachable` are the cells that get scenes; where it is empty, none was hit yet. `ruled_out` are those proved empty.
-    `explored` is the tally of the common cover while planning, `draws` all candidates of the plan. `cut` says that time
-    was up before the plan was ready.
+    `reachable` are the cells that get scenes, `ruled_out` those proved empty. `explored` is what the common cover gave
+    while planning, `draws` all candidates of the plan, `expected` those that the request will take beside them.
     """
 
     problem: Problem
     sources: tuple[Source, ...]
     reachable: frozenset[int]
     ruled_out: frozenset[int]
-    explored: Tally
+    explored: Rate
     draws: int
-    cut: bool = False
+    expected: float
 
-    def piece(self, number: int) -> Piece:
-        """Piece `number`, the same whoever computes it."""
-        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, number]))
+    name = "rejection"
+    fewest = 1
+    patience = None
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("rejection", self.sources, self.reachable, self.ruled_out, self.explored, self.draws)
+
+    @property
+    def wanted(self) -> int:
+        return self.problem.request.n
+
+    @property
+    def seed(self) -> int:
+        return self.problem.request.seed
+
+    @property
+    def cells(self) -> Cells:
+        return self.problem.cells
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return tuple(sorted(self.reachable))
+
+    @property
+    def evaluations(self) -> float:
+        return self.draws + self.expected
+
+    def piece(self, k: int) -> Candidates:
+        """Piece k, the same whoever computes it; its facts are the hits of each source: in the whole range for the
+        common cover, in its cell for another."""
+        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, k]))
         rows: list[Array] = []
         phi: list[Array] = []
-        tallies = []
+        found: list[Index] = []
+        hits = np.zeros(len(self.sources))
         room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
-        for source in self.sources:
-            hits = 0  # in the whole range for the common cover, in its cell for another
+        for which, source in enumerate(self.sources):
             for count in _chunks(self.problem, source.candidates):
                 kept, values, cells = _draw(self.problem, source.cover, count, rng, room)
                 mine = np.flatnonzero(source.cells[cells])
+                hits[which] += len(mine) if which else len(cells)
                 if len(mine) < len(cells):
-                    kept, values = kept.take(mine, axis=1), values.take(mine, axis=1)
+                    kept, values, cells = kept.take(mine, axis=1), values.take(mine, axis=1), cells[mine]
                 rows.append(kept)
                 phi.append(values)
-                hits += len(cells) if source is self.sources[0] else len(mine)
-            tallies.append(Tally(source.candidates, hits))
-        return Piece(np.concatenate(rows, axis=1), np.concatenate(phi, axis=1), tuple(tallies))
+                found.append(cells)
+        if len(rows) == 1:
+            return Candidates(rows[0], phi[0], found[0], hits)
+        return Candidates(np.concatenate(rows, axis=1), np.concatenate(phi, axis=1), np.concatenate(found), hits)
+
+    def account(self, tally: Tally) -> Account:
+        """The acceptance rate, and how probable the range is under the base draw."""
+        draws = self.draws + tally.pieces * sum(source.candidates for source in self.sources)
+        hits = tally.facts or (0.0,) * len(self.sources)
+        rates = [
+            Rate(tally.pieces * source.candidates, int(count)) for source, count in zip(self.sources, hits, strict=True)
+        ]
+        info = {"method": "rejection", "seed": self.seed, "draws": draws, **_facts(self, rates)}
+        return Account(info, f"{draws:,} draws")
+
+    def misses(self) -> tuple[Array, Array]:
+        return _misses(self.problem, self.sources[0].cover)
 
 
-def rejection(problem: Problem, budget: Budget, progress: Progress | None = None) -> Sampled:
-    """Scenes for a problem, or as many as the budget allows (`shortfall` then says why). Raises RequestError where it
-    is proved that there are none."""
-    plan = make_plan(problem, budget)
-    collector = problem.collector(plan.reachable, plan.ruled_out)
-    tallies = [Tally() for _ in plan.sources]
-    number = draws = 0
-    done = False
-    # Without the whole plan it is not known who gets how many, and what time cuts short it must not change.
-    while not plan.cut:
-        piece = plan.piece(number)
-        tallies = [one + more for one, more in zip(tallies, piece.tallies, strict=True)]
-        collector.offer(piece.rows, piece.phi)
-        number += 1
-        draws = plan.draws + sum(tally.candidates for tally in tallies)
-        if progress is not None:
-            progress(collector.found, problem.request.n, draws)
-        done = collector.complete and (draws >= LONG_SEARCH or not collector.undecided)
-        if done or budget.spent:
-            break
-    draws = max(draws, plan.draws)
-    info = {"method": "rejection", "seed": problem.request.seed, "draws": draws, **_facts(plan, tallies)}
-    missed, phi = (problem.base(0).numpy()[:, :0], np.empty((len(problem.core.labels), 0)))
-    if not done:
-        missed, phi = _misses(plan)
-    return finish(problem, collector, info, f"{draws:,} draws", missed, phi, done, early=plan.cut)
+def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> Plan:
+    """The plan of a problem; `trial` is its trial, where that has been made. Time can only cut it short.
 
-
-def make_plan(problem: Problem, budget: Budget) -> Plan:
-    """The plan of a problem. Raises RequestError where there is provably no scene. Time can only cut it short."""
-    cells = problem.cells
-    seed = problem.request.seed
-    cover = prune(problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape)
-    if not cover.parts:
-        raise RequestError(impossible(problem))
-    hits, tried = _explore(problem, cover, EXPLORE, np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0])))
-    explored = Tally(tried, int(hits.sum()))
-    if cells.count == 1:
-        reachable = frozenset({0}) if explored.hits else frozenset[int]()
-        return _alone(problem, cover, reachable, frozenset(), explored, explored.candidates)
+    Raises RequestError where there is provably no scene, and where time is up before it is known which cells get
+    scenes: what time cuts short, it must not change.
+    """
+    trial = make_trial(problem) if trial is None else trial
+    if problem.cells.count == 1:
+        return _alone(problem, trial, frozenset({0}), frozenset())
     possible = sorted(problem.possible)
-    rate = hits / tried
+    rate = trial.hits / trial.tried
     common = _served(rate, possible, problem.request.n / len(possible))
     ruled_out: set[int] = set()
     own: list[tuple[int, Cover, float]] = []
-    draws = tried
+    draws = trial.tried
+    seed = problem.request.seed
     for cell in possible:
         if cell in common:
             continue
         if budget.spent:
-            return _alone(problem, cover, frozenset(), frozenset(ruled_out), explored, draws, cut=True)
+            undecided = len(possible) - len(common) - len(own) - len(ruled_out)
+            raise RequestError(too_early(problem, f"{draws:,} draws", undecided))
         wanted = problem.wanted(cell)
         mine = prune(problem.core, problem.lowest, problem.highest, wanted, (seed, PLAN, cell + 1), problem.tape)
         if not mine.parts:
@@ -168,25 +186,51 @@ def make_plan(problem: Problem, budget: Budget) -> Plan:
             own.append((cell, mine, counts[cell] / tried))
     found = common.union(cell for cell, _, _ in own)
     if not found:
-        return _alone(problem, cover, found, frozenset(ruled_out), explored, draws)
-    sources = _balance(problem, cover, rate, common, own)
-    return Plan(problem, sources, found, frozenset(ruled_out), explored, draws)
+        if len(ruled_out) == len(possible):
+            raise RequestError(impossible(problem))
+        longer = search(problem, trial, lambda: budget.spent)
+        if not longer.rate.hits:
+            raise RequestError(hopeless(problem, longer))
+        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out))
+    sources, expected = _balance(problem, trial.cover, rate, common, own)
+    return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected)
 
 
-def _alone(
-    problem: Problem,
-    cover: Cover,
-    reachable: frozenset[int],
-    ruled_out: frozenset[int],
-    explored: Tally,
-    draws: int,
-    cut: bool = False,
-) -> Plan:
+def make_trial(problem: Problem) -> Trial:
+    """The cover of the whole range and a first look at what it gives. Raises RequestError where it proves that there is
+    no scene."""
+    seed = problem.request.seed
+    cover = prune(problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape)
+    if not cover.parts:
+        raise RequestError(impossible(problem))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
+    return Trial(cover, *_explore(problem, cover, EXPLORE, rng))
+
+
+def search(problem: Problem, trial: Trial, stop: Callable[[], bool], most: float = math.inf) -> Trial:
+    """A longer look, where the first found nothing: at least LONG_SEARCH candidates, and on until one is in the range,
+    there are `most`, or `stop` says so, which is asked in between."""
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
+    hits, tried = trial.hits.copy(), trial.tried
+    while not stop() and (tried < LONG_SEARCH or (tried < most and not hits.any())):
+        more, count = _explore(problem, trial.cover, EXPLORE, rng)
+        hits += more
+        tried += count
+    return Trial(trial.cover, hits, tried)
+
+
+def hopeless(problem: Problem, trial: Trial) -> Diagnostic:
+    """What to say where no candidate was in the range."""
+    return shortfall(problem, 0, f"{trial.tried:,} draws", *_misses(problem, trial.cover))
+
+
+def _alone(problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int]) -> Plan:
     """A plan that draws from the common cover alone."""
-    rate = max(explored.hits, 1) / explored.candidates
+    rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
+    need = SPARE * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
-    source = Source(cover, everywhere, _size(problem, SPARE * problem.request.n / rate))
-    return Plan(problem, (source,), reachable, ruled_out, explored, draws, cut)
+    source = Source(trial.cover, everywhere, _size(problem, need))
+    return Plan(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need)
 
 
 def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:
@@ -206,8 +250,9 @@ def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:
 
 def _balance(
     problem: Problem, cover: Cover, rate: Array, common: frozenset[int], own: list[tuple[int, Cover, float]]
-) -> tuple[Source, ...]:
-    """How many candidates of each source a piece has, so that all cells are full at about the same time."""
+) -> tuple[tuple[Source, ...], float]:
+    """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
+    the request will take."""
     share = SPARE * problem.request.n / (len(common) + len(own))
     need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / mine for _, _, mine in own)]
     size = _size(problem, sum(need))
@@ -219,7 +264,7 @@ def _balance(
         only = np.zeros(problem.cells.count, dtype=bool)
         only[cell] = True
         sources.append(Source(mine, only, candidates))
-    return tuple(sources)
+    return tuple(sources), float(sum(need))
 
 
 def _size(problem: Problem, need: float) -> int:
@@ -293,32 +338,32 @@ def _candidates(
     return rows, phi, usable
 
 
-def _misses(plan: Plan) -> tuple[Array, Array]:
+def _misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
     """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
-    problem = plan.problem
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0]))
     count = _chunks(problem, CHUNK)[0]
-    rows, phi, usable = _candidates(problem, plan.sources[0].cover, count, rng)
+    rows, phi, usable = _candidates(problem, cover, count, rng)
     out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
     return rows[:, out], phi[:, out]
 
 
-def _facts(plan: Plan, tallies: list[Tally]) -> dict[str, object]:
+def _facts(plan: Plan, rates: Sequence[Rate]) -> dict[str, object]:
     """What goes into the scene file: the acceptance rate, and how probable the range is under the base draw.
 
     The probability is the covers' share of the box of poses times the share kept of what is drawn from it, with its
     standard error (both as log10); it is of a scene drawn uniformly over the box, `require` included in the range.
     """
-    every = sum(tallies, Tally())
-    whole = plan.explored + tallies[0]
+    drawn = sum(rate.candidates for rate in rates)
+    kept_of_all = sum(rate.hits for rate in rates)
     facts: dict[str, object] = {
-        "acceptance": round(every.hits / max(1, every.candidates), 4),
+        "acceptance": round(kept_of_all / max(1, drawn), 4),
         "covers": len(plan.sources),
         "parts": sum(len(source.cover.parts) for source in plan.sources),
     }
-    if whole.hits:
-        kept = whole.hits / whole.candidates
+    hits = plan.explored.hits + rates[0].hits
+    if hits:
+        kept = hits / (plan.explored.candidates + rates[0].candidates)
         log10 = math.log10(math.e)
         facts["log10_probability"] = round(plan.sources[0].cover.log_share * log10 + math.log10(kept), 6) + 0.0
-        facts["log10_probability_error"] = round(log10 * math.sqrt((1.0 - kept) / whole.hits), 6)
+        facts["log10_probability_error"] = round(log10 * math.sqrt((1.0 - kept) / hits), 6)
     return facts

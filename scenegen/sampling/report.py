@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence, Set
+
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE, Atom
-from scenegen.robustness.explain import deciding_atoms
 from scenegen.sampling.collect import Collector, Sampled
+from scenegen.sampling.pieces import Plan, Tally
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Range
 
@@ -17,44 +19,69 @@ Array = npt.NDArray[np.float64]
 SHOWN = 4096  # candidates looked at to find out which atom fails most
 
 
+def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:
+    """What a scene file says of an exact sampler's run, and what the user is warned of."""
+    problem, account = plan.problem, plan.account(tally)
+    missing = sorted(set(range(problem.cells.count)).difference(plan.reached))
+    warnings = _unreached(problem, missing, problem.possible - plan.ruled_out, account.tried, len(tally.strays))
+    return _info(problem, account.info, len(missing)), (*problem.request.warnings, *warnings, *account.warnings)
+
+
+def fell_short(plan: Plan, tally: Tally) -> Diagnostic | None:
+    """Why a run of an exact sampler has fewer scenes than wanted; None where it has them all."""
+    if tally.scenes >= plan.wanted:
+        return None
+    tried = plan.account(tally).tried
+    return shortfall(plan.problem, tally.found, tried, *plan.misses(), rarest=tally.scarcest)
+
+
 def finish(
     problem: Problem,
     collector: Collector,
-    info: dict[str, object],
+    info: Mapping[str, object],
     tried: str,
     rows: Array,
     phi: Array,
     done: bool,
-    *,
-    early: bool = False,
 ) -> Sampled:
-    """What a sampler hands out. `rows` (3N, B) and `phi` (L, B) are its last misses; `done` says that nothing lacks,
-    `early` that time was up before it was known which cells can be reached."""
-    cells = {"asked": collector.cells.count, "reached": collector.cells.count - len(collector.unreached)}
-    warnings = (*problem.request.warnings, *_unreached(collector, tried))
-    why = None if done else _shortfall(problem, collector, tried, rows, phi, early)
-    if problem.request.fixed:
-        info = {**info, "fix": {name: list(pose) for name, pose in problem.request.fixed.items()}}
-    if collector.found:
-        kept, values = collector.scenes()
-    else:
-        kept, values = rows[:, :0], phi[:, :0]
-    return Sampled(kept, values, {**info, "cells": cells}, warnings, why)
+    """What a proposer's run hands out. `rows` (3N, B) and `phi` (L, B) are its last misses; `done` says that nothing
+    lacks."""
+    found, missing = collector.found, collector.unreached
+    warnings = _unreached(problem, missing, collector.possible, tried) if found else ()
+    why = None
+    if not done and found >= problem.request.n:
+        why = too_early(problem, tried, len(collector.undecided), keep=True)
+    elif not done:
+        lacking = collector.deficits(hopeful=True) or collector.deficits()
+        rarest = max(lacking, key=lambda cell: lacking[cell], default=None)
+        why = shortfall(problem, found, tried, rows, phi, rarest=rarest)
+    kept, values = collector.scenes() if found else (rows[:, :0], phi[:, :0])
+    return Sampled(kept, values, _info(problem, info, len(missing)), (*problem.request.warnings, *warnings), why)
 
 
-def _unreached(collector: Collector, tried: str) -> tuple[Diagnostic, ...]:
-    """A warning that names the cells in which nothing was found; `tried` says how hard it was tried."""
-    missing = collector.unreached
-    if not missing or not collector.found:
+def _info(problem: Problem, info: Mapping[str, object], missing: int) -> dict[str, object]:
+    held = problem.request.fixed
+    fix: dict[str, object] = {"fix": {name: list(pose) for name, pose in held.items()}} if held else {}
+    count = problem.cells.count
+    return {**info, **fix, "cells": {"asked": count, "reached": count - missing}}
+
+
+def _unreached(
+    problem: Problem, missing: Sequence[int], possible: Set[int], tried: str, strays: int = 0
+) -> tuple[Diagnostic, ...]:
+    """A warning that names the cells that get no scenes; `tried` says how hard it was tried, `strays` in how many of
+    them scenes were met all the same, too late to share in."""
+    if not missing:
         return ()
-    cells = collector.cells
+    cells = problem.cells
     shown = "; ".join(cells.describe(cell) for cell in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-    ruled_out = sum(cell not in collector.possible for cell in missing)
-    note = f"interval bounds rule out {ruled_out} of them" if ruled_out else ""
+    ruled_out = sum(cell not in possible for cell in missing)
+    note = f"; interval bounds rule out {ruled_out} of them" if ruled_out else ""
+    note += f"; a scene was met in {strays} of them, too late to share in" if strays else ""
     title = f"{len(missing)} of {cells.count} cells of the range were not reached in {tried}"
     help_ = "the scenes are spread over the others"
-    return (Diagnostic(title, help=help_, note=f"{shown}{more}" + (f"; {note}" if note else ""), severity="warning"),)
+    return (Diagnostic(title, help=help_, note=f"{shown}{more}{note}", severity="warning"),)
 
 
 def _percent(share: float) -> str:
@@ -62,15 +89,25 @@ def _percent(share: float) -> str:
     return "over 99.9%" if 0.999 < share < 1.0 else f"{share:.1%}"
 
 
-def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, phi: Array, early: bool) -> Diagnostic:
-    """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B)."""
-    found, n = collector.found, problem.request.n
-    title = f"found {found or 'none'} of {n:,} scenes in {tried}"
-    if early or found >= n:
-        title = f"time was up after {tried}, too early to tell which parts of the range can be reached"
-        note = f"nothing was found yet in {len(collector.undecided)} of {problem.cells.count} cells"
-        help_ = "give it more time with --timeout, ask for `--spread base`, or save what there is with --keep-partial"
-        return Diagnostic(title, help=help_, note=note)
+def too_early(problem: Problem, tried: str, undecided: int, *, keep: bool = False) -> Diagnostic:
+    """Time was up before it was known which cells get scenes; `undecided` of them are open. `keep`: there are scenes,
+    which can be had all the same."""
+    title = f"time was up after {tried}, too early to tell which parts of the range can be reached"
+    note = f"nothing was found yet in {undecided} of {problem.cells.count} cells"
+    keeping = ", or save what there is with --keep-partial" if keep else ""
+    help_ = f"give it more time with --timeout, {'' if keep else 'or '}ask for `--spread base`{keeping}"
+    return Diagnostic(title, help=help_, note=note)
+
+
+def shortfall(
+    problem: Problem, found: int, tried: str, rows: Array, phi: Array, *, rarest: int | None = None
+) -> Diagnostic:
+    """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B). `rarest` is the
+    cell that lacks most."""
+    # explain is numpy's, but its room loads torch
+    from scenegen.robustness.explain import deciding_atoms
+
+    title = f"found {f'{found:,}' if found else 'none'} of {problem.request.n:,} scenes in {tried}"
     usable = ~np.isnan(phi).any(axis=0)
     if phi.shape[1] and not usable.any():
         note = f"in each of the last {phi.shape[1]:,} candidates a coordinate was not a number"
@@ -81,9 +118,7 @@ def _shortfall(problem: Problem, collector: Collector, tried: str, rows: Array, 
     remedy = "widen the range, give it more time with --timeout"
     remedy += ", or save what there is with --keep-partial" if found else ""
     if not out.any():
-        lacking = collector.deficits(hopeful=True) or collector.deficits()
-        worst = max(lacking, key=lambda cell: lacking[cell], default=None)
-        note = "" if worst is None else f"{problem.cells.describe(worst)} is the rarest part of the range"
+        note = "" if rarest is None else f"{problem.cells.describe(rarest)} is the rarest part of the range"
         return Diagnostic(title, help=f"ask for `--spread base`, or a narrower range; or {remedy}", note=note)
     label = int(out.mean(axis=1).argmax())
     name, share = tuple(problem.core.labels)[label], out[label].mean()

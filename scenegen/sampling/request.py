@@ -18,7 +18,7 @@ Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
 BAND = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
-MAX_SCENES = 10_000_000
+MAX_SCENES = 1_000_000_000
 LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
 

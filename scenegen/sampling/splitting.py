@@ -11,22 +11,21 @@ The plan is made once; piece k is an independent population that follows it (`ru
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import torch
 
 from scenegen.errors import Diagnostic
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.chains import Chains
-from scenegen.sampling.collect import Collector, Sampled
+from scenegen.sampling.digest import digest
 from scenegen.sampling.frame import Tape, frame_of
-from scenegen.sampling.levels import Plan, Stalled, generator, make_plan
+from scenegen.sampling.levels import SPLIT, Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
-from scenegen.sampling.problem import Budget, Problem, Progress
-from scenegen.sampling.rejection import rejection
-from scenegen.sampling.report import finish
+from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.report import SHOWN, shortfall
 
 Array = npt.NDArray[np.float64]
 
@@ -55,41 +54,111 @@ class Piece:
     evaluations: int
 
 
-def splitting(problem: Problem, budget: Budget, progress: Progress | None = None) -> Sampled:
-    """Scenes for a problem, or as many as the budget allows (`shortfall` then says why)."""
-    if not frame_of(problem).dimension:  # nothing that phi depends on can move: all scenes are alike to it
-        return rejection(problem, budget, progress)
+@dataclass(frozen=True, slots=True)
+class Splitting:
+    """A plan for one request. The facts of a piece are: 1 if it lived, its estimate of the probability and the square
+    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and
+    their squares."""
+
+    problem: Problem
+    plan: Plan
+
+    name = "splitting"
+    fewest = FEWEST
+    patience = BARREN
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("splitting", self.plan)
+
+    @property
+    def wanted(self) -> int:
+        return self.problem.request.n
+
+    @property
+    def seed(self) -> int:
+        return self.problem.request.seed
+
+    @property
+    def cells(self) -> Cells:
+        return self.problem.cells
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return tuple(sorted(self.plan.cells))
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return frozenset()
+
+    @property
+    def evaluations(self) -> float:
+        plan = self.plan
+        moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
+        pieces = max(FEWEST, -(-self.wanted // (plan.chains * plan.takes)))
+        return float(plan.evaluations + pieces * plan.chains * (1 + moves))
+
+    def piece(self, k: int) -> Candidates:
+        made = run_piece(self.problem, self.plan, k)
+        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor stand together
+        rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
+        facts = [
+            float(len(made.effect) > 0),
+            made.probability,
+            made.probability**2,
+            made.accepted,
+            made.stuck,
+            float(len(order)),
+            float(made.evaluations),
+            *made.effect,
+            *made.effect**2,
+        ]
+        return Candidates(rows, phi, self.cells.find(phi), np.array(facts))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run, and what the user is warned of."""
+        plan = self.plan
+        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
+        effect = _worst(alive, np.array(effects).reshape(2, -1))
+        within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
+        evaluations = plan.evaluations + int(made)
+        info: dict[str, object] = {
+            "method": "splitting",
+            "seed": self.seed,
+            "candidates": evaluations,
+            "levels": plan.levels,
+            "pieces": tally.pieces,
+            "chains": plan.chains,
+            "thinning": plan.thinning,
+            "acceptance": round(accepted / max(alive, 1.0), 4),
+            "stuck": round(stuck / max(alive, 1.0), 4),
+            "correlation": round(float(plan.left), 4),
+            "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
+        }
+        info |= probability(tally.pieces, total, square)
+        warnings: tuple[Diagnostic, ...] = ()
+        if plan.left > 2 * NEGLIGIBLE:
+            title = (
+                f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
+            )
+            note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
+            warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
+        return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
+
+    def misses(self) -> tuple[Array, Array]:
+        return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+
+
+def plan_splitting(problem: Problem, budget: Budget) -> Splitting | Stalled:
+    """The plan of a problem; Stalled where its range is not reached. There must be something to move: see `moves`."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are not taken
-        return _splitting(problem, budget, progress)
+        plan = make_plan(problem, budget)
+    return plan if isinstance(plan, Stalled) else Splitting(problem, plan)
 
 
-def _splitting(problem: Problem, budget: Budget, progress: Progress | None) -> Sampled:
-    plan = make_plan(problem, budget)
-    collector = problem.collector()
-    if isinstance(plan, Stalled):
-        return _stalled(problem, plan, collector)
-    for cell in collector.undecided:
-        if cell not in plan.cells:
-            collector.give_up(cell)
-    pieces: list[Piece] = []
-    evaluations, barren = plan.evaluations, 0
-    last = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-    while True:
-        piece = run_piece(problem, plan, len(pieces))
-        found = collector.found
-        collector.offer(piece.rows, piece.phi)
-        pieces.append(piece)
-        last = piece.rows, piece.phi
-        evaluations += piece.evaluations
-        barren = barren + 1 if collector.found == found else 0
-        if progress is not None:
-            progress(collector.found, problem.request.n, evaluations)
-        done = collector.complete and not collector.deficits(hopeful=True)
-        if (done and len(pieces) >= FEWEST) or budget.spent or barren >= BARREN:
-            break
-    info, warnings = _account(problem, plan, pieces, evaluations)
-    sampled = finish(problem, collector, info, f"{evaluations:,} evaluations of splitting", *last, done)
-    return Sampled(sampled.rows, sampled.phi, sampled.info, (*sampled.warnings, *warnings), sampled.shortfall)
+def moves(problem: Problem) -> bool:
+    """Whether anything that phi depends on can move: otherwise all scenes are alike to it, and rejection serves."""
+    return frame_of(problem).dimension > 0
 
 
 def run_piece(problem: Problem, plan: Plan, number: int) -> Piece:
@@ -127,7 +196,7 @@ def _run_piece(problem: Problem, plan: Plan, number: int) -> Piece:
         stuck += chains.count - len(index)
         parts.append(frame.complete([row[index] for row in chains.rows], problem.lowest, problem.highest, rng))
     rows = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
-    phi = problem.score(torch.from_numpy(rows))
+    phi = problem.phi(rows)
     good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
     if not good.all():
         rows, phi = rows[:, good], phi[:, good]
@@ -141,76 +210,39 @@ def _nothing(problem: Problem, evaluations: int) -> Piece:
     return Piece(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
-def _account(
-    problem: Problem, plan: Plan, pieces: Sequence[Piece], evaluations: int
-) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:
-    """What the scene file says about the run, and what the user is warned of."""
-    alive = [piece for piece in pieces if len(piece.effect)]
-    scenes = sum(piece.rows.shape[1] for piece in alive)
-    effect = _worst([piece.effect for piece in alive])
-    within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
-    effective = scenes / (effect * within)
-    info: dict[str, object] = {
-        "method": "splitting",
-        "seed": problem.request.seed,
-        "candidates": evaluations,
-        "levels": plan.levels,
-        "pieces": len(pieces),
-        "chains": plan.chains,
-        "thinning": plan.thinning,
-        "acceptance": _mean([piece.accepted for piece in alive]),
-        "stuck": _mean([piece.stuck for piece in alive]),
-        "correlation": round(float(plan.left), 4),
-        "effective_share": round(float(min(1.0, effective / scenes)), 4) if scenes else 0.0,
-    }
-    info |= probability([piece.probability for piece in pieces])
-    warnings: tuple[Diagnostic, ...] = ()
-    if plan.left > 2 * NEGLIGIBLE:
-        title = f"after {plan.thinning:,} moves the chains still resemble what they were ({plan.left:.0%} correlation)"
-        note = "the range may have parts between which no move leads; the shares of such parts are uncertain"
-        warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
-    return info, warnings
+def _aside(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers for what is done with the scenes of piece k, or of the plan (-1), once they are there."""
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
 
 
-def _worst(effects: Sequence[Array]) -> float:
+def _worst(count: float, effects: Array) -> float:
     """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
-    errors over the pieces are taken off each."""
-    if not effects:
+    errors over the pieces are taken off each. `effects` (2, S) are sums and sums of squares over `count` pieces."""
+    if not count:
         return 1.0
-    table = np.array(effects)
-    error = table.std(axis=0, ddof=1) / math.sqrt(len(table)) if len(table) > 1 else 0.0
-    return float((table.mean(axis=0) - 2.0 * error).max(initial=1.0))
+    mean, square = effects / count
+    error = np.sqrt(np.maximum(square - mean * mean, 0.0) / (count - 1.0)) if count > 1.0 else 0.0
+    return float((mean - 2.0 * error).max(initial=1.0))
 
 
-def _mean(values: Sequence[float]) -> float:
-    return round(float(np.mean(values)), 4) if values else 0.0
-
-
-def probability(estimates: Sequence[float]) -> dict[str, object]:
-    """log10 of the probability that independent unbiased estimates agree on, and the half-width of its 95 % interval
-    (Student's t over the estimates, carried to the logarithm); None where it is unknown."""
-    mean = float(np.mean(estimates))
-    if not mean > 0.0:
+def probability(count: int, total: float, square: float) -> dict[str, object]:
+    """log10 of the probability that independent unbiased estimates agree on, given their number, sum and sum of
+    squares, and the half-width of its 95 % interval (Student's t, carried to the logarithm); None where unknown."""
+    if not total > 0.0:
         return {"log10_probability": None, "log10_error": None}
+    mean = total / count
     out: dict[str, object] = {"log10_probability": round(math.log10(mean), 5), "log10_error": None}
-    count = len(estimates)
     if count > 1:
-        error = float(np.std(estimates, ddof=1)) / math.sqrt(count)
+        variance = max(0.0, square - count * mean * mean) / (count - 1)
         student = _STUDENT[count - 2] if count - 2 < len(_STUDENT) else 1.96 + 2.5 / (count - 1)
-        out["log10_error"] = round(student * error / (mean * math.log(10.0)), 5)
+        out["log10_error"] = round(student * math.sqrt(variance / count) / (mean * math.log(10.0)), 5)
     return out
 
 
-def _stalled(problem: Problem, end: Stalled, collector: Collector) -> Sampled:
-    """Nothing was found: the scenes that came nearest tell what stands in the way."""
-    shown = min(len(end.phi[0]), 4096)
-    rng = generator(problem.request.seed, -1)
-    rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
-    info: dict[str, object] = {
-        "method": "splitting",
-        "seed": problem.request.seed,
-        "candidates": end.evaluations,
-        "levels": end.levels,
-    }
+def why_stalled(problem: Problem, end: Stalled) -> Diagnostic:
+    """What to say where the descent ended early: the scenes that came nearest tell what stands in the way."""
     tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
-    return finish(problem, collector, info, tried, rows, np.array([phi[:shown] for phi in end.phi]), False)
+    shown = min(len(end.phi[0]), SHOWN)
+    rng = _aside(problem.request.seed, -1)
+    rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
+    return shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in end.phi]))

@@ -31,7 +31,7 @@ def no_work(monkeypatch):
     def started(*_, **__):
         raise AssertionError("work was begun")
 
-    monkeypatch.setattr("scenegen.sampling.rejection.rejection", started)
+    monkeypatch.setattr("scenegen.sampling.auto.choose", started)
     monkeypatch.setattr("scenegen.training.loop._run", started)
     monkeypatch.setattr(pictures, "draw", started)
 

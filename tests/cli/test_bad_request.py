@@ -32,6 +32,10 @@ OTHERS = {
     "n_fraction": ["-n", "1.5"],
     "seed_negative": ["--seed", "-1"],
     "seed_no_number": ["--seed", "x"],
+    "n_too_many_for_json": ["-n", "2000000"],
+    "workers_zero": ["--workers", "0"],
+    "workers_no_number": ["--workers", "all"],
+    "raw_and_resume": ["--raw", "--resume"],
     "timeout_zero": ["--timeout", "0"],
     "timeout_nan": ["--timeout", "nan"],
     "timeout_no_number": ["--timeout", "soon"],
@@ -58,6 +62,10 @@ def test_a_range_needs_its_label_where_there_are_two(refused, golden):
     said = refused("sample", "two.spec", "--phi", "0:0.1")
     assert "--> --phi:1:1" in said
     golden("cli/errors/phi_of_which_label.txt", said)
+
+
+def test_nothing_to_resume_on_standard_output(refused, golden):
+    golden("cli/errors/sample_resume_without_out.txt", refused("sample", "good.spec", "--resume"))
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -37,22 +37,43 @@ def test_training_leaves_a_usable_model(number, here, scenegen):
     assert more.status == 0, more.err
 
 
-def test_sampling_a_rare_range(here):
-    # out of reach, and nothing but a long search can tell
-    circle = "sin(theta(mug)) * sin(theta(mug)) + cos(theta(mug)) * cos(theta(mug)) <= 0.9999"
-    (here / "rare.spec").write_text(f"leftOf(mug, plate) & {circle}")
-    process = started(["sample", "rare.spec", "--phi", "0:", "-n", "1000", "--out", "o.json"], here)
+HOPELESS = "leftOf(a, b) & sin(theta(a)) * sin(theta(a)) + cos(theta(a)) * cos(theta(a)) <= 0.9999"
+
+
+def test_sampling_what_is_not_found(here):
+    (here / "never.spec").write_text(HOPELESS)
+    process = started(["sample", "never.spec", "--method", "rejection", "--phi", "0:", "--out", "o.json"], here)
     deadline = time.monotonic() + 30
-    while not _samples(process) and time.monotonic() < deadline:
+    while _used(process) < 1.2 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert (process.returncode, out, err) == (130, "", "interrupted\n")
-    assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "rare.spec", "two.spec"]
+    assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "never.spec", "two.spec"]
 
 
-def _samples(process):
-    """Whether the process has come so far that torch works: its library is mapped, and CPU time used."""
-    folder = Path("/proc", str(process.pid))
-    used = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[11]) / os.sysconf("SC_CLK_TCK")
-    return used > 2.5 and "libtorch" in (folder / "maps").read_text()
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_many_scenes_are_kept_and_gone_on_with(workers, here, scenegen):
+    """Ctrl-C in the midst of many scenes; what is there goes on to the same bytes as a run without a break."""
+    words = ["sample", "two.spec", "--phi", "task=0.4:", "-n", "500000", "--seed", "3", "--workers", workers]
+    process = started([*words, "--out", "o.parquet"], here)
+    part = here / "o.parquet.part"
+    deadline = time.monotonic() + 60
+    while not list(part.glob("shard-*")) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "")
+    assert err.splitlines()[-1].startswith("interrupted; ") and err.endswith(" scenes: go on with --resume\n")
+    assert part.is_dir() and not (here / "o.parquet").exists()
+    refused = scenegen(*words, "--out", "o.parquet")
+    assert refused.status == 1 and "go on with --resume" in refused.err
+    assert scenegen(*words, "--out", "o.parquet", "--resume").status == 0
+    assert scenegen(*words, "--out", "whole.parquet").status == 0
+    assert (here / "o.parquet").read_bytes() == (here / "whole.parquet").read_bytes() and not part.exists()
+
+
+def _used(process):
+    """Seconds of CPU time, without the system's."""
+    fields = Path("/proc", str(process.pid), "stat").read_text().rsplit(")", 1)[1].split()
+    return int(fields[11]) / os.sysconf("SC_CLK_TCK")

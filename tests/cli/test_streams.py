@@ -12,7 +12,7 @@ def test_scenes_on_standard_output_are_a_scenes_file(scenegen, here):
     outcome = scenegen("sample", "good.spec", "--phi", "0:0.5", "-n", "5")
     assert outcome.status == 0
     assert len(json.loads(outcome.out)["scenes"]) == 5
-    assert re.match(r"5 scenes \(rejection, [\d,]+ draws\)\n", outcome.err)
+    assert re.match(r"5 scenes \(rejection, [\d,]+ draws, [\d.]+% accepted\)\n", outcome.err.split("\n", 1)[1])
     to_file = scenegen("sample", "good.spec", "--phi", "0:0.5", "-n", "5", "--out", "s.json")
     assert to_file.out == ""
     assert (here / "s.json").read_text() == outcome.out

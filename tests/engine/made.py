@@ -15,6 +15,7 @@ import numpy as np
 from scenegen.engine.stream import stream_scenes
 from scenegen.primitives import Circle
 from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.pieces import Candidates
 from scenegen.sampling.request import Range, Request
 from scenegen.scene.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
 
@@ -33,6 +34,8 @@ class Made:
     spread: str = "flat"
     low: float = -0.9
     plan_digest: str = "plan"
+    fewest: int = 1
+    patience: int | None = None
     cells: Cells = field(init=False)
     reached: tuple[int, ...] = field(init=False)
 
@@ -44,7 +47,8 @@ class Made:
     def piece(self, k):
         source = np.random.default_rng([self.seed, k])
         rows = source.random((3 * self.objects, self.size + k % 3))
-        return rows, rows[3:4] - rows[0:1]
+        phi = rows[3:4] - rows[0:1]
+        return Candidates(rows, phi, self.cells.find(phi), np.array([rows.shape[1], 0.1 * k]))
 
 
 def header_of(made, facts=None):
@@ -64,7 +68,8 @@ def stream(path, made, **options):
     """Stream to a file; the tally."""
 
     def header(tally):
-        return header_of(made, {"pieces": tally.pieces, "candidates": tally.candidates, "strays": list(tally.strays)})
+        facts = {"pieces": tally.pieces, "candidates": tally.candidates, "facts": list(tally.facts)}
+        return header_of(made, {**facts, "strays": list(tally.strays)})
 
     return stream_scenes(Path(path), made, ("task",), header, request={"spec": SHA, "low": made.low}, **options)
 
@@ -74,7 +79,7 @@ def run(words):
     from strike import strike_at
 
     operations = strike_at(words.pop("kill", None))
-    asked, pieces = itertools.count(), words.pop("pieces", 1000)
+    asked, pieces = itertools.count(1), words.pop("pieces", 1000)
     spent = lambda: next(asked) >= pieces  # noqa: E731
     stream(words.pop("path"), Made(**words.pop("made")), spent=spent, **words)
     return operations()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from scenegen.sampling.pieces import Candidates
 from scenegen.sampling.problem import Problem
 
 
@@ -11,6 +14,8 @@ from scenegen.sampling.problem import Problem
 class Rejected:
     problem: Problem
     plan_digest: str = "rejection"
+    fewest: int = 1
+    patience: int | None = None
 
     @property
     def wanted(self):
@@ -30,4 +35,5 @@ class Rejected:
 
     def piece(self, k):
         rows = self.problem.base(k)
-        return rows.numpy(), self.problem.score(rows)
+        phi = self.problem.score(rows)
+        return Candidates(rows.numpy(), phi, self.cells.find(phi), np.empty(0))

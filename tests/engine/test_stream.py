@@ -1,5 +1,6 @@
 """Streaming to files: the same bytes whatever happens on the way, and nothing lost that was checkpointed."""
 
+import dataclasses
 import json
 import os
 import random
@@ -227,22 +228,51 @@ def test_resuming_nothing_just_begins(tmp_path, unbroken):
 
 
 @pytest.mark.parametrize("partial", [False, True])
-@pytest.mark.parametrize("after", [0, 4])
+@pytest.mark.parametrize("after", [1, 4])
 def test_when_time_is_up(after, partial, tmp_path, unbroken):
     from made import Made, stream
 
     path = tmp_path / "x.jsonl"
-    calls = iter(range(100))
+    calls = iter(range(1, 100))
     tally = stream(path, Made(2000), size=300, keep_partial=partial, spent=lambda: next(calls) == after)
-    assert tally.pieces == after and tally.scenes < 2000
-    assert path.exists() == bool(partial and after)
-    assert (tmp_path / "x.jsonl.part").exists() == bool(after and not partial)
+    assert tally.pieces == after and tally.scenes < 2000 and tally.scarcest is not None
+    assert path.exists() == partial
+    assert (tmp_path / "x.jsonl.part").exists() != partial
     if path.exists():
         scenes = read_scenes(path).whole()
-        assert scenes.count == tally.scenes > 600 and len(np.unique(scenes.rows[0])) == scenes.count
+        assert scenes.count == tally.scenes > 150 * after and len(np.unique(scenes.rows[0])) == scenes.count
     else:
         stream(path, Made(2000), size=300, resume=True)
         assert path.read_bytes() == unbroken[".jsonl"]
+
+
+def test_an_end_to_patience(tmp_path):
+    """Pieces that bring nothing of use end a run after so many in a row; a break does not start the count anew."""
+    from made import Made, stream
+
+    class Empty(Made):
+        def piece(self, k):
+            made = super().piece(k)
+            return made if k < 2 else dataclasses.replace(made, cell=np.full_like(made.cell, -1))
+
+    tally = stream(tmp_path / "x.jsonl", Empty(2000, patience=7), size=300)
+    assert tally.pieces == 9 and 0 < tally.scenes < 2000
+    for after in (4, 7):
+        calls = iter(range(1, 100))
+        stream(tmp_path / f"{after}.jsonl", Empty(2000, patience=7), size=300, spent=lambda: next(calls) == after)  # noqa: B023
+        again = stream(tmp_path / f"{after}.jsonl", Empty(2000, patience=7), size=300, resume=True)
+        assert again == tally
+
+
+def test_more_pieces_than_scenes_need(tmp_path):
+    """Those that an error bar needs are run, and change no scene."""
+    from made import Made, stream
+
+    plain = stream(tmp_path / "plain.jsonl", Made(40), size=300)
+    more = stream(tmp_path / "more.jsonl", Made(40, fewest=9), size=300)
+    assert plain.pieces == 1 and more.pieces == 9 and more.facts[0] > 9 * 1500
+    one, two = (read_scenes(tmp_path / name).whole() for name in ("plain.jsonl", "more.jsonl"))
+    assert np.array_equal(one.rows, two.rows)
 
 
 def test_an_interrupt_keeps_all_of_it(tmp_path, unbroken, monkeypatch):

@@ -2,18 +2,21 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import scenegen
+from scenegen.engine.exact import draw as run
 from scenegen.errors import RequestError
 from scenegen.sampling.base import draw
 from scenegen.sampling.guided import guided
 from scenegen.sampling.held import Held, hold, parse_fixed
 from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import rejection
 from scenegen.sampling.request import Range
+
+rejection = partial(run, method="rejection")
 
 
 def test_forms():

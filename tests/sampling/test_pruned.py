@@ -1,15 +1,19 @@
 """Pruned rejection against analytic answers and plain rejection: the true distribution, and the true probability."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
+from scenegen.engine.exact import draw as run
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import make_plan, rejection
+from scenegen.sampling.rejection import make_plan
 from scenegen.sampling.request import Range
+
+rejection = partial(run, method="rejection")
 
 N = 20_000
 

@@ -1,11 +1,15 @@
 """Rejection hands out the true conditional distribution, shared evenly over the cells."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from scenegen.engine.exact import draw as run
 from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import rejection
 from scenegen.sampling.request import Range
+
+rejection = partial(run, method="rejection")
 
 N = 20_000
 RANGE = Range(0.1, 0.3)

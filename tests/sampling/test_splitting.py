@@ -2,18 +2,22 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from scenegen.engine.exact import draw as run
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.levels import Stalled, make_plan
 from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import rejection
 from scenegen.sampling.request import Range
-from scenegen.sampling.splitting import probability, run_piece, splitting
+from scenegen.sampling.splitting import probability, run_piece
+
+rejection = partial(run, method="rejection")
+splitting = partial(run, method="splitting")
 
 N = 20_000
 
@@ -190,12 +194,15 @@ def test_pieces_are_unbiased_about_the_probability():
 
 
 def test_the_error_bar_is_students():
-    bar = probability([1e-6, 2e-6, 3e-6, 2e-6])
+    def of(*estimates):
+        return probability(len(estimates), sum(estimates), sum(one**2 for one in estimates))
+
+    bar = of(1e-6, 2e-6, 3e-6, 2e-6)
     assert bar["log10_probability"] == round(math.log10(2e-6), 5)
     low, high = stats.t.interval(0.95, 3, loc=2e-6, scale=stats.sem([1e-6, 2e-6, 3e-6, 2e-6]))
     assert bar["log10_error"] == pytest.approx((high - low) / 2 / 2e-6 / math.log(10), rel=0.01)
-    assert probability([0.0, 0.0]) == {"log10_probability": None, "log10_error": None}
-    assert probability([0.5])["log10_error"] is None
+    assert of(0.0, 0.0) == {"log10_probability": None, "log10_error": None}
+    assert of(0.5)["log10_error"] is None
 
 
 @pytest.mark.slow

@@ -1,0 +1,111 @@
+"""Which exact sampler serves a request: its scenes are to be had for the fewest evaluations of phi.
+
+Pruned rejection is tried first: its scenes are independent, and most requests take it a fraction of a second. Where it
+would need many candidates, or finds nothing in a part of the range that is not proved empty, a plan of multilevel
+splitting is made beside it, which costs some millions of evaluations, and the two are compared. All of it is counted,
+never timed, so the same request and seed always get the same method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenegen.errors import RequestError
+from scenegen.sampling.levels import Stalled
+from scenegen.sampling.pieces import Plan
+from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.rejection import LONG_SEARCH, SPARE, Trial, hopeless, make_trial, search
+from scenegen.sampling.rejection import Plan as Rejection
+from scenegen.sampling.rejection import make_plan as plan_rejection
+from scenegen.sampling.report import too_early
+from scenegen.sampling.splitting import moves, plan_splitting, why_stalled
+
+METHODS = ("auto", "rejection", "splitting")
+
+LEAST, EACH = 10_000_000, 20  # evaluations that splitting takes at least: for its plan, and for each scene
+ADVANTAGE = 2.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A plan, and if the method was chosen here, why, in a few words; else None."""
+
+    plan: Plan
+    reason: str | None = None
+
+
+def choose(problem: Problem, method: str, budget: Budget) -> Choice:
+    """A plan by the given method of METHODS, or by the better one. Raises RequestError where there is no scene, or time
+    is up before there is a plan."""
+    if method == "rejection" or not moves(problem):
+        return Choice(plan_rejection(problem, budget))
+    if method == "splitting":
+        plan = plan_splitting(problem, budget)
+        if isinstance(plan, Stalled):
+            raise RequestError(why_stalled(problem, plan))
+        return Choice(plan)
+    return _better(problem, budget)
+
+
+def _better(problem: Problem, budget: Budget) -> Choice:
+    trial = make_trial(problem)
+    if not trial.rate.hits:
+        return _rare(problem, budget, trial)
+    mine = plan_rejection(problem, budget, trial)
+    in_range = _in_range(mine)
+    open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
+    cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
+    if cheap and open_cells <= len(mine.reached):
+        return Choice(mine, in_range)
+    rival = plan_splitting(problem, budget)
+    if isinstance(rival, Stalled):
+        if rival.why == "time":
+            raise RequestError(too_early(problem, f"{rival.evaluations:,} evaluations of splitting", open_cells))
+        return Choice(mine, f"{in_range}; splitting did not get there")
+    if len(rival.reached) > len(mine.reached):
+        count = problem.cells.count
+        reason = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
+        return Choice(rival, reason)
+    costs = f"about {_short(rival.evaluations)} evaluations against {_short(mine.evaluations)} of"
+    if len(rival.reached) == len(mine.reached) and ADVANTAGE * rival.evaluations < mine.evaluations:
+        return Choice(rival, f"{costs} rejection")
+    return Choice(mine, in_range)
+
+
+def _rare(problem: Problem, budget: Budget, trial: Trial) -> Choice:
+    """Where the first candidates of rejection are all out of the range."""
+    plan = plan_splitting(problem, budget)
+    if not isinstance(plan, Stalled):
+        return Choice(plan, f"none of {trial.tried:,} candidates of rejection is in range")
+    if plan.why == "time":
+        raise RequestError(why_stalled(problem, plan))
+    # Levels cannot be told apart where phi is constant: there rejection may be lucky.
+    longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
+    if not longer.rate.hits:
+        raise RequestError(hopeless(problem, longer))
+    return Choice(plan_rejection(problem, budget, longer), "splitting did not get there")
+
+
+def _in_range(plan: Rejection) -> str:
+    parts = sum(len(source.cover.parts) for source in plan.sources)
+    boxes = "1 box" if parts == 1 else f"{parts:,} boxes"
+    if len(plan.sources) == 1:
+        rate = plan.explored
+        return f"{_percent(rate.hits / rate.candidates)} of the candidates from {boxes} are in range"
+    share = min(1.0, SPARE * plan.wanted / plan.expected)
+    return f"about {_percent(share)} of the candidates from {boxes} are of use"
+
+
+def _percent(share: float) -> str:
+    """45 %, 0.3 %; never 100 % for less than all."""
+    if share >= 0.995:
+        return "all" if share == 1.0 else "over 99%"
+    return f"{100.0 * share:.0f}%" if share >= 0.1 else f"{100.0 * share:.2g}%"
+
+
+def _short(count: float) -> str:
+    """1,234,567 -> 1.2 million."""
+    for size, name in ((1e9, "billion"), (1e6, "million"), (1e3, "thousand")):
+        if count >= size:
+            return f"{count / size:.2g} {name}"
+    return f"{count:.0f}"

@@ -1,6 +1,8 @@
 """One path for exact sampling: the same scenes on any number of processes, in memory and in every format."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -153,3 +155,17 @@ def test_workers_change_nothing_for_a_million(name, tmp_path):
         scenegen.sample_to(path, spec, {label: (0.0375, 0.0625)}, 1_000_000, workers=workers, timeout=600)
     one, two, five = (path.read_bytes() for path in sorted(tmp_path.iterdir()))
     assert one == two == five
+
+
+LIGHT = """
+import sys, scenegen
+scenegen.sample(scenegen.parse("leftOf(mug, plate)"), {"task": (0.0, 0.2)}, 100, method=sys.argv[1])
+heavy = {"torch", "scipy", "pyarrow", "pybullet", "pandas"} & sys.modules.keys()
+assert not heavy, heavy
+"""
+
+
+@pytest.mark.parametrize("method", ["auto", "splitting"])
+def test_exact_sampling_loads_nothing_heavy(method):
+    """torch takes longer to load than a thousand scenes to draw, and every worker would have to load it."""
+    subprocess.run([sys.executable, "-c", LIGHT, method], check=True, timeout=60)

@@ -1,12 +1,19 @@
 """Pruned rejection beside plain numpy rejection: scenes per second in the band, coverage, duplicates, time to a file.
 
-    python benchmarks/sampling.py [--scenes 1000000] [--seconds 4] [--out FILE]
+    python benchmarks/sampling.py [--scenes 1000000] [--seconds 4] [--workers 2] [--out FILE]
 
 One process, one core, CPU seconds, the fastest of three runs. Plain rejection is written by hand for each spec: whole
 scenes (3N numbers in float64) in chunks that stay in cache, the formula in as few numpy calls as it takes, nothing but
 the hits kept. `rejection` is the sampler, plan included; `sample` is the public call, which looks at every scene a
 second time and keeps them all. All are asked for |phi - wanted| <= 0.0125 on every label, and the base
 distribution in the band.
+
+With `--workers W` a second table follows: the same request on W processes beside one, the plan and the processes' start
+included. Wall seconds say something on W idle cores only. CPU seconds always do: those of one process, over those of
+the parent and of the workers divided by W, are what W idle cores could reach if nobody waited, and cannot exceed.
+`parent` receives, fills and hands out while the workers work; `alone` is what nobody shares: the wall seconds from the
+start to the first scenes, less those that one process needs for that. Workers are ended in the midst of pieces that
+nobody wants any more; that is in their CPU seconds, too.
 """
 
 from __future__ import annotations
@@ -14,6 +21,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -160,10 +168,41 @@ def measure(
     )
 
 
+def shared(name: str, wanted: dict[str, float], scenes: int, workers: int) -> str:
+    """One line on a request's time with several processes beside one; the fastest of the runs of each, by turns."""
+    spec = scenegen.load(shipped_specs()[name])
+    ranges = {label: Range(value - BAND, value + BAND) for label, value in wanted.items()}
+
+    def run(processes: int) -> tuple[float, float, float, float]:
+        """Wall seconds in all and up to the first scenes; CPU seconds of this process and of the workers."""
+        began, used, below = time.perf_counter(), time.process_time(), _below()
+        plan = make_plan(pose(spec.checked, ranges, n=scenes, seed=0, spread="base"), Budget(600.0))
+        blocks = run_blocks(plan, len(spec.labels), workers=processes)
+        count = next(blocks).count
+        first = time.perf_counter() - began
+        count += sum(block.count for block in blocks)
+        assert count == scenes
+        return time.perf_counter() - began, first, time.process_time() - used, _below() - below
+
+    runs = [(run(1), run(workers)) for _ in range(REPEAT)]
+    wall, first, cpu, _ = (min(values) for values in zip(*(one for one, _ in runs), strict=True))
+    walls, firsts, parent, below = (min(values) for values in zip(*(many for _, many in runs), strict=True))
+    return (
+        f"| {name} | {scenes / wall:,.0f} | {scenes / walls:,.0f} | {wall / walls:.2f} | {cpu:.2f} "
+        f"| {parent:.2f} + {below:.2f} | {workers * cpu / (parent + below):.2f} | {firsts - first:.2f} |"
+    )
+
+
+def _below() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=1_000_000)
     parser.add_argument("--seconds", type=float, default=4.0, help="CPU seconds of plain rejection for each spec")
+    parser.add_argument("--workers", type=int, default=1, help="compare that many processes with one, too")
     parser.add_argument("--out", type=Path, default=None, help="write the table there, too")
     options = parser.parse_args()
     torch.set_num_threads(1)
@@ -181,6 +220,16 @@ def main() -> None:
     for case in CASES:
         lines.append(measure(case, options.scenes, options.seconds))
         print(lines[-1], flush=True)
+    if options.workers > 1:
+        columns = (
+            "spec", "1 process, scenes/s (wall)", f"{options.workers} workers, scenes/s (wall)", "ratio (bar 1.8)",
+            "1 process, CPU s", "parent + workers, CPU s", "ratio by CPU", "alone, wall s",
+        )  # fmt: skip
+        lines.append(f"\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
+        print(lines[-1], flush=True)
+        for name, wanted, *_ in CASES:
+            lines.append(shared(name, wanted, options.scenes, options.workers))
+            print(lines[-1], flush=True)
     if options.out is not None:
         options.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -64,8 +64,12 @@ class Robustness:
             )
         return self.rows(poses.permute(1, 2, 0).reshape(3 * len(self.objects), -1), beta=beta).T
 
-    def rows(self, rows: Tensor, *, beta: float | None = None, check: bool = True) -> Tensor:
-        """(3N, B) storage -> (L, B). `check=False` skips the search for NaN and infinity, for inner loops."""
+    def rows(self, rows: Tensor, *, beta: float | None = None, check: bool = True, out: Tensor | None = None) -> Tensor:
+        """(3N, B) storage -> (L, B). `check=False` skips the search for NaN and infinity, for inner loops.
+
+        So does `out` with the system's handing out new pages: phi is written there, and `out` is returned. It must be
+        contiguous, (L, B), of the same dtype and device, share no memory with `rows`, and gradients do not flow there.
+        """
         if rows.ndim != 2 or rows.shape[0] != 3 * len(self.objects):
             raise ValueError(f"rows must have the shape ({3 * len(self.objects)}, B), not {tuple(rows.shape)}")
         if rows.dtype not in (torch.float32, torch.float64):
@@ -73,13 +77,19 @@ class Robustness:
         if check:
             self._refuse_nonfinite(rows)
         if rows.requires_grad and torch.is_grad_enabled():
+            if out is not None:
+                raise ValueError("phi in `out` has no gradient; leave it out, or detach the rows")
             return torch.stack(self._run(rows, beta))
+        shape = (len(self.labels), rows.shape[1])
+        if out is None:
+            out = rows.new_empty(shape)
+        elif out.shape != shape or (out.dtype, out.device) != (rows.dtype, rows.device) or not out.is_contiguous():
+            raise ValueError(f"`out` must be contiguous, {shape}, {rows.dtype} and on {rows.device}")
         wider = 2 if rows.dtype == torch.float32 else 1
         if self._fused is not None and beta is None and rows.device.type == "cpu":
-            found = self._fused(rows, wider * self._most)
-            if found is not None:
-                return found
-        out = rows.new_empty(len(self.labels), rows.shape[1])
+            done = self._fused(rows, out, wider * self._most)
+            if done:
+                return out
         for start in range(0, rows.shape[1], wider * self._chunk):
             part = slice(start, start + wider * self._chunk)
             for label, value in zip(out, self._run(rows[:, part], beta), strict=True):

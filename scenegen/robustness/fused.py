@@ -30,11 +30,10 @@ class Fused:
     """phi of every label by compiled code, without gradients. Make it with `fused`, which keeps the last few cores'.
 
     Where there is no C++ compiler, compiling fails for another reason, or the formula is too large to try, a
-    RuntimeWarning says so once, and every call from then on returns None.
+    RuntimeWarning says so once, and every call from then on returns False.
     """
 
     def __init__(self, core: Core) -> None:
-        self._labels = len(core.labels)
         self._works = any(isinstance(node, Coord) for node in core.nodes)  # constants alone are not worth it
         if not self._works:
             return
@@ -45,22 +44,26 @@ class Fused:
             return
         self._kernel = cache(lambda dtype: _compiled(graph))
 
-    def __call__(self, rows: Tensor, chunk: int) -> Tensor | None:
-        """(3N, B) storage on the CPU, float32 or float64 -> (L, B), `chunk` scenes at a time at most."""
+    def __call__(self, rows: Tensor, out: Tensor, chunk: int) -> bool:
+        """(3N, B) storage on the CPU, float32 or float64, into `out` (L, B), contiguous; `chunk` scenes at a time at
+        most. Returns whether that was done."""
         count = rows.shape[1]
         if not self._works:
-            return None
+            return False
         if count == 0:
-            return rows.new_empty(self._labels, 0)
+            return True
         if count == 1:  # torch.compile makes a special case of one
-            pair = self(rows.expand(-1, 2), 2)
-            return None if pair is None else pair[:, :1]
-        out = torch.empty(self._labels, count, dtype=rows.dtype)
+            pair = out.new_empty(len(out), 2)
+            done = self(rows.expand(-1, 2), pair, 2)
+            out.copy_(pair[:, :1])
+            return done
         # By way of numpy, a row becomes a tensor that knows of no base and no offset, on which a kernel could depend.
         storage = rows.detach().numpy()
         taken = [np.ascontiguousarray(storage[row]) for row in self._rows]
-        filled = list(out.numpy())
-        starts = [0, *range(chunk, count - 1, chunk)]  # the last chunk must not be a single scene, either
+        filled = list(out.detach().numpy())
+        starts = (
+            [0, *range(chunk, count - 1, chunk)] if count else []
+        )  # the last chunk must not be a single scene, either
         try:
             kernel = self._kernel(rows.dtype)
             # Whether gradients are on is part of what was compiled, too.
@@ -70,8 +73,8 @@ class Fused:
         except (RuntimeError, ImportError, OSError) as error:
             reason = str(error).strip().partition("\n")[0]
             self._give_up(f"{reason}. It takes a C++ compiler (g++, or what CXX names) and the headers of Python")
-            return None
-        return out
+            return False
+        return True
 
     def _give_up(self, why: str) -> None:
         self._works = False

@@ -8,6 +8,7 @@ that turns them into text, for terminals, pipes and notebooks alike, and `to_jso
 from __future__ import annotations
 
 import difflib
+import heapq
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import Any, Literal
 TAB = 4  # columns a tab takes in a printed source line
 WIDTH = 100  # columns of a source line that are shown around the caret
 LONGEST_NAME = 80  # characters of a `quoted` name; the middle of a longer one is left out
+MOST_ALIKE = 500  # known names that a misspelt one is held against
 LONGEST = 1000  # characters of a title, label, note or help
 
 
@@ -119,8 +121,17 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     exact = folded.get(name.casefold().replace("_", ""))
     if exact is not None:
         return exact
-    close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
+    wanted, candidates = name.casefold(), list(folded)
+    if len(candidates) > MOST_ALIKE:  # difflib takes its time: of very many look at those that begin alike
+        candidates = heapq.nlargest(MOST_ALIKE, candidates, key=lambda one: _alike(one, wanted))
+    close = difflib.get_close_matches(wanted, candidates, n=1, cutoff=0.6)
     return folded[close[0]] if close else None
+
+
+def _alike(one: str, other: str) -> tuple[int, int]:
+    """How many characters two words have in common from the start, then how close they are in length."""
+    common = next((at for at, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
+    return common, -abs(len(one) - len(other))
 
 
 def suggest(name: str, known: Iterable[str], otherwise: str = "") -> str:

@@ -18,7 +18,8 @@ class Frame:
     """The source of the text at hand, and the calls that led here, innermost first.
 
     `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
-    says what the variables of quantifiers stand for, innermost last.
+    says what the variables of quantifiers stand for, innermost last; `rounds` is how often the quantifiers around, in
+    the same formula, come by here.
     """
 
     source: Source
@@ -26,6 +27,7 @@ class Frame:
     text: str = ""
     body: ast.Expr | None = None
     where: tuple[Mapping[str, Value], ...] = ()
+    rounds: int = 1
 
 
 def spans(node: ast.Node, frame: Frame, prelude: Source) -> tuple[Span, ...]:

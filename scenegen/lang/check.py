@@ -15,7 +15,7 @@ from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.imports import Placed, Project, inline
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
-from scenegen.lang.parse import parse, plain_breaks, read_source
+from scenegen.lang.parse import MOST_ERRORS, parse, plain_breaks, read_source
 from scenegen.lang.places import whole
 from scenegen.lang.print import print_expr
 from scenegen.lang.regions import area, workspace
@@ -27,8 +27,6 @@ from scenegen.lang.unused import unused
 from scenegen.lang.values import AnyValue, NumberValue, Value
 from scenegen.primitives.units import ANGLE, BARE, LENGTH
 from scenegen.scene.workspace import Workspace
-
-MOST_ERRORS = 20  # diagnostics of one run; whoever has more has one mistake that causes the others
 
 
 def check_text(text: str, name: str = "<spec>") -> CheckedSpec:
@@ -90,6 +88,11 @@ class _Stage:
             return True
         return False
 
+    @property
+    def full(self) -> bool:
+        """Whether nobody would read any more."""
+        return len(self.problems) >= MOST_ERRORS
+
     def close(self) -> None:
         """Raises SpecError where anything was wrong."""
         if self.problems:
@@ -114,6 +117,8 @@ def _expand(
         builder.objects = tuple(scope.objects)
     shapes, fixed = [], dict[int, Pose]()
     for thing in scope.things.values():
+        if stage.full:
+            break
         places = scope.arrays.get(thing.name.id) or (scope.objects.get(thing.name.id, 0),)
         with stage:
             looks = shape(lowering, thing, thing.name.id, project)
@@ -124,6 +129,8 @@ def _expand(
     lowering.kinds.footprints = tuple(looks.footprint for looks in shapes)
     lowering.kinds.fixed = fixed
     for declared in scope.regions.values():
+        if stage.full:
+            break
         with stage:
             if declared.name.id not in lowering.areas:
                 lowering.areas[declared.name.id] = run(area(lowering, declared))
@@ -169,6 +176,8 @@ def _labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowering,
         )
     labels: dict[str, int] = {}
     for source, name, formula in formulas:
+        if stage.full:
+            break
         with stage:
             value = run(lowering.lower(formula, {}, Frame(source)))
             labels[name] = lowering.kinds.formula(value, f"`{name}`")
@@ -182,7 +191,7 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: _Stage) ->
     """The conjunction of all `require` statements."""
     parts = []
     for one in placed:
-        if isinstance(one.statement, ast.Require):
+        if isinstance(one.statement, ast.Require) and not stage.full:
             with stage:
                 value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
                 part = lowering.kinds.formula(value, "what `require` demands")
@@ -256,7 +265,7 @@ def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: _Stage) ->
 def _constants(scope: Scope, lowering: Lowering, stage: _Stage) -> None:
     """Constants that no formula uses are checked all the same."""
     for declared in scope.constants.values():
-        if declared.source is not scope.prelude:
+        if declared.source is not scope.prelude and not stage.full:
             (expr,) = ast.expressions(declared.statement)
             with stage:
                 value = run(lowering.lower(expr, {}, Frame(declared.source)))
@@ -294,6 +303,8 @@ def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: _Stage) -> No
         definition = declared.statement
         if name in lowering.used or declared.source is scope.prelude or not isinstance(definition, ast.Definition):
             continue
+        if stage.full:
+            break
         env = {one.name.id: AnyValue(origin=one.name.span(declared.source)) for one in definition.parameters}
         with stage:
             run(lowering.lower(definition.body, env, Frame(declared.source)))

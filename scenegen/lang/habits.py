@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from scenegen.errors import Diagnostic, Source, Span
+from scenegen.lang.tokens import ending
 from scenegen.primitives import PRIMITIVES
 from scenegen.scene.workspace import AXES
 
@@ -53,7 +54,7 @@ def explain_habit(source: Source, start: int, end: int, depth: int, accepts: set
         head = re.fullmatch(r"\s*((\w+)\s*\([\w\s,]*\))\s*", line)
         if head is not None and head[2] not in PRIMITIVES and head[2] not in AXES:
             return Diagnostic("a definition opens with `def`", here, "", f"write `def {head[1]} = ...`")
-    if word == "[" and re.search(r"\bobject\s[^\n:=]*\]\s*$", text[max(0, start - 500) : start]):
+    if word == "[" and ending(r"\bobject\s[^\n:=]*\]\s*$", text[:start]):
         help_ = "declare several arrays: object block[2], cup[3]"
         return Diagnostic("an array has one number of elements", here, "", help_)
     if word == ":":
@@ -64,13 +65,13 @@ def explain_habit(source: Source, start: int, end: int, depth: int, accepts: set
 
 
 def _colon(source: Source, here: Span, line: str, depth: int, accepts: set[str]) -> Diagnostic | None:
-    before = re.search(r"(\w+)\s*$", line)
+    before = ending(r"(\w+)\s*$", line)
     name = before[1] if before else ""
     if name == "workspace":
         return Diagnostic("`workspace` takes no `:`", here, "", "write workspace [0, 1] x [0, 1]")
-    if depth and re.search(r"[(,]\s*\w+\s*$", line):
+    if depth and ending(r"[(,]\s*\w+\s*$", line):
         return Diagnostic("an argument is named with `=`", here, "", f"write {name} = ...")
-    if re.search(r"\bobject\s+\w+\s*$", source.text[: here.start]):
+    if ending(r"\bobject\s+\w+\s*$", source.text[: here.start]):
         return Diagnostic("`object` needs names", here, "a statement opens here", "write object mug, plate")
     comma = source.text[: here.start].rstrip().removesuffix(name).rstrip()
     if comma.endswith(",") and not depth and "\n" in source.text[len(comma) : here.start]:
@@ -87,7 +88,7 @@ def _colon(source: Source, here: Span, line: str, depth: int, accepts: set[str])
 def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | None:
     """Two words beside each other."""
     text, word = source.text, here.text
-    before = re.search(r"([A-Za-z_]\w*)[ \t]*$", line)
+    before = ending(r"([A-Za-z_]\w*)[ \t]*$", line)
     if before is None:
         return None
     previous = before[1]

@@ -330,7 +330,13 @@ class Lowering:
             return expanded
         if name in LIST_FUNCTIONS:
             return self._list_function(name, values["items"], node, frame)
-        return self._function(name, list(values.values()), node, frame)
+        given = list(values.values())
+        if len(given) > 1 or not isinstance(given[0], ListValue):
+            return self._function(name, given, node, frame)
+        key = (name, _key(given[0]))
+        if key not in self._expansions:  # mean(gaps(items)), in each round
+            self._expansions[key] = (self._function(name, given, node, frame), given)
+        return self._expansions[key][0].moved(self.origin(node, frame))
 
     def _arguments(self, node: ast.Call, frame: Frame) -> list[tuple[str, ast.Expr, str]]:
         """Parameter, argument and the argument's role, for each argument of a call; worked out once per call."""
@@ -355,8 +361,11 @@ class Lowering:
         items = self.kinds.items(value, f"the argument of `{name}`")
         if name == "consecutive":
             return NeighboursValue(items, origin=origin)
-        pairs = [self._function("gap", [first, second], node, frame) for first, second in pairwise(items)]
-        return ListValue(tuple(pairs), origin=origin)
+        key = (name, _key(value))
+        if key not in self._expansions:  # a quantifier over the gaps may ask for them in each of its rounds
+            pairs = [self._function("gap", [first, second], node, frame) for first, second in pairwise(items)]
+            self._expansions[key] = (ListValue(tuple(pairs), origin=origin), [value])
+        return self._expansions[key][0].moved(origin)
 
     def _function(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
         origin = self.origin(node, frame)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
+from math import comb
 from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
+MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of an outer one have less to do inside
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
@@ -38,13 +40,15 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         lowering.kinds.formula(value, f"what `{node.kind}` ranges over")
         return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
     formulas = []
-    for choice in _choices(lowering, domain, node, frame):
-        lowering.steps += 1
-        if lowering.steps > MAX_STEPS:
-            raise too_many(lowering, node.domain, frame)
+    count, choices = _choices(lowering, domain, node, frame)
+    rounds = frame.rounds * count
+    if lowering.steps + count > MAX_STEPS or rounds > MOST_FORESEEN:
+        raise too_many(lowering, node.domain, frame)
+    lowering.steps += count
+    for choice in choices:
         chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
         where = (*frame.where, chosen)[-MOST_VARIABLES:]
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where)
+        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where, rounds)
         value = yield lowering.lower(node.body, {**env, **chosen}, inside)
         formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
     shown = print_expr(node.domain)
@@ -80,15 +84,15 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
 
 def _choices(
     lowering: Lowering, domain: Value | range, node: ast.Quantifier, frame: Frame
-) -> Iterator[tuple[Value, ...]]:
-    """The ways to choose the variables. Raises SpecError where there is none."""
+) -> tuple[int, Iterator[tuple[Value, ...]]]:
+    """How many ways there are to choose the variables, and the ways. Raises SpecError where there is none."""
     many = len(node.variables)
     origin = lowering.origin(node.domain, frame)
     if isinstance(domain, range):
         numbers = (NumberValue(lowering.builder.const(float(number)), BARE, origin=origin) for number in domain)
         items: Sequence[Value] = tuple(numbers) if many > 1 else ()
         if many == 1:
-            return ((number,) for number in numbers)
+            return len(domain), ((number,) for number in numbers)
     elif isinstance(domain, NeighboursValue):
         items = domain.items
         if many == 1:
@@ -101,8 +105,9 @@ def _choices(
         title = "this list is empty" if not items else f"there are no {many} to choose from {what}"
         raise lowering.error(title, node.domain, frame, f"`{node.kind}` has nothing to range over")
     if isinstance(domain, NeighboursValue):
-        return (tuple(items[at : at + many]) for at in range(len(items) - many + 1))
-    return combinations(items, many)
+        count = max(0, len(items) - many + 1)
+        return count, (tuple(items[at : at + many]) for at in range(count))
+    return comb(len(items), many), combinations(items, many)
 
 
 def _may_be_empty(lowering: Lowering, frame: Frame) -> bool:

@@ -3,11 +3,14 @@ defined by itself. All mistakes are found in one go."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
+from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
@@ -19,27 +22,37 @@ AREAS = ("rect", "circle", "polygon")  # what a region can be
 
 
 def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
-    """The problems of a spec's names, in the order of the text."""
+    """The problems of a spec's names, in the order of the text, and the first MOST_ERRORS of a file: whoever has more
+    does not read them, and to look for names like the unknown ones takes time."""
     problems: list[Diagnostic] = []
+    counts = Counter[str]()
     for one in placed:
-        bound: set[str] = set()
-        if isinstance(one.statement, ast.Definition):
-            problems.extend(_parameters(one.statement, one.source))
-            bound = {parameter.name.id for parameter in one.statement.parameters}
-        if isinstance(one.statement, ast.Objects):
-            problems.extend(_declarations(one.statement, scope, one.source))
-            continue
-        if isinstance(one.statement, ast.Region):
-            problems.extend(_area(one.statement.shape, scope, one.source))
-            continue
-        for expr in ast.expressions(one.statement):
-            constant = isinstance(one.statement, ast.Constant | ast.Workspace)
-            # a default is written where the parameters are not yet known
-            visible = bound if isinstance(one.statement, ast.Definition) and expr is one.statement.body else set()
-            problems.extend(_expression(expr, visible, scope, one.source, constant))
+        room = MOST_ERRORS - counts[one.source.name]
+        found = list(islice(_statement(one, scope), max(0, room)))
+        counts[one.source.name] += len(found)
+        problems.extend(found)
     if bare is not None:
-        problems.extend(_expression(bare, set(), scope, scope.source, False))
+        problems.extend(islice(_expression(bare, set(), scope, scope.source, False), MOST_ERRORS))
     return problems or list(_cycles(scope))
+
+
+def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
+    statement, source = one.statement, one.source
+    if isinstance(statement, ast.Objects):
+        yield from _declarations(statement, scope, source)
+        return
+    if isinstance(statement, ast.Region):
+        yield from _area(statement.shape, scope, source)
+        return
+    bound: set[str] = set()
+    if isinstance(statement, ast.Definition):
+        yield from _parameters(statement, source)
+        bound = {parameter.name.id for parameter in statement.parameters}
+    for expr in ast.expressions(statement):
+        constant = isinstance(statement, ast.Constant | ast.Workspace)
+        # a default is written where the parameters are not yet known
+        visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
+        yield from _expression(expr, visible, scope, source, constant)
 
 
 def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Iterator[Diagnostic]:

@@ -236,7 +236,7 @@ def _clash(scope: Scope, kind: str, name: str, here: Span, places: Mapping[str, 
         return _twice(f"`{name}`", here, places[name])
     if name in BUILT_IN:
         return Diagnostic(f"`{name}` is built in", here, "it cannot be defined", "choose another name")
-    if kind == "definition" and name in scope.functions():
+    if kind == "definition" and (name in scope.definitions or name in signatures()):
         what = "a relation of the prelude" if name in scope.definitions else "a built-in function"
         return Diagnostic(f"`{name}` is {what}", here, "it cannot be defined again", "choose another name")
     if kind not in ("definition", "constant") and name in scope.constants:

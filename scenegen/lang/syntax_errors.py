@@ -12,7 +12,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
 from scenegen.lang.habits import explain_habit
-from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column
+from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending
 
 # operators of other languages -> what to write here
 _FOREIGN = {
@@ -183,7 +183,7 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     if not re.match(r"[A-Za-z_0-9(!¬\"]", word) or "NAME" in accepts:
         return None
     before = text[:start].rstrip()
-    found = re.search(r"[A-Za-z_0-9.]+$", before)
+    found = ending(r"[A-Za-z_0-9.]+$", before)
     previous = found[0] if found else ""
     here = Span(source, start, end)
     if word.lower() in KEYWORDS and word != word.lower():
@@ -266,7 +266,7 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
     stack, _ = _open_brackets(text, start)
     if stack:
         return _unclosed(source, stack)
-    if "$END" not in accepts or "LABEL" in accepts or re.search(r"\bworkspace\s*$", text[:start]):
+    if "$END" not in accepts or "LABEL" in accepts or ending(r"\bworkspace\s*$", text[:start]):
         return None
     help_ = "give the formula before it a name: `task: ...`"
     return Diagnostic(f"unexpected `{word}`", Span(source, start, end), "an unnamed formula stands alone", help_)
@@ -293,7 +293,7 @@ def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diag
 
 
 def _colon(source: Source, start: int) -> Diagnostic:
-    found = re.search(r"\w+$", source.text[:start].rstrip())
+    found = ending(r"\w+$", source.text[:start].rstrip())
     if found is not None and found[0] in KEYWORDS:
         return Diagnostic(
             f"`{found[0]}` is a keyword",
@@ -312,7 +312,7 @@ def _colon(source: Source, start: int) -> Diagnostic:
 
 def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
     text = source.text
-    if re.search(r"\d\.$", text[:start]) and "NAME" in accepts:
+    if ending(r"\d\.$", text[:start]) and "NAME" in accepts:
         return _dot(source, start)
     if text[start] != ".":
         return None
@@ -327,7 +327,7 @@ def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
 
 def _dot(source: Source, end: int) -> Diagnostic:
     """A number such as `5.` that ends just before `end`."""
-    found = re.search(r"\d+\.$", source.text[:end])
+    found = ending(r"\d+\.$", source.text[:end])
     assert found is not None
     return Diagnostic("a number ends with a digit", Span(source, found.start(), end), "", f"write {found[0]}0")
 
@@ -349,9 +349,9 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
     stack, _ = _open_brackets(text, len(text))
     if stack and accepts & {"RPAR", "RSQB"}:
         return _unclosed(source, stack)
-    if re.search(r"\d\.$", text[:stop]):
+    if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
-    word = re.search(r"(?:[A-Za-z_]\w*|->|<=|>=|[^\w\s])$", _without_comments(text).rstrip())
+    word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|[^\w\s])$", _without_comments(text).rstrip())
     after = f" after `{word[0]}`" if word else ""
     return Diagnostic(
         f"the text ends{after}", Span(source, stop, stop), f"expected {_expected(accepts)}", "finish the formula"

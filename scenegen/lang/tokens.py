@@ -13,6 +13,8 @@ from typing import NamedTuple
 STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
 KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true false".split()))
 
+NEAR = 400  # characters before a mistake that can tell something about it
+
 _TOKEN = re.compile(
     r"(?P<space>\s+)"
     r"|(?P<comment>#[^\n]*)"
@@ -75,6 +77,12 @@ def spelling(token: Token) -> str:
         if found is not None and found[2]:
             return f"{found[1]} {found[2]}"
     return _SPELLINGS.get(token.text, token.text)
+
+
+def ending(pattern: str, text: str) -> re.Match[str] | None:
+    """The match of a pattern that closes with `$`, in the last NEAR characters of a text. In all of the text the search
+    would take time quadratic in the length of its names and blanks."""
+    return re.compile(pattern).search(text, max(0, len(text) - NEAR))
 
 
 def column(text: str, offset: int) -> int:

@@ -31,7 +31,8 @@ from scenegen.resources import grammar_file
 from .generate import Case
 
 SLOW = 2.0  # seconds of CPU for one check
-HANG = 20.0  # seconds of CPU after which a case is broken off
+AT_LIMITS = 20.0  # how much longer it may take to find out that a spec is too large
+HANG = 60.0  # seconds of CPU after which a case is broken off
 POSES = 3
 LARGE = 20_000  # nodes of a core from which on time is allowed in proportion
 
@@ -94,7 +95,10 @@ def _judge(case: Case, path: Path, rng: random.Random, names: frozenset[str]) ->
         if not problems:
             raise Fault("refused without a diagnostic") from None
     seconds = time.process_time() - began
-    if seconds > SLOW * max(1.0, (0 if spec is None else len(spec.core.nodes)) / LARGE):
+    limited = any(re.search(r"rounds in all|parts$|steps to expand", one.title) for one in problems)
+    if seconds > SLOW * (AT_LIMITS if limited else 1.0) * max(
+        1.0, (0 if spec is None else len(spec.core.nodes)) / LARGE
+    ):
         raise Fault("check takes longer than it may")
     own = case.main.decode("utf-8", "replace") + b"".join(case.beside.values()).decode("utf-8", "replace")
     for problem in problems:

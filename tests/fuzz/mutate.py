@@ -30,7 +30,7 @@ def damage(text: str, rng: random.Random, others: Sequence[str]) -> str:
     """One change of a text."""
     parts = pieces(text)
     at, to = rng.randrange(len(parts)), rng.randrange(len(parts))
-    match rng.randrange(14):
+    match rng.randrange(15):
         case 0:
             del parts[at]
         case 1:
@@ -64,6 +64,8 @@ def damage(text: str, rng: random.Random, others: Sequence[str]) -> str:
             low = rng.randrange(len(other))
             parts[at:at] = other[low : low + rng.randrange(1, 30)]
         case 12:
+            parts[at] = rng.choice("a1 _(\t#.-\n") * rng.choice([50, 600, 20_000])
+        case 13:
             return text[: rng.randrange(len(text) + 1)]
         case _:
             where = rng.randrange(len(text) + 1)

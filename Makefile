@@ -50,6 +50,8 @@ tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lar
 bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/training.py
 	$(BIN)/python benchmarks/language.py
+	$(BIN)/python benchmarks/robustness.py
+	$(BIN)/python benchmarks/sampling.py
 
 exp1: $(STAMP)   ## experiment 1: both models, 50 epochs, 3 seeds, beside the paper's figures
 	$(BIN)/python benchmarks/exp1.py

@@ -25,7 +25,7 @@ def test_training_leaves_a_usable_model(number, here, scenegen):
     first = process.stderr.readline()
     assert first.startswith("gan: epoch 1/100000")
     process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, out) == (130, "")
     last = err.splitlines()[-1]
     assert last.startswith("stopped after ") and last.endswith("go on with --resume --out m.safetensors")
@@ -47,7 +47,7 @@ def test_sampling_what_is_not_found(here):
     while _used(process) < 1.2 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, out, err) == (130, "", "interrupted\n")
     assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "never.spec", "two.spec"]
 

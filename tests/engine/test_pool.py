@@ -167,7 +167,7 @@ def test_no_process_survives_its_parent(how, slow, tmp_path):
             os.killpg(parent.pid, how)
         else:
             parent.kill()
-        parent.communicate(timeout=10)
+        parent.communicate(timeout=60)
         assert len(crew) == 2
         while any(map(alive, crew)) and time.monotonic() < deadline:
             time.sleep(0.02)

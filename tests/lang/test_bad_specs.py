@@ -1,5 +1,6 @@
 """Every mistake a spec can hold and what the user reads about it: golden/lang/errors/NAME.spec beside NAME.txt."""
 
+import functools
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ FOLDER = ROOT / "tests" / "golden" / "lang" / "errors"
 SPECS = sorted(FOLDER.glob("*.spec"))
 
 
+@functools.cache
 def diagnostics(path):
     with pytest.raises(SpecError) as refused:
         check(read_source(path.name, path.read_bytes()))

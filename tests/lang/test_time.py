@@ -44,7 +44,8 @@ OTHERS = {
     + "leftOf(p0, p1)",
     "rounds of rounds": "l: forall i in 1..10000: forall j in 1..10000: x(m) <= i * j",
     "pairs of thousands": f"object o[{MANY}]\nrequire noOverlap()\nl: leftOf(o[1], o[2])",
-    "parameters": f"def f({', '.join(f'p{k}' for k in range(10_000))}) = leftOf(p0, p1)\nl: f({', '.join('m' * 10_000)})",
+    "parameters": f"def f({', '.join(f'p{k}' for k in range(10_000))}) = leftOf(p0, p1)\n"
+    f"l: f({', '.join('m' * 10_000)})",
     "definitions": "".join(f"def f{k}(a) = leftOf(a, b)\n" for k in range(MANY)) + "l: f0(a)",
 }
 

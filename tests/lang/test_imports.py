@@ -1,6 +1,7 @@
 """`import` and the files of shapes: what comes along, and everything that must not be read."""
 
 import os
+import time
 
 import pytest
 
@@ -202,3 +203,28 @@ def test_the_outline_of_a_file_is_written_out(files):
     assert again.source == spec.source and again.shapes == spec.shapes and again.sha256 == spec.sha256
     round_ = check_text('object tray = urdf("t.urdf", cylinder(1 / 3, 0.1)), mug\ntask: gap(tray, mug) >= 0')
     assert check_text(round_.source).shapes == round_.shapes, "sizes survive to the last bit"
+
+
+SHAPE = '<robot name="r"><link name="l"><collision><geometry>{}</geometry></collision></link></robot>'
+ENTITIES = "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(9))
+HOSTILE = {
+    "entities that multiply": f'<!DOCTYPE r [<!ENTITY e0 "lol">{ENTITIES}]>{SHAPE.format("&e9;")}',
+    "an entity that reads a file": f'<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]>{SHAPE.format("&e;")}',
+    "elements inside each other": "<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>",
+    "a size that is none": SHAPE.format('<box size="nan inf -1"/>'),
+    "a mesh outside the folder": SHAPE.format('<mesh filename="../secret.stl"/>'),
+    "a mesh of another package": SHAPE.format('<mesh filename="package://../../../etc/passwd"/>'),
+    "a mesh that is a device": SHAPE.format('<mesh filename="/dev/zero"/>'),
+    "a mesh that is itself": SHAPE.format('<mesh filename="tray.urdf"/>'),
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_urdf_files(files, name):
+    (files.root / "tray.urdf").write_text(HOSTILE[name])
+    (files.outside / "secret.stl").write_bytes(b"solid")
+    began = time.process_time()
+    title, place = files.refused('object tray = urdf("tray.urdf"), mug\ntask: leftOf(mug, tray)')
+    assert place == "main.spec:1:20" and title
+    assert time.process_time() - began < 1.0

@@ -37,8 +37,8 @@ OTHERS = {
     + "".join(f"l{k}: leftOf(o[{k + 1}], o[{k + 2}])\n" for k in range(MANY - 2)),
     "neighbours of a long array": f"object o[{MANY}]\nl: forall i in 1..{MANY - 1}: leftOf(o[i], o[i + 1])",
     "gaps of a long array": f"object o[{MANY}]\nl: evenlySpaced(o)",
-    "one list in many calls": f"const L = [{'(0, 0), ' * MANY}(1, 1)]\n"
-    f"def f(l, i) = closeTo(m, l[i])\nl: forall i in 1..{MANY}: f(L, i)",
+    "one list in many calls": f"const L = [{'(0, 0), ' * MANY}(1, 1)]"
+    f" def f(l, i) = closeTo(m, l[i]) l: forall i in 1..{MANY}: f(L, i)",
     "quantifiers inside each other": "object o[2]\nl: "
     + "".join(f"forall p{k} in o: " for k in range(9000))
     + "leftOf(p0, p1)",

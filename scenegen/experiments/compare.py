@@ -30,8 +30,8 @@ from scenegen.experiments.measure import (
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import BAND, Problem
 from scenegen.experiments.speed import model_speed, one_thread, per_second
-from scenegen.experiments.trainings import Trained
 from scenegen.experiments.training_data import training_rows
+from scenegen.experiments.trainings import Trained
 from scenegen.experiments.variants import VARIANTS
 from scenegen.metrics.training import training_distances
 from scenegen.sampling.base import draw, piece_generator

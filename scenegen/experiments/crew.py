@@ -66,10 +66,7 @@ def _share(jobs: Sequence[Job], workers: int, told: Callable[[Job, float], None]
     waiting = iter(jobs)
     lock = threading.Lock()
     failures: list[ScenegenError] = []
-    crew = [
-        Process("scenegen.experiments.worker", {}, "trains models", "fewer --workers")
-        for _ in range(workers)
-    ]
+    crew = [Process("scenegen.experiments.worker", {}, "trains models", "fewer --workers") for _ in range(workers)]
 
     def serve(process: Process) -> None:
         while not failures:

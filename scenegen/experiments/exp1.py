@@ -39,19 +39,21 @@ def run(plan: Plan) -> Report:
         "## Figures",
         picture(
             "exp1_fig6.png",
-            "Fig. 6 of the paper. The first scene that a model draws for each phi, as it is: none is picked or refined.",
+            "Fig. 6 of the paper",
+            "The first scene that a model draws for each phi, as it is: none is picked or refined.",
         ),
         picture(
             "exp1_fig7.png",
-            "Fig. 7 of the paper. Scenes on a plane, by Isomap of the positions (phi does not depend on the headings),"
-            " coloured by phi of the task; the red line on the scale is the wanted value. The map is fitted to true"
-            f" scenes and is the same for all panels of a row. Training scenes are those within {NEAR} of the query on"
-            " both labels; models are shown raw.",
+            "Fig. 7 of the paper",
+            "Scenes on a plane, by Isomap of the positions (phi does not depend on the headings), coloured by phi of"
+            " the task; the red line on the scale is the wanted value. The map is fitted to true scenes and is the same"
+            " for all panels of a query. The number of scenes is in brackets; training scenes are those within"
+            f" {NEAR} of the query on both labels; models are shown raw.",
         ),
         "The paper's second query, (-0.17, -0.09), is infeasible: safe = -0.09 puts the centres 0.16 m apart, and then"
-        " no difference of coordinates, so no phi of the task, can be -0.17. The second row therefore shows the band of"
-        f" {ROUND_IT} round it, which is not empty: truth is drawn from the band, and models are asked for phi that true"
-        " scenes of the band have.",
+        " no difference of coordinates, so no phi of the task, can be -0.17. The second part of the figure therefore"
+        f" shows the band of {ROUND_IT} round it, which is not empty: truth is drawn from the band, and models are"
+        " asked for phi that true scenes of the band have.",
         "## Where the paper's text and its published code differ",
         listed([*DIFFERENCES["exp1"], EVERYWHERE]),
     ]

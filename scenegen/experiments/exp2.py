@@ -34,12 +34,14 @@ def run(plan: Plan) -> Report:
         "## Figures",
         picture(
             "exp2_fig1.png",
-            f"Fig. 1 of the paper. A table set for one, phi = {phi:.3f}; drawn by the exact sampler, which was also told"
+            "Fig. 1 of the paper",
+            f"A table set for one, phi = {phi:.3f}; drawn by the exact sampler, which was also told"
             " that nothing may overlap or stick out.",
         ),
         picture(
             "exp2_fig8.png",
-            f"Fig. 8 of the paper. Up to {sizes.overlaid} scenes on top of each other, phi = 0.03: where the centres"
+            "Fig. 8 of the paper",
+            f"Up to {sizes.overlaid} scenes on top of each other, phi = 0.03: where the centres"
             " are, and the knife as it lies. The number of scenes is in brackets; models are shown raw. Training scenes"
             f" are the boosted ones within {BAND} of 0.03, or the nearest to it where none are.",
         ),

@@ -32,7 +32,8 @@ def run(plan: Plan) -> Report:
         pages.append(
             picture(
                 name,
-                f"Fig. 9 of the paper, {count} blocks. The first raw scene of each ordering that the {SHOWN} model draws"
+                f"Fig. 9 of the paper, {count} blocks",
+                f"The first raw scene of each ordering that the {SHOWN} model draws"
                 " at phi = 0.05 and 0.1; the red bar is as long as phi and stands at the pair that is closest along the"
                 " order, its dotted line leads to the other block.",
             )

@@ -81,13 +81,13 @@ DIFFERENCES: dict[str, tuple[str, ...]] = {
         "Ours are trained and measured on the paper's reading (`specs/table_setting.spec`; satisfied by 9.8 in a"
         " million uniform scenes), the published weights on the code's (`specs/table_setting_published.spec`; 7.3 in a"
         " million).",
-        "The labels that the generator is trained on are normal in the paper, uniform over the label range in the code.",
+        "The labels that the generator is trained on are normal in the paper, uniform in the code.",
     ),
     "exp3": (
         "The code trained on 20,000 / 61,867 / about 62,892 scenes with 55.9 / 21.9 / 20.6 % positives; the paper says"
         " 20k / 110k / 114k with 56 %. `--recipe paper` takes the code's numbers of scenes and the paper's 56 %.",
         "The paper's figure for the GAN at N = 5 does not come out of the published weights.",
-        "The labels that the generator is trained on are normal in the paper, uniform over the label range in the code.",
+        "The labels that the generator is trained on are normal in the paper, uniform in the code.",
     ),
 }
 EVERYWHERE = (

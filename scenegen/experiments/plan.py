@@ -39,7 +39,7 @@ FULL = Sizes(
     overlaid=700,
     dots=500,
     neighbours=12,
-    patience=60.0,
+    patience=20.0,
 )
 QUICK = Sizes(
     scenes=128,

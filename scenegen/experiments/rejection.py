@@ -51,11 +51,11 @@ def run(plan: Plan) -> Report:
         " levels once a request; it is there for what pruning cannot cut down. The last column is the reference"
         " measurement of the published networks on another machine: scenes that a filter lets through, with the"
         " coverage that exp1.md, exp2.md and exp3.md give.",
-        f"In experiment 1 pruned rejection evaluates phi {saved:,.0f} times less often than plain rejection for the same"
-        " scenes, which follow the true distribution and take no training. What the paper compares with its GAN, draws"
-        " against training scenes, is no longer where the cost lies: the draws that a GAN is trained on give more true"
-        f" scenes by themselves ({20_000 / first['rejection_draws']:,.0f} from 20,000 draws). In experiment 2 the 100"
-        f" million draws of the paper give {1e8 / second['rejection_draws']:,.0f} scenes.",
+        f"In experiment 1 pruned rejection evaluates phi {saved:,.0f} times less often than plain rejection for the"
+        " same scenes, and nothing is trained. The paper counts draws against training scenes; the 20,000 scenes that"
+        f" its GAN is trained on are as many draws as {20_000 / first['rejection_draws']:,.0f} true scenes take here,"
+        " each of them in the range and independent of the others. In experiment 2 the paper's 100 million draws are"
+        f" what {1e8 / second['rejection_draws']:,.0f} true scenes take.",
     ]
     return Report("rejection", "Draws per scene", blocks, {"problems": facts, "band": BAND})
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import statistics
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from typing import Any
 from scenegen.experiments.plan import Plan
 from scenegen.formats.files import ensure_folder, write_whole
 
+WIDTH = 118  # characters of a line
 QUICK_NOTE = "> **A quick run with tiny settings: it shows that the experiment works. The figures mean nothing.**"
 
 
@@ -33,7 +35,7 @@ def write(plan: Plan, report: Report) -> list[str]:
     seeds = ", ".join(map(str, plan.seeds))
     made = f"Made by `{command}` with the seeds {seeds}; scenegen {version('scenegen')}, torch {version('torch')}."
     head = [f"# {report.title}", *([QUICK_NOTE] if plan.quick else []), made]
-    text = "\n\n".join([*head, *report.blocks]) + "\n"
+    text = "\n\n".join(map(_wrapped, [*head, *report.blocks])) + "\n"
     document = {
         "format": "scenegen/experiment",
         "version": 1,
@@ -58,9 +60,9 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def picture(name: str, words: str) -> str:
+def picture(name: str, heading: str, words: str) -> str:
     """A figure with its caption."""
-    return f"![{words.split('.')[0]}]({name})\n\n*{words}*"
+    return f"![{heading}]({name})\n\n*{heading}. {words}*"
 
 
 def listed(items: Iterable[str]) -> str:
@@ -82,3 +84,13 @@ def short(value: float) -> str:
         if value >= size:
             return f"{value / size:.3g}{letter}"
     return f"{value:.3g}"
+
+
+def _wrapped(block: str) -> str:
+    """Words on lines that a person can read in a diff; tables and links stay as they are."""
+    return "\n".join(line if line[:1] in "|!#>" else _fill(line) for line in block.split("\n"))
+
+
+def _fill(line: str) -> str:
+    indent = "  " if line.startswith("* ") else ""
+    return textwrap.fill(line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)

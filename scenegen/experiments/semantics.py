@@ -53,10 +53,10 @@ def run(plan: Plan) -> Report:
         for one in picked
     ]
     blocks = [
-        "phi is the margin by which a scene satisfies a formula: `leftOf` and `rightOf` compare the centres' x, `closeTo`"
-        " takes the distance of the centres from the tolerance (0.25 m unless a spec says otherwise). All three are in"
-        " metres, and 0 is the limit.",
-        picture("semantics_fig3.png", "Fig. 3 of the paper. A mug moves from left to right behind a plate."),
+        "phi is the margin by which a scene satisfies a formula: `leftOf` and `rightOf` compare the centres' x,"
+        " `closeTo` takes the distance of the centres from the tolerance (0.25 m unless a spec says otherwise). All"
+        " three are in metres, and 0 is the limit.",
+        picture("semantics_fig3.png", "Fig. 3 of the paper", "A mug moves from left to right behind a plate."),
         table(["way", "x of the mug", "distance", *WORDS], lines),
         "By hand: rightOf = x(mug) - 0.5, leftOf = 0.5 - x(mug), closeTo = 0.25 - distance.",
     ]

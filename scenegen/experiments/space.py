@@ -25,7 +25,7 @@ def run(plan: Plan) -> Report:
         spec = problem.load()
         plan.tell(f"{problem.title}: weighing")
         models = {name: runs[0].size for name, runs in trained(plan, problem).items()}
-        scenes = sample(spec, {label: (None, None) for label in spec.labels}, plan.sizes.exact, seed=0, workers=1)
+        scenes = sample(spec, dict.fromkeys(spec.labels, (None, None)), plan.sizes.exact, seed=0, workers=1)
         numbers = 3 * len(spec.objects) + len(spec.labels)
         sizes = {"float32, bare": float(FLOAT * numbers)}
         with tempfile.TemporaryDirectory() as folder:
@@ -39,12 +39,14 @@ def run(plan: Plan) -> Report:
         bare = sizes["float32, bare"]
         against.append([f"{problem.title.split(' at ')[0]}: the paper's look-up table", f"{look_up:,.0f} MB", "-"])
         against.append(["the paper's network", f"{network:g} MB", short(network * 1e6 / bare)])
-        against += [[f"{name}, model file", f"{size / 1e6:.2f} MB", short(size / bare)] for name, size in models.items()]
+        against += [
+            [f"{name}, model file", f"{size / 1e6:.2f} MB", short(size / bare)] for name, size in models.items()
+        ]
         against.append(["the spec, which the exact sampler draws from", f"{text} bytes", short(text / bare)])
         facts.append({"problem": key, "bytes_per_scene": sizes, "models": models, "spec": text, "paper_mb": look_up})
     blocks = [
-        "The paper compares a table of scenes, looked up by phi, with a network that makes them: 5,600 MB against 0.5 MB"
-        " in experiment 1, 28,400 MB against 0.4 MB in experiment 2.",
+        "The paper compares a table of scenes, looked up by phi, with a network that makes them: 5,600 MB against 0.5"
+        " MB in experiment 1, 28,400 MB against 0.4 MB in experiment 2.",
         "## What takes how much",
         table(["", "size", "bare scenes in that space"], against),
         "A network is small because it holds no scenes, and it draws ones that no table had. The spec is smaller still:"

@@ -21,9 +21,9 @@ def tables(found: Comparison) -> list[str]:
         f" greatest of the seeds. What samplers hand out is spread over the wanted phi +- {BAND}, so their error is"
         f" {BAND / 2:g} by intent.",
         _accuracy(found),
-        "**Diversity**: coverage of fresh scenes from the exact sampler by the raw output, and by what is handed out for"
-        f" the wanted phi +- {BAND} after refinement and verification; the share of those that lie in that range; how"
-        " much of what was asked for was found in time; the median distance of a raw scene to the nearest training"
+        "**Diversity**: coverage of fresh scenes from the exact sampler by the raw output, and by what is handed out"
+        f" for the wanted phi +- {BAND} after refinement and verification; the share of those that lie in that range;"
+        " how much of what was asked for was found in time; the median distance of a raw scene to the nearest training"
         " scene (in brackets: of fresh true scenes to the same training set; clearly less means that the model repeats"
         " it).",
         _diversity(found),
@@ -75,7 +75,7 @@ def _accuracy(found: Comparison) -> str:
     keys = [f"error:{label}" for label in labels]
     head = ["", *(f"{label}: mean (std)" for label in labels), f"mean abs. error, {'; '.join(labels)}", "within 0.025"]
     rows = [
-        [row.name, *(_signed(row, label) for label in labels), _cells(row, keys, 4), _cells(row, ["within"], 2)]
+        [row.name, *(_signed(row, label) for label in labels), _cells(row, keys, 4), _cells(row, ["within"], 3)]
         for row in _some(found, f"mean:{labels[0]}", keys[0])
     ]
     return table(head, rows)
@@ -124,6 +124,9 @@ def _bars(found: Comparison) -> str:
     bar, labels = found.problem.bar, found.spec.labels
     head = ["", f"error <= {bar.error:g}", f"coverage >= {bar.coverage:g}", f"scenes/s >= {short(bar.speed)}"]
     head += [f"handed out: coverage >= {bar.handed_coverage:g}", "beats the published weights"]
+    head.append(f"file < {bar.size / 1e6:g} MB")
+    if bar.training is not None:
+        head.append(f"trained in {bar.training / 60:g} min")
     if bar.orderings is not None:
         head.append(f"orderings {bar.orderings[0]:g} to {bar.orderings[1]:g}")
     rows = []
@@ -137,7 +140,10 @@ def _bars(found: Comparison) -> str:
             _met((mean(row, "speed") or 0.0) >= bar.speed),
             _met((mean(row, "handed_coverage") or 0.0) >= bar.handed_coverage),
             _met(_beats(found, row)),
+            _met((mean(row, "bytes") or 0.0) < bar.size),
         ]
+        if bar.training is not None:
+            cells.append(_met((mean(row, "cpu") or 0.0) <= bar.training))
         if bar.orderings is not None:
             share = [mean(row, f"raw:{name}") or 0.0 for name in ORDERINGS]
             cells.append(_met(all(bar.orderings[0] <= one <= bar.orderings[1] for one in share)))

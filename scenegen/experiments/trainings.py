@@ -93,7 +93,9 @@ def perform(job: Job) -> float:
     spec = PROBLEMS[job.problem].load()
     _record(job.path).unlink(missing_ok=True)
     began = time.process_time()
-    train(spec, job.what.family, out=job.path, seed=job.seed, **{k: v for k, v in job.options.items() if k != 'recipe'})  # TEMP
+    train(
+        spec, job.what.family, out=job.path, seed=job.seed, **{k: v for k, v in job.options.items() if k != "recipe"}
+    )  # TEMP
     seconds = time.process_time() - began
     with contextlib.suppress(OSError):
         state_path(job.path).unlink()  # a finished training is not resumed

@@ -1,6 +1,6 @@
 """Fig. 7: scenes of experiment 1 at two queries on a plane, by Isomap, coloured by phi of the task.
 
-Isomap (Tenenbaum, de Silva & Langford 2000) is fitted to true scenes and one map serves all panels of a row, so that
+Isomap (Tenenbaum, de Silva & Langford 2000) is fitted to true scenes and one map serves all panels of a query, so that
 places can be compared. It sees the positions of both objects; the headings, on which phi does not depend, would be
 noise.
 """
@@ -17,11 +17,12 @@ from scenegen.experiments.charts import INK, QUIET, RED, bare, figure, needed, p
 from scenegen.experiments.measure import Array
 
 MAP = "viridis"
+ACROSS = 4  # panels
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A row of the figure: what was wanted, in words and as phi of the task; (scenes (3N, n), phi of the task (n,)) by
+    """A part of the figure: what was wanted, in words and as phi of the task; (scenes (3N, n), phi of the task (n,)) by
     name, `fit` among them the scenes that Isomap is fitted to."""
 
     words: str
@@ -31,13 +32,13 @@ class Query:
 
 
 def isomap(queries: Sequence[Query], dots: int, neighbours: int) -> bytes:
-    """A PNG file, a row per query, at most `dots` scenes a panel."""
-    across = max(len(query.sets) for query in queries)
-    drawn = figure(2.15 * across, 2.75 * len(queries))
-    parts = drawn.subfigures(len(queries), 1, squeeze=False).ravel()
-    for part, query in zip(parts, queries, strict=True):
-        part.suptitle(query.words, fontsize=10, color=INK)
-        axes = part.subplots(1, across, sharex=True, sharey=True, squeeze=False).ravel()
+    """A PNG file, a part per query, at most `dots` scenes a panel."""
+    down = [-(-len(query.sets) // ACROSS) for query in queries]
+    drawn = figure(2.45 * ACROSS, 2.3 * sum(down) + 0.5 * len(queries))
+    parts = drawn.subfigures(len(queries), 1, squeeze=False, height_ratios=down).ravel()
+    for part, query, lines in zip(parts, queries, down, strict=True):
+        part.suptitle(query.words, fontsize=11, color=INK)
+        axes = part.subplots(lines, ACROSS, sharex=True, sharey=True, squeeze=False).ravel()
         for cell in axes[len(query.sets) :]:
             cell.set_visible(False)
         _row(part, axes, query, dots, neighbours)
@@ -53,16 +54,16 @@ def _row(part: Any, axes: Sequence[Any], query: Query, dots: int, neighbours: in
     shown: Any = None
     for panel, (name, (rows, phi)) in zip(axes, query.sets.items(), strict=False):
         bare(panel)
-        panel.set_title(f"{name}\n{min(rows.shape[1], dots)} scenes", fontsize=8, color=INK)
+        panel.set_title(f"{name} ({min(rows.shape[1], dots)})", fontsize=9, color=INK)
         if rows.shape[1]:
             points = embed.transform(_positions(rows[:, :dots]))
             shown = panel.scatter(
-                points[:, 0], points[:, 1], c=phi[:dots], s=5.0, cmap=MAP, vmin=low, vmax=high, linewidths=0.0
+                points[:, 0], points[:, 1], c=phi[:dots], s=6.0, cmap=MAP, vmin=low, vmax=high, linewidths=0.0
             )
         else:
             panel.text(0.5, 0.5, "none", ha="center", va="center", color=QUIET, transform=panel.transAxes)
-    bar = part.colorbar(shown, ax=list(axes), extend="both", fraction=0.02, pad=0.01)
-    bar.ax.axhline(query.wanted, color=RED, linewidth=2.0)
+    bar = part.colorbar(shown, ax=list(axes), extend="both", fraction=0.03, pad=0.01)
+    bar.ax.axhline(query.wanted, color=RED, linewidth=4.0)
     bar.set_label("phi of task (red: wanted)", fontsize=8, color=QUIET)
     bar.ax.tick_params(labelsize=7, colors=QUIET)
 

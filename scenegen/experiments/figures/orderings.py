@@ -31,13 +31,13 @@ def orderings(sets: Mapping[float, Array], words: str) -> bytes:
             mine = np.flatnonzero(nearest == place)
             if not len(mine):
                 cell.text(0.5, 0.5, f"none among\n{rows.shape[1]:,} scenes", ha="center", va="center", color=QUIET)
-                cell.set_title(f"wanted {wanted:g}, {name}", fontsize=9, color=INK)
+                cell.set_title(f"wanted {wanted:g}\n{name}", fontsize=9, color=INK)
             else:
                 phi = float(ranks[place, mine[0]])
                 cell.set_title(f"wanted {wanted:g}, reached {phi:.3f}\n{name}", fontsize=9, color=INK)
                 _scene(cell, rows[:, mine[0]], place, phi)
-            cell.set_xlim(0.0, 1.0)
-            cell.set_ylim(0.0, 1.0)
+            cell.set_xlim(-SIDE, 1.0 + SIDE)  # centres lie in the unit square, blocks may stick out of it
+            cell.set_ylim(-SIDE, 1.0 + SIDE)
             cell.set_aspect("equal")
     return png(drawn)
 

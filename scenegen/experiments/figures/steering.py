@@ -13,9 +13,10 @@ from scenegen.experiments.figures.strip import strips
 from scenegen.experiments.measure import Array, columns, phi_of
 from scenegen.experiments.pictures import pictures
 
+SAFE, TASK = 0.3, 0.02  # phi of the label that is held, so that both can be had together
 STEPS: dict[str, tuple[tuple[float, float], ...]] = {  # the label that is varied -> (task, safe)
-    "task": ((-0.4, 0.3), (-0.2, 0.25), (0.0, 0.2), (0.2, 0.2), (0.4, 0.4)),
-    "safe": ((0.02, -0.2), (0.05, -0.1), (0.1, 0.0), (0.2, 0.1), (0.3, 0.3)),
+    "task": tuple((task, SAFE) for task in (-0.4, -0.2, 0.0, 0.2, 0.38)),
+    "safe": tuple((TASK, safe) for safe in (-0.2, -0.1, 0.0, 0.15, 0.3)),
 }
 
 
@@ -28,7 +29,7 @@ def steering(spec: Spec, models: Mapping[str, Model], pixels: int) -> tuple[byte
     ]
     scenes = [_ask(spec, models[name], wanted) for name, _, wanted in asked]
     drawn = iter(pictures(spec, np.concatenate(scenes, axis=1), "top", (pixels, pixels)))
-    rows, facts = [], []
+    rows, facts = [], list[dict[str, object]]()
     for (name, label, wanted), part in zip(asked, scenes, strict=True):
         reached = phi_of(spec, part)
         other = "safe" if label == "task" else "task"

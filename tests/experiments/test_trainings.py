@@ -1,0 +1,82 @@
+"""Trainings are kept, and not taken for what they are not."""
+
+import dataclasses
+
+import pytest
+
+from scenegen.experiments import crew
+from scenegen.experiments.plan import FULL, Plan
+from scenegen.experiments.problems import PROBLEMS
+from scenegen.experiments.trainings import Job, kept, perform
+from scenegen.experiments.variants import VARIANTS
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A training of a few steps."""
+    job = Job("exp1", 0, 0, True, str(tmp_path_factory.mktemp("trained")))
+    seconds = perform(job)
+    return job, seconds
+
+
+def test_what_is_done_is_kept(done):
+    job, seconds = done
+    found = kept(job)
+    assert found is not None and found.cpu_seconds == seconds and found.size == job.path.stat().st_size
+    assert found.model.name == "gan" and found.model.spec.checked.sha256 == PROBLEMS["exp1"].load().checked.sha256
+    # the state to resume from is gone: it is larger than the model
+    assert sorted(path.suffix for path in job.path.parent.iterdir()) == [".json", ".safetensors"]
+
+
+@pytest.mark.parametrize("change", [{"seed": 1}, {"variant": 1}, {"problem": "exp2"}, {"quick": False}])
+def test_another_training_is_another_file(done, change):
+    job = dataclasses.replace(done[0], **change)
+    assert job.path != done[0].path and kept(job) is None
+
+
+def test_a_changed_file_is_not_taken(done, tmp_path):
+    job = dataclasses.replace(done[0], folder=str(tmp_path))
+    record = done[0].path.with_suffix(".json").read_text()
+    weights = done[0].path.read_bytes()
+
+    def kept_with(record, weights):
+        job.path.with_suffix(".json").write_text(record)
+        job.path.write_bytes(weights)
+        return kept(job) is not None
+
+    assert kept_with(record, weights)
+    assert not kept_with(record, weights[:-1] + bytes([weights[-1] ^ 1]))
+    assert not kept_with(record.replace('"epochs": 1', '"epochs": 2'), weights)
+    assert not kept_with(record.replace(PROBLEMS["exp1"].load().checked.sha256, "0" * 64), weights)
+    assert not kept_with("not JSON", weights)
+    assert '"epochs": 1' in record
+
+
+def test_the_papers_settings_are_spelt_out():
+    paper = {key: VARIANTS[0].options(problem, FULL) for key, problem in PROBLEMS.items()}
+    assert {key: one["batch_size"] for key, one in paper.items() if key != "exp2"} == dict.fromkeys(
+        ("exp1", "exp3_3", "exp3_5", "exp3_7"), 32
+    )
+    assert paper["exp2"]["batch_size"] == 512 and paper["exp2"]["data"] == "boosted"
+    assert paper["exp1"]["data"] == "uniform" and {one["epochs"] for one in paper.values()} == {50}
+    ours = [one for one in VARIANTS if one.recipe == "default"]
+    assert ours and all(one.options(PROBLEMS["exp1"], FULL) == {"recipe": "default"} for one in ours)
+
+
+@pytest.mark.slow
+def test_two_workers_train_what_one_does(tmp_path):
+    problem = PROBLEMS["exp1"]
+    files = []
+    for workers in (1, 2):
+        out = tmp_path / str(workers)
+        out.mkdir()
+        told: list[str] = []
+        plan = Plan(out, (0, 1), True, workers, told.append)
+        found = crew.trained(plan, problem)
+        assert {name: len(runs) for name, runs in found.items()} == {one.name: 2 for one in VARIANTS}
+        assert sum("trained in" in line for line in told) == 2 * len(VARIANTS)
+        files.append({path.name: path.read_bytes() for path in (out / crew.FOLDER).glob("*.safetensors")})
+    assert files[0] == files[1]
+    told.clear()
+    crew.trained(plan, problem)
+    assert told == [f"{problem.title}: {len(files[0])} of {len(files[0])} models are there from an earlier run"]

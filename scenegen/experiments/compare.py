@@ -39,6 +39,7 @@ from scenegen.sampling.refine import refine
 
 REFERENCE, FRESH, RAW = 99, 100, 1000  # where the seeds of the truth, of more truth and of the models' noise begin
 CHUNK = 65_536
+EXACT = "exact sampler (the spec alone)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +193,7 @@ def _exact(plan: Plan, problem: Problem, spec: Spec, reference: Array, fresh: li
         }
         for rows in fresh
     ]
-    return Row("exact sampler (the spec alone)", tuple(runs))
+    return Row(EXACT, tuple(runs))
 
 
 def _plain(plan: Plan, problem: Problem, spec: Spec, reference: Array) -> Row:

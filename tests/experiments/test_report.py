@@ -1,15 +1,16 @@
 """Reports: figures for people, every digit in JSON, and tables held by a golden file."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
-from scenegen.experiments.compare import Comparison, Row
+from scenegen.experiments.compare import EXACT, Comparison, Row
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import ORDERINGS, PROBLEMS
 from scenegen.experiments.report import Report, picture, short, spread, table, write
-from scenegen.experiments.tables import data, tables
+from scenegen.experiments.tables import best, data, tables
 
 
 @pytest.mark.parametrize(
@@ -39,20 +40,27 @@ def made(name, family, recipe, error, coverage, share=0.25):
 
 def comparison():
     problem = PROBLEMS["exp3_7"]
-    known = Row("published", ({"error:sorted": 0.1, "coverage": 0.12, "speed": 270e3},), "gan")
+    known = Row("published weights, GAN", ({"error:sorted": 0.1, "coverage": 0.12, "speed": 270e3},), "gan")
     rows = (
         known,
         made("good", "gan", "default", 0.01, 0.9),
         made("collapsed", "gan", "default", 0.01, 0.1, share=0.1),
         made("inaccurate", "flow", "default", 0.2, 0.9),
         made("the paper's", "gan", "paper", 0.1, 0.3),
-        Row("exact sampler", ({"error:sorted": 0.006, "handed_coverage": 0.97, "bytes": 98.0},)),
+        Row(EXACT, ({"error:sorted": 0.006, "handed_coverage": 0.97, "bytes": 98.0},)),
     )
     return Comparison(problem, problem.load(), rows, {}, {}, {}, np.empty((21, 0)))
 
 
 def test_tables(golden):
     golden("experiments/tables.md", "\n\n".join(tables(comparison())) + "\n")
+
+
+def test_the_best_model_covers_most_among_the_accurate():
+    found = comparison()
+    assert best(found).name == "good"
+    rows = tuple(row for row in found.rows if row.name not in ("good", "collapsed"))
+    assert best(dataclasses.replace(found, rows=rows)).name == "inaccurate"
 
 
 def test_data_has_every_digit():

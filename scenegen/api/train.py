@@ -43,22 +43,24 @@ def load_model(path: str | Path, spec: Spec | None = None) -> Model:
 
 def train(
     spec: Spec,
-    model: str = "gan",
+    model: str = "energy",
     *,
+    recipe: str = "default",
     out: str | Path,
     resume: bool = False,
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_note: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Model:
-    """Train a model of the table (gan, aae) on a spec and write it to `out`.
+    """Train a model of the table (gan, aae, flow, energy) on a spec and write it to `out`.
 
-    `options` are the fields of `scenegen.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data,
-    device, hyper. `resume` goes on from the state that an earlier run left in `out`.train, to the same result as one
-    run without a break. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
+    `recipe` is `default` or, for gan and aae, `paper`: the published networks and settings. `options` are the fields of
+    `scenegen.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data, device, hyper; the recipe's own
+    where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to the same result
+    as one run without a break. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
     """
-    from scenegen.training.config import TrainConfig
+    from scenegen.training.config import make_config
     from scenegen.training.loop import train as run
 
-    config = TrainConfig(model=model, **options)
+    config = make_config(model, recipe, **options)
     return Model(run(spec.checked, config, Path(out), resume=resume, on_epoch=on_epoch, on_note=on_note))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,15 +13,23 @@ from scenegen.cli.options import Root
 
 def train(
     spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
-    model: Annotated[str, typer.Option("--model", help="gan or aae.", metavar="NAME", show_default=False)],
+    model: Annotated[
+        str, typer.Option("--model", help="energy, flow, gan or aae.", metavar="NAME", show_default=False)
+    ],
     out: Annotated[Path, typer.Option("--out", help="The model file.", metavar="FILE", show_default=False)],
-    epochs: Annotated[int, typer.Option("--epochs", help="Passes over the training scenes.")] = 50,
-    batch_size: Annotated[int, typer.Option("--batch-size", help="Scenes per step.")] = 32,
-    lr: Annotated[float, typer.Option("--lr", help="Learning rate of Adam.")] = 1e-3,
-    scenes: Annotated[int, typer.Option("--scenes", help="Training scenes.")] = 20_000,
+    recipe: Annotated[
+        str, typer.Option("--recipe", help="default, or paper: the published networks and settings (gan, aae).")
+    ] = "default",
+    epochs: Annotated[int | None, typer.Option("--epochs", help="Passes over the training scenes.")] = None,
+    batch_size: Annotated[int | None, typer.Option("--batch-size", help="Scenes per step.")] = None,
+    lr: Annotated[float | None, typer.Option("--lr", help="Learning rate of Adam.")] = None,
+    scenes: Annotated[int | None, typer.Option("--scenes", help="Training scenes.")] = None,
     data: Annotated[
-        str, typer.Option("--data", help="uniform, or boosted: satisfying scenes perturbed to be more.")
-    ] = "uniform",
+        str | None,
+        typer.Option(
+            "--data", help="balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of everything random; the same seed gives the same model.")] = 0,
     device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:1.")] = "cpu",
     resume: Annotated[
@@ -35,20 +44,21 @@ def train(
       scenegen train specs/first.spec --model gan --out m.safetensors --resume
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
 
-    The defaults are the paper's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an unbroken
-    run (it reads FILE.train, which lies beside the model and may be deleted when you are done).
+    What is left out is the recipe's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an
+    unbroken run (it reads FILE.train, which lies beside the model and may be deleted when you are done).
     """
     from scenegen.api.spec import load
     from scenegen.api.train import train as run
     from scenegen.cli.output import console, print_error
     from scenegen.formats.files import check_writable
-    from scenegen.training.config import TrainConfig
+    from scenegen.training.config import make_config
     from scenegen.training.progress import TrainingProgress
 
     check_writable(out, spec)
     checked = load(spec, root)
     options = {"epochs": epochs, "batch_size": batch_size, "lr": lr, "scenes": scenes, "data": data, "seed": seed}
-    TrainConfig(model=model, device=device, **options)  # type: ignore[arg-type]  # refused before the bar appears
-    with TrainingProgress(epochs, model, console()) as progress:
-        run(checked, model, out=out, resume=resume, on_epoch=progress, on_note=progress.note, device=device, **options)
+    config = make_config(model, recipe, device=device, **options)  # refused before the bar appears
+    with TrainingProgress(config.epochs, model, console()) as progress:
+        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, device=device)
+        train_on(on_epoch=progress, on_note=progress.note, **options)  # type: ignore[arg-type]
     print_error(f"wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")

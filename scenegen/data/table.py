@@ -22,6 +22,7 @@ class DatasetMaker(Protocol):
 
 # Text, not functions: `scenegen train --help` lists them without importing torch.
 DATASETS: dict[str, str] = {
+    "balanced": "scenegen.data.balanced:balanced",
     "uniform": "scenegen.data.uniform:uniform",
     "boosted": "scenegen.data.boosted:boosted",
 }

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from scenegen.engine.blocks import Cell, Filler
+from scenegen.engine.interrupt import stop_signals
 from scenegen.engine.pool import run_pieces
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.formats.table import format_of
 from scenegen.sampling.pieces import Array, Pieces, Tally
 from scenegen.scene.data import SceneFile
-from scenegen.training.interrupt import stop_signals
 
 Progress = Callable[[int, int, int], None]
 """Told after each piece: scenes found, scenes wanted, candidates in the wanted cells."""

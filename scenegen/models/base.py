@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
 from scenegen.errors import DataError, Diagnostic
-from scenegen.models.mlp import Mlp
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout
 
 
 class Hyper(BaseModel):
@@ -20,27 +22,37 @@ class Hyper(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+@runtime_checkable
+class Initialised(Protocol):
+    """A part of a model that holds weights."""
+
+    def initialise(self, generator: torch.Generator) -> None: ...
+
+
 class SceneModel(nn.Module, ABC):
     """A conditional sampler of scenes: labels phi (B, L) -> unit coordinates x (B, 3N).
 
     x is what models see (scenegen.models.codec): positions as shares of the workspace, theta in turns, all in [0, 1],
     N objects in storage order. phi is the vector of labels as the spec gives it, in metres and radians.
 
-    A new instance holds no weights: call `initialise` or `load_weights`. Call `start` before the first `update`. All
-    randomness comes from the generators passed in, which live on the model's device.
+    A new instance holds no weights: call `initialise` and `fit`, or `load_weights`. Call `start` before the first
+    `update`. All randomness comes from the generators passed in, which live on the model's device.
     """
 
     hyper_class: ClassVar[type[Hyper]]
+    branched: ClassVar[bool] = False
+    """Whether the model wants its layout read off the spec, and examples sorted into branches."""
     TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()
     """Submodules that `sample` does not need; model files leave them out."""
 
     label_lowest: Tensor
     label_highest: Tensor
 
-    def __init__(self, objects: int, labels: int, hyper: Hyper) -> None:
+    def __init__(self, layout: Layout, hyper: Hyper) -> None:
         super().__init__()
-        self.objects = objects
-        self.labels = labels
+        self.layout = layout
+        self.objects = layout.objects
+        self.labels = labels = layout.labels
         self.hyper = hyper
         self.optimisers: dict[str, torch.optim.Optimizer] = {}
         self.register_buffer("label_lowest", torch.empty(labels, device="meta"))
@@ -51,21 +63,24 @@ class SceneModel(nn.Module, ABC):
         """Coordinates of a scene, 3N."""
         return 3 * self.objects
 
-    def initialise(self, generator: torch.Generator, phi: Tensor) -> None:
-        """Fresh weights from `generator`; the label range is that of the training data's phi (M, L)."""
-        self.label_lowest, self.label_highest = phi.amin(0), phi.amax(0)
-        for module in self.modules():
-            if isinstance(module, Mlp):
+    def initialise(self, generator: torch.Generator) -> None:
+        """Fresh weights from `generator`."""
+        for module in self.children():
+            if isinstance(module, Initialised):
                 module.initialise(generator)
 
+    def fit(self, examples: Examples) -> None:
+        """Take up what the training data fixes besides weights: the label range, and what subclasses add."""
+        self.label_lowest, self.label_highest = examples.phi.amin(0), examples.phi.amax(0)
+
     @abstractmethod
-    def start(self, lr: float) -> None:
+    def start(self, lr: float, judge: Judge) -> None:
         """Make the optimisers with this learning rate and whatever else `update` needs, on the model's device."""
 
     @abstractmethod
-    def update(self, x: Tensor, phi: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
-        """One training step on x (B, 3N) with labels phi (B, L), any B >= 1. Returns the losses by name, in a fixed
-        order, as numbers on the device (reading one would wait for it)."""
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        """One training step on B >= 1 examples. Returns the losses by name, in a fixed order, as numbers on the device
+        (reading one would wait for it)."""
 
     @abstractmethod
     def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
@@ -97,11 +112,11 @@ class SceneModel(nn.Module, ABC):
         check_tensors(self, weights)
         self.load_state_dict(weights, assign=True)
 
-    def restore(self, state: Mapping[str, Tensor], lr: float, device: torch.device) -> None:
+    def restore(self, state: Mapping[str, Tensor], lr: float, judge: Judge, device: torch.device) -> None:
         """Take up the state of `training_state` and `start`. Raises DataError where it is not this model's."""
         self.load_weights({name[6:]: tensor for name, tensor in state.items() if name.startswith("model.")})
         self.to(device)
-        self.start(lr)
+        self.start(lr, judge)
         for name, optimiser in self.optimisers.items():
             parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
             slots: dict[int, dict[str, Any]] = {}

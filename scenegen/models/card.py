@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from scenegen.lang.spec import CheckedSpec
+from scenegen.models.layout import Layout
 from scenegen.scene.data import SpecRef, WorkspaceData
 from scenegen.scene.workspace import Workspace
 
@@ -42,10 +43,15 @@ class LossData(_Strict):
 
 
 class ModelCard(_Strict):
-    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's."""
+    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's.
+
+    Files of version 0.1 name no recipe and no layout: their networks are the published ones.
+    """
 
     scenegen: str
     model: Name
+    recipe: Name = "paper"
+    layout: Layout | None = None
     hyper: dict[Name, Setting]
     spec: SpecData
     workspace: WorkspaceData
@@ -60,11 +66,19 @@ class ModelCard(_Strict):
         labels = [label.name for label in self.labels]
         if len(set(labels)) != len(labels) or len(set(self.objects)) != len(self.objects):
             raise ValueError("a name occurs twice")
+        layout = self.layout
+        if layout is not None and (layout.objects, layout.labels) != (len(self.objects), len(labels)):
+            raise ValueError("the layout is of another number of objects or labels")
         if any(label.lowest > label.highest for label in self.labels):
             raise ValueError("a label's range is reversed")
         if not (self.workspace.x[0] < self.workspace.x[1] and self.workspace.y[0] < self.workspace.y[1]):
             raise ValueError("the workspace is empty")
         return self
+
+    @property
+    def sizes(self) -> Layout:
+        """The layout, also of a file that has none."""
+        return self.layout or Layout(objects=len(self.objects), labels=len(self.labels))
 
     @property
     def area(self) -> Workspace:

@@ -36,9 +36,9 @@ def load_model(path: Path, spec: CheckedSpec | None = None, *, device: str = "cp
     if spec is not None:
         check_spec(card, spec, path)
     try:
-        kind = model_class(card.model)
+        kind = model_class(card.model, card.recipe)
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
-        model = kind(len(card.objects), len(card.labels), kind.hyper_class.model_validate(card.hyper))
+        model = kind(card.sizes, kind.hyper_class.model_validate(card.hyper))
         model.drop_training_parts()
         model.load_weights(tensors)
     except ValidationError as error:

@@ -23,6 +23,12 @@ class Codec:
     workspace: Workspace
     objects: int
 
+    def affine(self) -> tuple[Tensor, Tensor]:
+        """Scale and offset (3N, 1) float32 of storage = unit coordinates * scale + offset, without any wrapping."""
+        space = self.workspace
+        scale = torch.tensor([space.width, space.height, TWO_PI]).repeat(self.objects)[:, None]
+        return scale, torch.tensor([space.x[0], space.y[0], 0.0]).repeat(self.objects)[:, None]
+
     def encode(self, rows: Tensor) -> Tensor:
         """(3N, B) metres and radians -> (B, 3N) in [0, 1], theta in [0, 1). Keeps dtype and device."""
         space = self.workspace

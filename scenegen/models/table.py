@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
@@ -15,24 +15,37 @@ if TYPE_CHECKING:
 
 # Text, not classes: `scenegen train --help` lists them without importing torch.
 MODELS: dict[str, str] = {
-    "gan": "scenegen.models.gan:GAN",
-    "aae": "scenegen.models.aae:AAE",
+    "gan": "scenegen.models.published.gan:GAN",
+    "aae": "scenegen.models.published.aae:AAE",
+    "energy": "scenegen.models.energy:Energy",
 }
+PUBLISHED: dict[str, str] = {
+    "gan": "scenegen.models.published.gan:GAN",
+    "aae": "scenegen.models.published.aae:AAE",
+}
+RECIPES: dict[str, dict[str, str]] = {"default": MODELS, "paper": PUBLISHED}
 
 
-def model_class(name: str) -> type[SceneModel]:
-    """The class of a model by name. Raises RequestError, with the nearest name, for a name that is not in MODELS."""
-    if name not in MODELS:
-        otherwise = f"the models are {quoted(MODELS)}"
-        raise RequestError(Diagnostic(f"unknown model `{name}`", help=suggest(name, MODELS, otherwise)))
-    module, _, attribute = MODELS[name].partition(":")
+def model_class(name: str, recipe: str = "default") -> type[SceneModel]:
+    """The class of a model by name. Raises RequestError, with the nearest name, for a model or recipe there is not."""
+    if recipe not in RECIPES:
+        raise RequestError(unknown("recipe", recipe, RECIPES))
+    table = RECIPES[recipe]
+    if name not in table:
+        raise RequestError(unknown("model" if name not in MODELS else f"model of the {recipe} recipe", name, table))
+    module, _, attribute = table[name].partition(":")
     found: type[SceneModel] = getattr(importlib.import_module(module), attribute)
     return found
 
 
-def parse_hyper(name: str, values: Mapping[str, float]) -> Hyper:
+def unknown(what: str, name: str, known: Collection[str]) -> Diagnostic:
+    """What to say of a name that a table does not have."""
+    return Diagnostic(f"unknown {what} `{name}`", help=suggest(str(name), known, f"the {what}s are {quoted(known)}"))
+
+
+def parse_hyper(name: str, values: Mapping[str, float], recipe: str = "default") -> Hyper:
     """The model's own settings, checked. Raises RequestError for an unknown setting or a value out of its range."""
-    settings = model_class(name).hyper_class
+    settings = model_class(name, recipe).hyper_class
     try:
         return settings.model_validate(dict(values))
     except ValidationError as error:

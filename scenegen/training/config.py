@@ -6,10 +6,12 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 from scenegen.data.table import DATASETS
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
-from scenegen.models.table import MODELS
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.models.table import MODELS, RECIPES, unknown
+from scenegen.training.recipes import CONSTANT, DEFAULTS
 
 # option -> lowest and highest value; whole numbers where the bounds are
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -20,41 +22,61 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "scenes": (1, 10_000_000),
 }
 
+WARM = 200  # steps
+LEAST = 0.01  # of the rate, at the end
+
 
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
-    """The paper's settings by default: 50 epochs of Adam at lr 1e-3 in batches of 32 over 20,000 uniform scenes.
+    """`make_config` fills in what a recipe has for the model.
 
-    `model` names an entry of MODELS, `hyper` its own settings, `data` an entry of DATASETS; `device` is `cpu`, `cuda`
-    or `cuda:1`. Raises RequestError with one diagnostic per value that is out of its range.
+    `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings, `data` an entry of DATASETS;
+    `device` is `cpu`, `cuda` or `cuda:1`. Raises RequestError with one diagnostic per value that is out of its range.
     """
 
     model: str
-    epochs: int = 50
-    batch_size: int = 32
-    lr: float = 1e-3
+    recipe: str
+    epochs: int
+    batch_size: int
+    lr: float
+    scenes: int
+    data: str
     seed: int = 0
-    scenes: int = 20_000
-    data: str = "uniform"
     device: str = "cpu"
     hyper: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         found = [problem for name in BOUNDS if (problem := _check_number(name, getattr(self, name))) is not None]
-        for what, name, known in (("model", self.model, MODELS), ("data set", self.data, DATASETS)):
-            if name not in known:
-                otherwise = f"the {what}s are {quoted(known)}"
-                found.append(Diagnostic(f"unknown {what} `{name}`", help=suggest(str(name), known, otherwise)))
+        if self.data not in DATASETS:
+            found.append(unknown("data set", self.data, DATASETS))
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", str(self.device)):
             found.append(Diagnostic(f"unknown device `{self.device}`", help="write `cpu`, `cuda` or `cuda:1`"))
         if found:
             raise RequestError(*found)
+
+    def rate(self, step: int, steps: int) -> float:
+        """The learning rate of step 0, 1, .. of all the steps that are planned."""
+        if self.recipe in CONSTANT:
+            return self.lr
+        warm = min(1.0, (step + 1) / WARM)
+        return self.lr * warm * (LEAST + (1.0 - LEAST) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
 
     def differences(self, other: TrainConfig) -> list[tuple[str, object, object]]:
         """(name, own value, the other's value) of everything but the epochs that differs."""
         mine, theirs = asdict(self), asdict(other)
         names = [entry.name for entry in fields(self) if entry.name != "epochs"]
         return [(name, mine[name], theirs[name]) for name in names if mine[name] != theirs[name]]
+
+
+def make_config(model: str, recipe: str = "default", **options: Any) -> TrainConfig:
+    """The settings of a run: the recipe's for the model where an option is None or left out. Raises RequestError."""
+    if recipe not in RECIPES:
+        raise RequestError(unknown("recipe", recipe, RECIPES))
+    if model not in RECIPES[recipe]:
+        what = "model" if model not in MODELS else f"model of the {recipe} recipe"
+        raise RequestError(unknown(what, model, RECIPES[recipe]))
+    given = {name: value for name, value in options.items() if value is not None}
+    return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
 
 
 def _check_number(name: str, value: object) -> Diagnostic | None:
@@ -66,5 +88,5 @@ def _check_number(name: str, value: object) -> Diagnostic | None:
         return None
     kind = "a whole number" if whole else "a number"
     span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
-    usual = TrainConfig.__dataclass_fields__[name].default
-    return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}", help=f"the default is {usual:,}")
+    help_ = "leave it out, and the recipe's own value is taken" if name != "seed" else "the default is 0"
+    return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}", help=help_)

@@ -1,14 +1,8 @@
-"""Ctrl-C and SIGTERM while training: noted, and acted upon between two steps."""
+"""What a training run that was stopped says."""
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import threading
-from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 
 class Interrupted(KeyboardInterrupt):
@@ -19,33 +13,3 @@ class Interrupted(KeyboardInterrupt):
         self.epochs_done = epochs_done
         self.epochs = epochs
         self.path = path
-
-
-class Stop:
-    """Whether someone asked to stop. The first signal asks; a second one does not wait."""
-
-    asked = False
-
-    def ask(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
-
-
-@contextlib.contextmanager
-def stop_signals() -> Iterator[Stop]:
-    """Turn SIGINT and SIGTERM into a note, and put the old handlers back. Outside the main thread, where Python allows
-    no handlers, signals stay as they are."""
-    stop = Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before: dict[signal.Signals, Any] = {}
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.signal(number, stop.ask)
-        yield stop
-    finally:
-        for number, handler in before.items():
-            # A handler that was not set from Python cannot be put back; the default is the nearest thing.
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)

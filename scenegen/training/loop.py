@@ -11,15 +11,17 @@ from pathlib import Path
 import torch
 
 from scenegen.data.table import dataset_maker
+from scenegen.engine.interrupt import stop_signals
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.files import check_writable
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.checkpoint import load_model
+from scenegen.models.table import parse_hyper
 from scenegen.models.trained import TrainedModel
 from scenegen.training.config import TrainConfig
-from scenegen.training.interrupt import Interrupted, stop_signals
+from scenegen.training.interrupt import Interrupted
 from scenegen.training.seeds import Stream, stream
-from scenegen.training.session import Session, new_model
+from scenegen.training.session import Session
 from scenegen.training.state import load_state, state_path
 
 
@@ -56,7 +58,7 @@ def train(
     check_writable(out)
     check_writable(state_path(out))
     _check_device(config.device)
-    new_model(spec, config)  # refuses bad settings before any work is done
+    parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
     saved = load_state(state_path(out), spec, config) if resume else None
     with _one_thread():
         data = dataset_maker(config.data)(spec, config.scenes, stream(config.seed, Stream.DATA))
@@ -76,13 +78,12 @@ def _run(session: Session, out: Path, on_epoch: Callable[[EpochReport], None] | 
     with stop_signals() as stop:
         while session.epoch < epochs:
             began = time.perf_counter()
-            x, phi = session.shuffled()
+            examples = session.shuffled()
             while session.step < session.steps:
                 if stop.asked:
                     session.save(out)
                     raise Interrupted(session.epoch, epochs, out)
-                here = slice(session.step * size, (session.step + 1) * size)
-                session.update(x[here], phi[here])
+                session.update(examples.take(slice(session.step * size, (session.step + 1) * size)))
             losses = session.end_epoch()
             if on_epoch is not None:
                 on_epoch(EpochReport(session.epoch, epochs, losses, time.perf_counter() - began))

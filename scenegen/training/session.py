@@ -14,9 +14,13 @@ from scenegen.data.dataset import Dataset
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
+from scenegen.models.branches import OTHER, survey
 from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
 from scenegen.models.checkpoint import save_model
 from scenegen.models.codec import Codec
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout, layout_of
 from scenegen.models.table import model_class, parse_hyper
 from scenegen.scene.data import WorkspaceData
 from scenegen.training.config import TrainConfig
@@ -37,24 +41,26 @@ class Session:
         self.device = torch.device(config.device)
         self.noise = stream(config.seed, Stream.NOISE, device=self.device)
         self.data_sha256 = data.sha256
-        self.model = new_model(spec, config)
+        codec = Codec(spec.workspace, len(spec.objects))
+        examples, judge, layout = _prepare(spec, config, data, codec)
+        self._examples = examples.to(self.device)
+        self.model = new_model(spec, config, layout)
+        self.steps = -(-len(data) // config.batch_size)
         self.epoch = self.step = 0
         self.losses: tuple[str, ...] = ()
         self.history: list[Tensor] = []
         self.sums: Tensor | None = None
         if saved is None:
-            self.model.initialise(stream(config.seed, Stream.WEIGHTS), data.phi.T)
+            self.model.initialise(stream(config.seed, Stream.WEIGHTS))
+            self.model.fit(examples)
             self.model.to(self.device)
-            self.model.start(config.lr)
+            self.model.start(config.lr, judge)
         else:
-            self._take_up(saved)
-        self._x = Codec(spec.workspace, len(spec.objects)).encode(data.rows).to(self.device)
-        self._phi = data.phi.T.contiguous().to(self.device)
-        self.steps = -(-len(data) // config.batch_size)
+            self._take_up(saved, judge)
         self._saved_at = time.monotonic()
         self._save_cost = 0.0
 
-    def _take_up(self, saved: TrainingState) -> None:
+    def _take_up(self, saved: TrainingState, judge: Judge) -> None:
         if saved.data_sha256 != self.data_sha256:
             raise DataError(
                 Diagnostic(
@@ -63,7 +69,7 @@ class Session:
                 )
             )
         try:
-            self.model.restore(saved.tensors, self.config.lr, self.device)
+            self.model.restore(saved.tensors, self.config.lr, judge, self.device)
             self.noise.set_state(saved.noise)
         except (RuntimeError, TypeError) as error:
             raise DataError(Diagnostic("the training state does not fit this run", help="start anew")) from error
@@ -71,15 +77,18 @@ class Session:
         self.history = list(saved.history)
         self.sums = saved.sums.to(self.device) if saved.losses else None
 
-    def shuffled(self) -> tuple[Tensor, Tensor]:
-        """x (M, 3N) and phi (M, L) in the order of the epoch under way, which follows from the seed."""
-        order = torch.randperm(len(self._x), generator=stream(self.config.seed, Stream.ORDER, self.epoch))
-        order = order.to(self.device)
-        return self._x[order], self._phi[order]
+    def shuffled(self) -> Examples:
+        """The training set in the order of the epoch under way, which follows from the seed."""
+        order = torch.randperm(len(self._examples), generator=stream(self.config.seed, Stream.ORDER, self.epoch))
+        return self._examples.take(order.to(self.device))
 
-    def update(self, x: Tensor, phi: Tensor) -> None:
+    def update(self, batch: Examples) -> None:
         """One step."""
-        losses = self.model.update(x, phi, self.noise)
+        rate = self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
+        for optimiser in self.model.optimisers.values():
+            for group in optimiser.param_groups:
+                group["lr"] = rate
+        losses = self.model.update(batch, self.noise)
         values = torch.stack(list(losses.values()))
         if self.sums is None:
             self.losses = tuple(losses)
@@ -130,6 +139,8 @@ class Session:
         return ModelCard(
             scenegen=version("scenegen"),
             model=self.config.model,
+            recipe=self.config.recipe,
+            layout=model.layout,
             hyper=model.hyper.model_dump(),
             spec=spec_data(self.spec),
             workspace=WorkspaceData(x=space.x, y=space.y),
@@ -160,7 +171,21 @@ class Session:
         )
 
 
-def new_model(spec: CheckedSpec, config: TrainConfig) -> SceneModel:
+def _prepare(
+    spec: CheckedSpec, config: TrainConfig, data: Dataset, codec: Codec
+) -> tuple[Examples, Judge, Layout | None]:
+    """The data as the model takes it, what judges the model's own scenes, and the layout of its networks."""
+    x, phi = codec.encode(data.rows), data.phi.T.contiguous()
+    if not model_class(config.model, config.recipe).branched:
+        branch = torch.zeros(len(data), dtype=torch.int64)
+        table = torch.full((1, len(spec.labels)), OTHER)
+        return Examples(x, phi, branch), Judge(spec.core, table, codec), None
+    branch, table = survey(spec.core, data.rows)
+    return Examples(x, phi, branch), Judge(spec.core, table, codec), layout_of(spec.core, len(table))
+
+
+def new_model(spec: CheckedSpec, config: TrainConfig, layout: Layout | None = None) -> SceneModel:
     """The model, without weights. Raises RequestError for settings it does not have."""
-    hyper = parse_hyper(config.model, config.hyper)
-    return model_class(config.model)(len(spec.objects), len(spec.labels), hyper)
+    hyper = parse_hyper(config.model, config.hyper, config.recipe)
+    layout = layout or Layout(objects=len(spec.objects), labels=len(spec.labels))
+    return model_class(config.model, config.recipe)(layout, hyper)

@@ -20,6 +20,9 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from scenegen.models.base import Hyper, SceneModel
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout
 from scenegen.models.mlp import Mlp, Pass, Trainable
 
 
@@ -35,25 +38,27 @@ class AAE(SceneModel):
     hyper_class = AAEHyper
     TRAINING_ONLY = ("encoder", "discriminator")
 
-    def __init__(self, objects: int, labels: int, hyper: AAEHyper) -> None:
-        super().__init__(objects, labels, hyper)
+    def __init__(self, layout: Layout, hyper: AAEHyper) -> None:
+        super().__init__(layout, hyper)
+        labels = layout.labels
         self.latent = hyper.latent
         self.encoder = Mlp((self.width, 64, 64, 128, 128, 256, self.latent), 0.0)
         self.decoder = Mlp((self.latent + labels, 256, 128, 128, 64, 64, self.width), 0.0)
         self.discriminator = Mlp((self.latent, 128, 128, 64, 64, 32, 32, 1), 0.2)
 
-    def start(self, lr: float) -> None:
-        encoder, decoder, judge = Trainable(self.encoder), Trainable(self.decoder), Trainable(self.discriminator)
+    def start(self, lr: float, judge: Judge) -> None:
+        encoder, decoder, critic = Trainable(self.encoder), Trainable(self.decoder), Trainable(self.discriminator)
         self.optimisers = {
             "reconstruction": torch.optim.Adam([encoder.vector, decoder.vector], lr=lr, fused=True),
-            "discriminator": torch.optim.Adam([judge.vector], lr=lr, fused=True),
+            "discriminator": torch.optim.Adam([critic.vector], lr=lr, fused=True),
             "encoder": torch.optim.Adam([encoder.vector], lr=lr, fused=True),
         }
         # One set of buffers per batch size: the full one and the last, smaller batch of an epoch.
-        self._passes = cache(lambda rows: _Passes(encoder, decoder, judge, rows))
+        self._passes = cache(lambda rows: _Passes(encoder, decoder, critic, rows))
 
     @torch.no_grad()
-    def update(self, x: Tensor, phi: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        x, phi = batch.x, batch.phi
         rows = x.shape[0]
         passes = self._passes(rows)
         encoder, decoder, both, coded = passes.encoder, passes.decoder, passes.both, passes.coded

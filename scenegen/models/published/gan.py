@@ -16,6 +16,9 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from scenegen.models.base import Hyper, SceneModel
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout
 from scenegen.models.mlp import Mlp, Pass, Trainable
 
 BETAS = (0.5, 0.999)
@@ -33,23 +36,25 @@ class GAN(SceneModel):
     hyper_class = GANHyper
     TRAINING_ONLY = ("discriminator",)
 
-    def __init__(self, objects: int, labels: int, hyper: GANHyper) -> None:
-        super().__init__(objects, labels, hyper)
+    def __init__(self, layout: Layout, hyper: GANHyper) -> None:
+        super().__init__(layout, hyper)
+        labels = layout.labels
         self.latent = hyper.latent
         self.generator = Mlp((self.latent + labels, 256, 128, 128, 64, 64, self.width), 0.0)
         self.discriminator = Mlp((self.width + labels, 128, 128, 64, 64, 32, 32, 1), 0.2)
 
-    def start(self, lr: float) -> None:
-        maker, judge = Trainable(self.generator), Trainable(self.discriminator)
+    def start(self, lr: float, judge: Judge) -> None:
+        maker, critic = Trainable(self.generator), Trainable(self.discriminator)
         self.optimisers = {
             "generator": torch.optim.Adam([maker.vector], lr=lr, betas=BETAS, fused=True),
-            "discriminator": torch.optim.Adam([judge.vector], lr=lr, betas=BETAS, fused=True),
+            "discriminator": torch.optim.Adam([critic.vector], lr=lr, betas=BETAS, fused=True),
         }
         # One set of buffers per batch size: the full one and the last, smaller batch of an epoch.
-        self._passes = cache(lambda rows: _Passes(maker, judge, rows))
+        self._passes = cache(lambda rows: _Passes(maker, critic, rows))
 
     @torch.no_grad()
-    def update(self, x: Tensor, phi: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        x, phi = batch.x, batch.phi
         rows, width = x.shape
         passes = self._passes(rows)
         maker, both, fake = passes.maker, passes.both, passes.fake

@@ -1,0 +1,72 @@
+"""What the models of the default recipe share: view of scenes and labels, branches, and the consistency of phi."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import torch
+from torch import Tensor
+
+from scenegen.models.base import Hyper, SceneModel
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout
+from scenegen.models.selector import Selector
+from scenegen.models.view import View
+
+BETAS = (0.9, 0.99)
+
+
+class ConditionedModel(SceneModel):
+    """A model that sees scenes through a View and is told the branch, which a Selector draws when it samples.
+
+    Subclasses make their networks in __init__ and say in `make` how noise becomes a scene.
+    """
+
+    branched = True
+
+    label_scale: Tensor
+
+    def __init__(self, layout: Layout, hyper: Hyper) -> None:
+        super().__init__(layout, hyper)
+        self.view = View(layout)
+        self.selector = Selector(layout)
+        self.register_buffer("label_scale", torch.empty(layout.labels, device="meta"))
+
+    def fit(self, examples: Examples) -> None:
+        super().fit(examples)
+        self.view.fit(examples)
+        # In units of its own spread, an error of phi counts alike on tables of any size, in metres and in radians.
+        spread = examples.phi.std(0, unbiased=False)
+        self.label_scale = torch.where(spread > 0.0, spread, torch.ones_like(spread))
+
+    def start(self, lr: float, judge: Judge) -> None:
+        self.judge = judge
+        groups = self.trained()
+        self.optimisers = {
+            name: torch.optim.Adam(group, lr=lr, betas=BETAS, fused=True) for name, group in groups.items()
+        }
+
+    def trained(self) -> dict[str, list[torch.nn.Parameter]]:
+        """The parameters of each optimiser; one for all by default."""
+        return {"all": list(self.parameters())}
+
+    def inconsistency(self, u: Tensor, phi: Tensor, branch: Tensor) -> Tensor:
+        """How far phi of made scenes u (B, C) is from what was wanted, and the branch's atom from deciding it: the mean
+        of both absolute errors, summed over labels, in standard deviations of the label. The second term pulls where
+        another atom has taken over, and the first is then silent about the one that ought to decide."""
+        reached, atoms = self.judge(self.view.unit(u), branch)
+        return (((reached - phi).abs() + (atoms - phi).abs()) / self.label_scale).sum(1).mean()
+
+    @abstractmethod
+    def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
+        """Scenes (B, C) for label features (B, 2L) and branches (B,)."""
+
+    @torch.no_grad()
+    def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
+        phi = phi.to(self.label_lowest)
+        alike = phi.ndim == 1 or phi.stride(0) == 0
+        features = self.view.features(phi[None] if phi.ndim == 1 else phi[:1] if alike else phi)
+        features = features.expand(n, -1)
+        branch = self.selector.draw(features, generator)
+        return self.view.scenes(self.make(features, branch, generator), generator)

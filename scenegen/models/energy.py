@@ -1,0 +1,61 @@
+"""A one-step generator trained with the energy score: no discriminator, nothing to collapse.
+
+For a scene x of the training data with labels phi and branch k, and two scenes g, g' made for the same (phi, k), the
+loss is (|x - g| + |x - g'|) / 2 - |g - g'| / 2: the energy score, a strictly proper scoring rule (Gneiting and Raftery,
+"Strictly proper scoring rules, prediction, and estimation", 2007, section 4.3), least in expectation where the made
+scenes have the distribution of the true ones given (phi, k). To it come the inconsistency of phi
+(scenegen.models.conditioned) and the selector's cross-entropy.
+"""
+
+from __future__ import annotations
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from scenegen.models.base import Hyper
+from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.examples import Examples
+from scenegen.models.generator import Generator, noise
+from scenegen.models.layout import Layout
+
+
+class EnergyHyper(Hyper):
+    """`width` and `depth` of the generator's hidden layers; `consistency`: weight of the error of phi."""
+
+    width: int = Field(default=256, ge=1, le=8192)
+    depth: int = Field(default=4, ge=1, le=64)
+    consistency: float = Field(default=1.0, ge=0.0, le=1e6)
+
+
+class Energy(ConditionedModel):
+    """See the module's text. Losses: `energy` (of the score), `phi` (the inconsistency), `branch` (nats)."""
+
+    hyper_class = EnergyHyper
+
+    def __init__(self, layout: Layout, hyper: EnergyHyper) -> None:
+        super().__init__(layout, hyper)
+        self.weight = hyper.consistency
+        self.generator = Generator(layout, hyper.width, hyper.depth)
+
+    def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
+        made: Tensor = self.generator(noise(len(features), self.layout, generator, features.device), features, branch)
+        return made
+
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        features = self.view.features(batch.phi)
+        x = self.view.encode(batch.x)
+        one, two = (self.make(features, batch.branch, generator) for _ in range(2))
+        score = 0.5 * (_distance(x, one) + _distance(x, two) - _distance(one, two)).mean()
+        off = self.inconsistency(one, batch.phi, batch.branch)
+        surprise = self.selector.loss(features, batch.branch)
+        optimiser = self.optimisers["all"]
+        optimiser.zero_grad()
+        (score + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        return {"energy": score.detach(), "phi": off.detach(), "branch": surprise.detach()}
+
+
+def _distance(a: Tensor, b: Tensor) -> Tensor:
+    """Euclidean, (B, C) and (B, C) -> (B,); the root of 0 would have no gradient."""
+    return ((a - b).square().sum(1) + 1e-8).sqrt()

@@ -1,0 +1,1 @@
+"""The networks of the published code, as they are: `--recipe paper`."""

@@ -30,7 +30,7 @@ from scenegen.experiments.measure import (
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import BAND, Problem
 from scenegen.experiments.speed import model_speed, one_thread, per_second
-from scenegen.experiments.training_data import training_rows
+from scenegen.experiments.training_data import data_source, training_rows
 from scenegen.experiments.trainings import Trained
 from scenegen.experiments.variants import VARIANTS
 from scenegen.metrics.training import training_distances
@@ -76,11 +76,15 @@ def compare(plan: Plan, problem: Problem) -> Comparison:
         fresh = [_truth(spec, problem, sizes.scenes, FRESH + seed) for seed in plan.seeds]
         rows = [_known(one, spec.labels) for one in KNOWN[problem.key]]
         raw, training = {}, {}
+        data_sets: dict[str, Array] = {}  # models by one recipe learn from the same scenes
         for variant in VARIANTS:
             runs = []
             for place, (seed, one) in enumerate(zip(plan.seeds, found[variant.name], strict=True)):
                 output = _raw(one.model, problem, spec, sizes.scenes, seed)
-                data = training_rows(one.model)
+                source = data_source(one.model)
+                if source not in data_sets:
+                    data_sets[source] = training_rows(one.model)
+                data = data_sets[source]
                 if not place:
                     raw[variant.name], training[variant.name] = output, data
                 runs.append(_measured(plan, problem, spec, one, seed, output, data, reference, fresh[place]))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Counts that decide what an experiment costs. None leaves a training to its recipe."""
+    """What decides the cost of an experiment. None leaves a training to its recipe."""
 
     scenes: int  # a row of a table
     covered: int  # of them, and as many of the truth, for coverage and nearest distances
@@ -19,6 +19,7 @@ class Sizes:
     exact: int  # scenes of the exact sampler where its speed is measured
     epochs: int | None
     training: int | None  # scenes of a training set
+    data: str | None  # kind of a training set
     pixels: int  # width of a rendered picture
     overlaid: int  # scenes on top of each other in Fig. 8
     dots: int  # a panel of Fig. 7
@@ -35,6 +36,7 @@ FULL = Sizes(
     exact=200_000,
     epochs=None,
     training=None,
+    data=None,
     pixels=300,
     overlaid=700,
     dots=500,
@@ -50,6 +52,7 @@ QUICK = Sizes(
     exact=256,
     epochs=1,
     training=256,
+    data="uniform",
     pixels=48,
     overlaid=16,
     dots=24,

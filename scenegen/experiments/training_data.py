@@ -9,10 +9,17 @@ from scenegen.api.train import Model
 from scenegen.data.table import dataset_maker
 from scenegen.training.seeds import Stream, stream
 
+FACTS = ("data", "scenes", "seed")
+
+
+def data_source(model: Model) -> str:
+    """What decides the training scenes, but for the spec: models that agree on it were trained on the same ones."""
+    facts = model.trained.card.training
+    return " ".join(str(facts[name]) for name in FACTS)
+
 
 def training_rows(model: Model) -> npt.NDArray[np.float64]:
     """(3N, M) in metres and radians."""
-    facts = model.trained.card.training
-    maker = dataset_maker(str(facts["data"]))
-    data = maker(model.spec.checked, int(str(facts["scenes"])), stream(int(str(facts["seed"])), Stream.DATA))
-    return data.rows.double().numpy()
+    data, scenes, seed = data_source(model).split(" ")
+    made = dataset_maker(data)(model.spec.checked, int(scenes), stream(int(seed), Stream.DATA))
+    return made.rows.double().numpy()

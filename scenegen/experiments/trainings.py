@@ -1,6 +1,7 @@
-"""Trainings that are kept: a model file and a record of how it came about; what is there is not trained again.
+"""Trainings that are kept: a model file whose card says what is asked for is not trained again.
 
-A model file stands only with its record, which is written last: a training that was broken off is begun anew.
+Beside the model stands a record of what the card does not hold, written last: a training that was broken off is begun
+anew.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
@@ -19,20 +20,18 @@ from scenegen.experiments.plan import FULL, QUICK
 from scenegen.experiments.problems import PROBLEMS
 from scenegen.experiments.variants import VARIANTS, Variant
 from scenegen.formats.files import write_whole
+from scenegen.models.table import parse_hyper
+from scenegen.training.config import TrainConfig
 from scenegen.training.state import state_path
 
 FOLDER = "trained"
 
 
 class Record(BaseModel):
-    """How a model file came about: what was asked for, which file that made, and the CPU seconds that it took."""
+    """The SHA-256 of a finished model file, and the CPU seconds that its training took, data included."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    spec: str
-    family: str
-    seed: int
-    options: dict[str, int | str]
     model: str
     cpu_seconds: FiniteFloat
 
@@ -58,8 +57,8 @@ class Job:
         return Path(self.folder) / f"{size}{self.problem}-{self.what.family}-{self.what.recipe}-{self.seed}.safetensors"
 
     @property
-    def options(self) -> dict[str, int | str]:
-        return self.what.options(PROBLEMS[self.problem], QUICK if self.quick else FULL)
+    def config(self) -> TrainConfig:
+        return self.what.config(PROBLEMS[self.problem], QUICK if self.quick else FULL, self.seed)
 
     def __str__(self) -> str:
         return f"{PROBLEMS[self.problem].title}: {self.what.name}, seed {self.seed}"
@@ -75,38 +74,30 @@ class Trained:
 
 
 def kept(job: Job) -> Trained | None:
-    """What an earlier run left, if it is whole and came about in just this way."""
-    spec = PROBLEMS[job.problem].load()
+    """What an earlier run left, if it is whole and was trained on this spec, by this recipe, with these settings."""
+    config = job.config
     try:
         record = Record.model_validate_json(_record(job.path).read_bytes())
         data = job.path.read_bytes()
-        asked = (spec.checked.sha256, job.what.family, job.seed, job.options)
-        if (record.spec, record.family, record.seed, record.options) != asked or record.model != _digest(data):
-            return None
-        return Trained(load_model(job.path, spec), len(data), record.cpu_seconds)
+        model = load_model(job.path, PROBLEMS[job.problem].load())
     except (OSError, ValidationError, DataError):
         return None
+    card = model.trained.card
+    settings = parse_hyper(config.model, config.hyper, config.recipe).model_dump()
+    same = dict(card.training) == asdict(config) and dict(card.hyper) == settings and record.model == _digest(data)
+    return Trained(model, len(data), record.cpu_seconds) if same else None
 
 
 def perform(job: Job) -> float:
     """Train, and keep the model with its record; returns CPU seconds. Raises ScenegenError."""
-    spec = PROBLEMS[job.problem].load()
+    spec, settings = PROBLEMS[job.problem].load(), asdict(job.config)
     _record(job.path).unlink(missing_ok=True)
     began = time.process_time()
-    train(
-        spec, job.what.family, out=job.path, seed=job.seed, **{k: v for k, v in job.options.items() if k != "recipe"}
-    )  # TEMP
+    train(spec, out=job.path, **settings)
     seconds = time.process_time() - began
     with contextlib.suppress(OSError):
         state_path(job.path).unlink()  # a finished training is not resumed
-    record = Record(
-        spec=spec.checked.sha256,
-        family=job.what.family,
-        seed=job.seed,
-        options=job.options,
-        model=_digest(job.path.read_bytes()),
-        cpu_seconds=seconds,
-    )
+    record = Record(model=_digest(job.path.read_bytes()), cpu_seconds=seconds)
     write_whole(_record(job.path), record.model_dump_json(indent=1).encode())
     return seconds
 

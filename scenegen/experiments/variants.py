@@ -1,45 +1,40 @@
-"""The models that are compared: each kind by the paper's recipe, where it has one, and by ours."""
+"""The models that are compared: whatever RECIPES has, by the paper's recipe and by ours."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from scenegen.experiments.plan import Sizes
 from scenegen.experiments.problems import Problem
+from scenegen.models.table import RECIPES
+from scenegen.training.config import TrainConfig, make_config
 
-PAPER_EPOCHS = 50
+ABBREVIATIONS = ("gan", "aae")
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """`family` is the model's name in MODELS; `name` is what reports call it."""
+    """`family` is the model's name in MODELS."""
 
-    name: str
     family: str
     recipe: str
 
-    def options(self, problem: Problem, sizes: Sizes) -> dict[str, int | str]:
-        """What scenegen.train is told, the seed apart: the paper's settings spelt out, nothing for our own recipes."""
-        found: dict[str, int | str] = {"recipe": self.recipe}
-        if self.recipe == "paper":
-            found |= {
-                "epochs": PAPER_EPOCHS,
-                "batch_size": problem.batch,
-                "data": problem.data,
-                "scenes": problem.scenes,
-            }
-        if sizes.epochs is not None:
-            found["epochs"] = sizes.epochs
-        if sizes.training is not None:
-            found["scenes"] = sizes.training
-        return found
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        word = self.family.upper() if self.family in ABBREVIATIONS else self.family
+        return f"{word}, paper's recipe" if self.recipe == "paper" else word
+
+    def config(self, problem: Problem, sizes: Sizes, seed: int) -> TrainConfig:
+        """The settings of a training: the paper's for this experiment, or our recipe's own for every one."""
+        papers: dict[str, Any] = {"batch_size": problem.batch, "data": problem.data, "scenes": problem.scenes}
+        smaller = {"epochs": sizes.epochs, "scenes": sizes.training, "data": sizes.data}
+        options: dict[str, Any] = papers if self.recipe == "paper" else {}
+        options |= {name: value for name, value in smaller.items() if value is not None}
+        return make_config(self.family, self.recipe, seed=seed, **options)
 
 
-VARIANTS: tuple[Variant, ...] = (
-    Variant("GAN, paper's recipe", "gan", "paper"),
-    Variant("AAE, paper's recipe", "aae", "paper"),
-    Variant("GAN", "gan", "default"),
-    Variant("AAE", "aae", "default"),
-    Variant("flow", "gan", "default"),
-    Variant("energy", "aae", "default"),
+VARIANTS: tuple[Variant, ...] = tuple(
+    Variant(family, recipe) for recipe in ("paper", "default") for family in RECIPES[recipe]
 )

@@ -9,6 +9,7 @@ from scenegen.experiments.plan import FULL, Plan
 from scenegen.experiments.problems import PROBLEMS
 from scenegen.experiments.trainings import Job, kept, perform
 from scenegen.experiments.variants import VARIANTS
+from scenegen.models.table import MODELS
 
 
 @pytest.fixture(scope="module")
@@ -46,21 +47,34 @@ def test_a_changed_file_is_not_taken(done, tmp_path):
 
     assert kept_with(record, weights)
     assert not kept_with(record, weights[:-1] + bytes([weights[-1] ^ 1]))
-    assert not kept_with(record.replace('"epochs": 1', '"epochs": 2'), weights)
-    assert not kept_with(record.replace(PROBLEMS["exp1"].load().checked.sha256, "0" * 64), weights)
     assert not kept_with("not JSON", weights)
-    assert '"epochs": 1' in record
+    assert not kept_with(record, b"")
 
 
-def test_the_papers_settings_are_spelt_out():
-    paper = {key: VARIANTS[0].options(problem, FULL) for key, problem in PROBLEMS.items()}
-    assert {key: one["batch_size"] for key, one in paper.items() if key != "exp2"} == dict.fromkeys(
-        ("exp1", "exp3_3", "exp3_5", "exp3_7"), 32
-    )
-    assert paper["exp2"]["batch_size"] == 512 and paper["exp2"]["data"] == "boosted"
-    assert paper["exp1"]["data"] == "uniform" and {one["epochs"] for one in paper.values()} == {50}
+def test_a_model_of_another_recipe_is_not_taken(done, monkeypatch):
+    """A recipe that changes makes what was trained by it stale."""
+    monkeypatch.setattr(Job, "config", dataclasses.replace(done[0].config, lr=2e-3))
+    assert kept(done[0]) is None
+
+
+def test_a_model_of_another_spec_is_not_taken(done, monkeypatch):
+    monkeypatch.setitem(PROBLEMS, "exp1", dataclasses.replace(PROBLEMS["exp1"], spec="first"))
+    assert kept(done[0]) is None
+
+
+def test_the_papers_settings():
+    found = {key: VARIANTS[0].config(problem, FULL, 3) for key, problem in PROBLEMS.items()}
+    assert {key: one.batch_size for key, one in found.items()} == dict.fromkeys(PROBLEMS, 32) | {"exp2": 512}
+    assert {key for key, one in found.items() if one.data == "uniform"} == {"exp1"}
+    assert {(one.epochs, one.lr, one.recipe, one.seed) for one in found.values()} == {(50, 1e-3, "paper", 3)}
+    assert found["exp3_5"].scenes == 61_867
+
+
+def test_our_recipes_are_the_same_for_every_experiment():
     ours = [one for one in VARIANTS if one.recipe == "default"]
-    assert ours and all(one.options(PROBLEMS["exp1"], FULL) == {"recipe": "default"} for one in ours)
+    assert [one.family for one in ours] == list(MODELS)
+    for one in ours:
+        assert len({repr(one.config(problem, FULL, 0)) for problem in PROBLEMS.values()}) == 1
 
 
 @pytest.mark.slow

@@ -57,14 +57,15 @@ def mean(row: Row, key: str) -> float | None:
 
 
 def best(found: Comparison) -> Row:
-    """Of our own recipes the model that covers most of the truth among those that clear the bar on error; the most
-    accurate one where none does."""
-    ours = [row for row in found.rows if row.recipe == "default"]
-    worst = {row.name: max(mean(row, f"error:{label}") or 0.0 for label in found.spec.labels) for row in ours}
-    accurate = [row for row in ours if worst[row.name] <= found.problem.bar.error]
-    if accurate:
-        return max(accurate, key=lambda row: mean(row, "coverage") or 0.0)
-    return min(ours, key=lambda row: worst[row.name])
+    """Of our own recipes the model that is least short of the bars for error and coverage, whichever it misses more."""
+    bar = found.problem.bar
+
+    def shortfall(row: Row) -> float:
+        errors = [mean(row, f"error:{label}") or 0.0 for label in found.spec.labels]
+        coverage = mean(row, "coverage") or 0.0
+        return max(*(error / bar.error for error in errors), bar.coverage / max(coverage, 1e-6))
+
+    return min((row for row in found.rows if row.recipe == "default"), key=shortfall)
 
 
 def _summary(found: Comparison) -> str:

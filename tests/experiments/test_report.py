@@ -56,11 +56,12 @@ def test_tables(golden):
     golden("experiments/tables.md", "\n\n".join(tables(comparison())) + "\n")
 
 
-def test_the_best_model_covers_most_among_the_accurate():
+def test_the_best_model_is_the_least_short_of_both_bars():
+    """In shares of the bars: good 0.73 and 0.94, collapsed 0.73 and 8.5, inaccurate 13.4 and 0.94."""
     found = comparison()
     assert best(found).name == "good"
-    rows = tuple(row for row in found.rows if row.name not in ("good", "collapsed"))
-    assert best(dataclasses.replace(found, rows=rows)).name == "inaccurate"
+    worse = dataclasses.replace(found, rows=tuple(row for row in found.rows if row.name != "good"))
+    assert best(worse).name == "collapsed"
 
 
 def test_data_has_every_digit():

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from scenegen.errors import DataError, Diagnostic, ScenegenError
-from scenegen.experiments.plan import Plan
+from scenegen.experiments.plan import FOLDER, Plan
 from scenegen.experiments.problems import Problem
-from scenegen.experiments.trainings import FOLDER, Job, Trained, kept, perform
+from scenegen.experiments.trainings import Job, Trained, kept, perform
 from scenegen.experiments.variants import VARIANTS
 from scenegen.experiments.worker import ANSWER
 from scenegen.formats.files import ensure_folder, write_whole
@@ -27,9 +27,10 @@ def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
     jobs = [
         Job(problem.key, place, seed, plan.quick, str(folder)) for place in range(len(VARIANTS)) for seed in plan.seeds
     ]
-    missing = [job for job in jobs if kept(job) is None]
-    if len(missing) < len(jobs):
-        plan.tell(f"{problem.title}: {len(jobs) - len(missing)} of {len(jobs)} models are there from an earlier run")
+    files = {job.path: job for job in reversed(jobs)}  # one training for all variants that share a file
+    missing = [job for job in jobs if job is files[job.path] and kept(job) is None]
+    if len(missing) < len(files):
+        plan.tell(f"{problem.title}: {len(files) - len(missing)} of {len(files)} models are there from an earlier run")
     if missing:
         _train(missing, plan)
     return {

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+FOLDER = "trained"  # of the reports' folder: where models are kept
+
 
 @dataclass(frozen=True, slots=True)
 class Sizes:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.experiments.charts import check_libraries
-from scenegen.experiments.plan import Plan
+from scenegen.experiments.plan import FOLDER, Plan
 from scenegen.experiments.report import write
 from scenegen.experiments.table import chosen
 from scenegen.formats.files import ensure_folder
@@ -30,7 +30,8 @@ def run(
 
     Models are trained with the seeds 0 to `seeds` - 1 on `workers` processes, by default one per core, unless `out`
     holds them from an earlier run. `tell` is told what happens. Raises RequestError for an unknown name, for numbers
-    out of range and where matplotlib or scikit-learn is missing, OutputError where something cannot be written.
+    out of range and where matplotlib or scikit-learn is missing, OutputError where something cannot be
+    written; KeyboardInterrupt with words on how to go on.
     """
     entries = chosen(name)
     if not 1 <= seeds <= MOST_SEEDS:
@@ -44,5 +45,9 @@ def run(
         if not quick:
             tell(f"{which}: {entry.about}; about {entry.time} on two cores with three seeds, less what is kept")
         began = time.monotonic()
-        files = write(plan, entry.run(plan))
+        try:
+            files = write(plan, entry.run(plan))
+        except KeyboardInterrupt as error:
+            again = f"interrupted; the same command goes on with the models that are in {out / FOLDER}"
+            raise KeyboardInterrupt(again) from error
         tell(f"{which}: wrote {', '.join(files)} in {out} ({(time.monotonic() - began) / 60.0:.1f} min)")

@@ -10,6 +10,7 @@ from scenegen.experiments.crew import trained
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import PROBLEMS
 from scenegen.experiments.report import Report, short, table
+from scenegen.experiments.variants import VARIANTS
 from scenegen.formats.table import FORMATS
 
 # experiment -> megabytes of the paper's look-up table and of its network
@@ -24,7 +25,8 @@ def run(plan: Plan) -> Report:
         problem = PROBLEMS[key]
         spec = problem.load()
         plan.tell(f"{problem.title}: weighing")
-        models = {name: runs[0].size for name, runs in trained(plan, problem).items()}
+        found = trained(plan, problem)
+        models = {one.name: found[one.name][0].size for one in VARIANTS if one.steps is None}
         scenes = sample(spec, dict.fromkeys(spec.labels, (None, None)), plan.sizes.exact, seed=0, workers=1)
         numbers = 3 * len(spec.objects) + len(spec.labels)
         sizes = {"float32, bare": float(FLOAT * numbers)}

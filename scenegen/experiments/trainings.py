@@ -11,6 +11,7 @@ import hashlib
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
@@ -23,8 +24,6 @@ from scenegen.formats.files import write_whole
 from scenegen.models.table import parse_hyper
 from scenegen.training.config import TrainConfig
 from scenegen.training.state import state_path
-
-FOLDER = "trained"
 
 
 class Record(BaseModel):
@@ -52,7 +51,7 @@ class Job:
 
     @property
     def path(self) -> Path:
-        """The model file."""
+        """The model file; variants that differ in their steps share it."""
         size = "quick-" if self.quick else ""
         return Path(self.folder) / f"{size}{self.problem}-{self.what.family}-{self.what.recipe}-{self.seed}.safetensors"
 
@@ -85,7 +84,12 @@ def kept(job: Job) -> Trained | None:
     card = model.trained.card
     settings = parse_hyper(config.model, config.hyper, config.recipe).model_dump()
     same = dict(card.training) == asdict(config) and dict(card.hyper) == settings and record.model == _digest(data)
-    return Trained(model, len(data), record.cpu_seconds) if same else None
+    if not same:
+        return None
+    if job.what.steps is not None:
+        sampler: Any = model.trained.model
+        sampler.steps = job.what.steps
+    return Trained(model, len(data), record.cpu_seconds)
 
 
 def perform(job: Job) -> float:

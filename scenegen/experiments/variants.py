@@ -1,4 +1,4 @@
-"""The models that are compared: whatever RECIPES has, by the paper's recipe and by ours."""
+"""The models that are compared: whatever RECIPES has, by the paper's recipe and by ours, in few steps and in many."""
 
 from __future__ import annotations
 
@@ -11,20 +11,25 @@ from scenegen.models.table import RECIPES
 from scenegen.training.config import TrainConfig, make_config
 
 ABBREVIATIONS = ("gan", "aae")
+MANY: dict[str, int] = {"flow": 8}  # models that take steps to make a scene -> how many, beside the few by default
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """`family` is the model's name in MODELS."""
+    """`family` is the model's name in MODELS. `steps` are those in which a scene is made, where that is not left to the
+    model's own setting; training does not depend on it."""
 
     family: str
     recipe: str
+    steps: int | None = None
 
     @property
     def name(self) -> str:
         """What reports call it."""
         word = self.family.upper() if self.family in ABBREVIATIONS else self.family
-        return f"{word}, paper's recipe" if self.recipe == "paper" else word
+        if self.recipe == "paper":
+            return f"{word}, paper's recipe"
+        return word if self.steps is None else f"{word}, {self.steps} steps"
 
     def config(self, problem: Problem, sizes: Sizes, seed: int) -> TrainConfig:
         """The settings of a training: the paper's for this experiment, or our recipe's own for every one."""
@@ -36,5 +41,8 @@ class Variant:
 
 
 VARIANTS: tuple[Variant, ...] = tuple(
-    Variant(family, recipe) for recipe in ("paper", "default") for family in RECIPES[recipe]
+    Variant(family, recipe, steps)
+    for recipe in ("paper", "default")
+    for family in RECIPES[recipe]
+    for steps in ((None, MANY[family]) if recipe == "default" and family in MANY else (None,))
 )

@@ -2,6 +2,8 @@
 
 import sys
 
+from scenegen.experiments import semantics
+
 
 def test_a_misspelt_name(refused):
     assert "did you mean `exp1`?" in refused("experiment", "ex1", "--out", "reports")
@@ -25,3 +27,12 @@ def test_a_missing_library_is_named_before_any_work(refused, monkeypatch):
 def test_where_to_is_not_optional(scenegen, here):
     outcome = scenegen("experiment", "exp1")
     assert outcome.status == 2 and "--out" in outcome.err
+
+
+def test_an_interrupt_says_how_to_go_on(scenegen, here, monkeypatch):
+    def interrupted(plan):
+        raise KeyboardInterrupt("stopped after 3 of 50 epochs; go on with --resume")
+
+    monkeypatch.setattr(semantics, "run", interrupted)
+    outcome = scenegen("experiment", "semantics", "--out", "reports")
+    assert outcome.status == 130 and "the same command goes on" in outcome.err and "--resume" not in outcome.err

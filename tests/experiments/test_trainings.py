@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from scenegen.experiments import crew
+from scenegen.experiments import crew, trainings
 from scenegen.experiments.plan import FULL, Plan
 from scenegen.experiments.problems import PROBLEMS
 from scenegen.experiments.trainings import Job, kept, perform
@@ -72,9 +72,24 @@ def test_the_papers_settings():
 
 def test_our_recipes_are_the_same_for_every_experiment():
     ours = [one for one in VARIANTS if one.recipe == "default"]
-    assert [one.family for one in ours] == list(MODELS)
+    assert [one.family for one in ours if one.steps is None] == list(MODELS)
     for one in ours:
         assert len({repr(one.config(problem, FULL, 0)) for problem in PROBLEMS.values()}) == 1
+
+
+FILES = {(one.family, one.recipe) for one in VARIANTS}
+
+
+def test_variants_that_differ_in_steps_share_a_training(tmp_path, monkeypatch):
+    few = next(place for place, one in enumerate(VARIANTS) if one.family == "energy")
+    variants = (*VARIANTS[:few], VARIANTS[few], dataclasses.replace(VARIANTS[few], steps=5))
+    monkeypatch.setattr(trainings, "VARIANTS", variants[few:])
+    monkeypatch.setattr(crew, "VARIANTS", variants[few:])
+    told: list[str] = []
+    found = crew.trained(Plan(tmp_path, (0,), True, 1, told.append), PROBLEMS["exp1"])
+    assert list(found) == ["energy", "energy, 5 steps"] and sum("trained in" in line for line in told) == 1
+    assert found["energy, 5 steps"][0].model.trained.model.steps == 5
+    assert not hasattr(found["energy"][0].model.trained.model, "steps")
 
 
 @pytest.mark.slow
@@ -88,7 +103,7 @@ def test_two_workers_train_what_one_does(tmp_path):
         plan = Plan(out, (0, 1), True, workers, told.append)
         found = crew.trained(plan, problem)
         assert {name: len(runs) for name, runs in found.items()} == {one.name: 2 for one in VARIANTS}
-        assert sum("trained in" in line for line in told) == 2 * len(VARIANTS)
+        assert sum("trained in" in line for line in told) == 2 * len(FILES)
         files.append({path.name: path.read_bytes() for path in (out / crew.FOLDER).glob("*.safetensors")})
     assert files[0] == files[1]
     told.clear()

@@ -25,9 +25,9 @@ def tables(found: Comparison) -> list[str]:
         _accuracy(found),
         "**Diversity**: coverage of fresh scenes from the exact sampler by the raw output, and by what is handed out"
         f" for the wanted phi +- {BAND} after refinement and verification; the share of those that lie in that range;"
-        f" how much of what was asked for was found within {FULL.patience:g} s; the median distance of a raw scene to the"
-        " nearest training scene (in brackets: of fresh true scenes to the same training set; clearly less means that"
-        " the model repeats it).",
+        f" how much of what was asked for was found within {FULL.patience:g} s; the median distance of a raw scene to"
+        " the nearest training scene (in brackets: of fresh true scenes to the same training set; clearly less means"
+        " that the model repeats it).",
         _diversity(found),
         *_orderings(found),
         "**Cost**, on one core, in CPU seconds. The exact sampler's file is the text of the spec.",

@@ -6,11 +6,11 @@ import time
 from typing import Any
 
 from scenegen.api.sample import sample
-from scenegen.experiments.compare import plain_rejection
 from scenegen.experiments.known import HITS
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import BAND, PROBLEMS, Problem
 from scenegen.experiments.report import Report, short, table
+from scenegen.experiments.samplers import CHUNK, plain_rejection
 from scenegen.experiments.speed import one_thread
 
 PAPER = (
@@ -75,7 +75,7 @@ def _counts(plan: Plan, problem: Problem) -> dict[str, Any]:
             found["rejection_draws"] = 1.0 / float(str(facts["acceptance"]))
             found["log10_probability"] = facts["log10_probability"]
     probability = 10.0 ** float(found["log10_probability"])
-    done = -(-sizes.draws // 65_536) * 65_536
+    done = -(-sizes.draws // CHUNK) * CHUNK
     found["plain_draws"] = done / hits.shape[1] if hits.shape[1] else 1.0 / probability
     if not hits.shape[1]:
         found["plain_speed"] = done / seconds * probability

@@ -6,10 +6,12 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from scenegen.experiments.compare import EXACT, Comparison, Row
+from scenegen.experiments.bench import Row
+from scenegen.experiments.compare import Comparison
 from scenegen.experiments.plan import FULL
 from scenegen.experiments.problems import BAND, ORDERINGS
 from scenegen.experiments.report import short, spread, table
+from scenegen.experiments.samplers import EXACT
 
 
 def tables(found: Comparison) -> list[str]:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from scenegen.api.sample import sample
-from scenegen.experiments.compare import plain_rejection
 from scenegen.experiments.known import HITS, KNOWN
 from scenegen.experiments.measure import accuracy, columns, covered, in_range, margins, phi_of, rows_of, shares, target
 from scenegen.experiments.problems import BAND, ORDERINGS, PROBLEMS
+from scenegen.experiments.samplers import plain_rejection
 
 EXP1, SORT = PROBLEMS["exp1"], PROBLEMS["exp3_3"]
 

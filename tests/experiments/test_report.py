@@ -6,10 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.experiments.compare import EXACT, Comparison, Row
+from scenegen.experiments.bench import Row
+from scenegen.experiments.compare import Comparison
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import ORDERINGS, PROBLEMS
 from scenegen.experiments.report import Report, picture, short, spread, table, write
+from scenegen.experiments.samplers import EXACT
 from scenegen.experiments.tables import best, data, tables
 
 

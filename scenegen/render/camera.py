@@ -83,13 +83,15 @@ class Camera:
         return np.asarray(1.0 / (near - buffer * np.float32(near - far)), dtype=np.float32)
 
     def for_card(self) -> Floats:
-        """The projection for a graphics card, whose depth without perspective is what it should be: linear."""
-        if not self.orthographic:
-            return self.projection
-        near, far = (1.0 / plane for plane in self._planes())
+        """The projection for a graphics card, whose depth without perspective is what it should be, linear, and which
+        samples pixels in their middle."""
         projection = self.projection.copy()
-        projection[2, 2:] = -2.0 / (far - near), -(far + near) / (far - near)
-        return projection
+        if self.orthographic:
+            near, far = (1.0 / plane for plane in self._planes())
+            projection[2, 2:] = -2.0 / (far - near), -(far + near) / (far - near)
+        shift = np.eye(4)
+        shift[:2, 3] = 1.0 / self.size[0], 1.0 / self.size[1]
+        return np.asarray(shift @ projection)
 
     def from_card(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """A card's depth buffer as the software renderer would have filled it."""

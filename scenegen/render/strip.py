@@ -46,13 +46,13 @@ def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str) -
     for frame, value in zip(frames, phi, strict=True):
         page = Image.new("RGB", (width, height + FOOT), PAPER)
         page.paste(frame, (0, 0))
-        _below(ImageDraw.Draw(page), (0, height), width, value, phi, label)
+        _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label)
         shown.append(page)
     # One palette for all, of the first and the last picture: colours that jump from frame to frame look like errors.
     both = Image.new("RGB", (width, 2 * (height + FOOT)))
     both.paste(shown[0], (0, 0))
     both.paste(shown[-1], (0, height + FOOT))
-    palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
+    palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT, kmeans=3)  # small things keep their colours
     pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
     out = io.BytesIO()
     times = [STEP] * (len(pages) - 1) + [HELD]

@@ -50,8 +50,8 @@ def test_a_sweep_is_about_the_label_asked_for(scenes):
 
 
 def test_every_figure_is_made_and_named(scenes, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.api.figures.FRAMES", 7)
-    made = scenes.figures(tmp_path / "figures", *FIGURES, size=(64, 48), workers=1)
+    monkeypatch.setattr("scenegen.api.figures.FRAMES", 4)
+    made = scenes.figures(tmp_path / "figures", *FIGURES, size=(40, 30), workers=1)
     names = [path.name for path in made]
     assert names[:4] == ["contact_sheet.png", "sweep.png", "sweep.gif", "heatmap.png"]
     assert names[4:] == [f"scene_{number:04d}_topview.svg" for number in range(1, 7)]

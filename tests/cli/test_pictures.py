@@ -32,9 +32,8 @@ def test_figures(scenes, scenegen):
     assert {path.name for path in (scenes / "f").iterdir()} == names
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
+def test_options_that_do_not_go_together(scenes, scenegen):
+    for options, words in (
         (["--figure", "sheet", "--depth"], "--depth goes with pictures"),
         (["--figure", "sheet", "--masks"], "--masks goes with pictures"),
         (["--figure", "sheet", "--transparent"], "--transparent goes with pictures"),
@@ -43,11 +42,9 @@ def test_figures(scenes, scenegen):
         (["--label", "task"], "--label goes with --figure"),
         (["--renderer", "opengl"], "unknown renderer `opengl`"),
         (["--view", "topp"], "did you mean `top`"),
-    ],
-)
-def test_options_that_do_not_go_together(scenes, scenegen, options, words):
-    told = scenegen("render", "s.json", "--out", "no", *options, *SMALL)
-    assert told.status == 1 and words in told.err and not (scenes / "no").exists()
+    ):
+        told = scenegen("render", "s.json", "--out", "no", *options, *SMALL)
+        assert told.status == 1 and words in told.err and not (scenes / "no").exists()
 
 
 def test_the_library_as_a_table_and_as_json(scenegen, golden, here):
@@ -68,9 +65,9 @@ def test_the_library_as_a_table_and_as_json(scenegen, golden, here):
 
 
 def test_pictures_of_assets(scenegen, here):
-    told = scenegen("assets", "pen", "plate", "--out", "a", *SMALL)
+    told = scenegen("assets", "pen", "marker", "--out", "a", *SMALL)
     assert told.status == 0 and "drew 3 pictures in a" in told.err
-    assert {path.name for path in (here / "a").iterdir()} == {"pen.png", "plate.png", "contact_sheet.png"}
+    assert {path.name for path in (here / "a").iterdir()} == {"pen.png", "marker.png", "contact_sheet.png"}
 
 
 def test_an_asset_that_is_not_there(scenegen, here):

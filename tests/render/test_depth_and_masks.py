@@ -131,6 +131,7 @@ def test_what_stands_on_something_is_drawn_on_it(tmp_path):
     assert tops[1] - tops[0] == pytest.approx(shape_of("book").height, abs=0.002)
 
 
+@pytest.mark.slow
 def test_the_graphics_card_draws_the_same_scene(tmp_path):
     """Or what stands for one; where there is none of either, the process says so."""
     file = scene_file(["mug", "crate"], [[(0.3, 0.4, 0.0), (0.7, 0.5, 0.4)]], shapes=[shape_of("mug"), CRATE])

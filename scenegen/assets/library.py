@@ -24,12 +24,15 @@ PLAIN = ("box", "cylinder", "prism", "urdf")  # shapes that a spec gives sizes o
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """One kind of object: its footprint, height in metres, main colour (RGB in 0..1) and how its parts are made, as
-    "module:function" in this folder: specs need footprints, and only pictures need meshes."""
+    """One kind of object: its footprint, height in metres, mass in kg, friction against wood, main colour (RGB in 0..1)
+    and how its parts are made, as "module:function" in this folder: specs need footprints, only pictures need meshes.
+    """
 
     name: str
     footprint: Circle | Box
     height: float
+    mass: float
+    friction: float
     color: RGB
     build: str
 
@@ -57,22 +60,22 @@ UNKNOWN = "block"
 ASSETS: dict[str, Asset] = {
     asset.name: asset
     for asset in (
-        Asset("plate", Circle(0.125), 0.022, (0.95, 0.95, 0.94), "vessels:plate"),
-        Asset("bowl", Circle(0.080), 0.060, (0.30, 0.53, 0.72), "vessels:bowl"),
-        Asset("mug", Circle(0.062), 0.095, (0.80, 0.25, 0.20), "vessels:mug"),
-        Asset("cup", Circle(0.060), 0.075, (0.93, 0.72, 0.22), "vessels:cup"),
-        Asset("glass", Circle(0.035), 0.125, (0.66, 0.83, 0.90), "vessels:glass"),
-        Asset("bottle", Circle(0.036), 0.230, (0.15, 0.42, 0.27), "vessels:bottle"),
-        Asset("can", Circle(0.033), 0.115, (0.76, 0.13, 0.20), "vessels:can"),
-        Asset("jar", Circle(0.040), 0.120, (0.84, 0.50, 0.14), "vessels:jar"),
-        Asset("apple", Circle(0.037), 0.072, (0.76, 0.14, 0.13), "vessels:apple"),
-        Asset("fork", Box(0.190, 0.028), 0.010, (0.52, 0.55, 0.61), "flat:fork"),
-        Asset("knife", Box(0.220, 0.022), 0.010, (0.62, 0.65, 0.70), "flat:knife"),
-        Asset("spoon", Box(0.180, 0.038), 0.012, (0.54, 0.57, 0.63), "flat:spoon"),
-        Asset("napkin", Box(0.150, 0.150), 0.004, (0.40, 0.62, 0.55), "flat:napkin"),
-        Asset("crackerbox", Box(0.160, 0.060), 0.210, (0.76, 0.19, 0.15), "flat:crackerbox"),
-        Asset("book", Box(0.210, 0.150), 0.025, (0.22, 0.36, 0.60), "flat:book"),
-        Asset("block", Box(0.050, 0.050), 0.050, (0.88, 0.38, 0.16), "flat:block"),
+        Asset("plate", Circle(0.125), 0.022, 0.45, 0.4, (0.95, 0.95, 0.94), "vessels:plate"),
+        Asset("bowl", Circle(0.080), 0.060, 0.3, 0.4, (0.30, 0.53, 0.72), "vessels:bowl"),
+        Asset("mug", Circle(0.062), 0.095, 0.35, 0.45, (0.80, 0.25, 0.20), "vessels:mug"),
+        Asset("cup", Circle(0.060), 0.075, 0.2, 0.45, (0.93, 0.72, 0.22), "vessels:cup"),
+        Asset("glass", Circle(0.035), 0.125, 0.3, 0.4, (0.66, 0.83, 0.90), "vessels:glass"),
+        Asset("bottle", Circle(0.036), 0.230, 0.8, 0.4, (0.15, 0.42, 0.27), "vessels:bottle"),
+        Asset("can", Circle(0.033), 0.115, 0.35, 0.35, (0.76, 0.13, 0.20), "vessels:can"),
+        Asset("jar", Circle(0.040), 0.120, 0.45, 0.4, (0.84, 0.50, 0.14), "vessels:jar"),
+        Asset("apple", Circle(0.037), 0.072, 0.18, 0.5, (0.76, 0.14, 0.13), "vessels:apple"),
+        Asset("fork", Box(0.190, 0.028), 0.010, 0.045, 0.35, (0.52, 0.55, 0.61), "flat:fork"),
+        Asset("knife", Box(0.220, 0.022), 0.010, 0.07, 0.35, (0.62, 0.65, 0.70), "flat:knife"),
+        Asset("spoon", Box(0.180, 0.038), 0.012, 0.04, 0.35, (0.54, 0.57, 0.63), "flat:spoon"),
+        Asset("napkin", Box(0.150, 0.150), 0.004, 0.02, 0.6, (0.40, 0.62, 0.55), "flat:napkin"),
+        Asset("crackerbox", Box(0.160, 0.060), 0.210, 0.41, 0.5, (0.76, 0.19, 0.15), "flat:crackerbox"),
+        Asset("book", Box(0.210, 0.150), 0.025, 0.45, 0.5, (0.22, 0.36, 0.60), "flat:book"),
+        Asset("block", Box(0.050, 0.050), 0.050, 0.08, 0.5, (0.88, 0.38, 0.16), "flat:block"),
     )
 }
 

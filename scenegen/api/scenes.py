@@ -136,10 +136,22 @@ class SceneSet:
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
         path = Path(path)
-        table.write_scenes(path, self.header, tuple(self.phi), self._blocks())
+        table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
 
-    def _blocks(self) -> Iterator[Block]:
+    def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
+        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo), or a format of scene files.
+
+        A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
+        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. Returns
+        the paths of the scenes' files. Raises RequestError, DataError, OutputError.
+        """
+        from scenegen.api import export
+
+        return export.export(self, Path(out), to)
+
+    def blocks(self) -> Iterator[Block]:
+        """The scenes as file formats take them."""
         for start in range(0, len(self), BLOCK):
             part = slice(start, start + BLOCK)
             rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T

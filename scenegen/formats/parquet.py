@@ -26,6 +26,7 @@ from scenegen.scene.data import SceneFile
 
 KEY = b"scenegen"  # of the header in the file's metadata
 
+
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """Scenes block by block. Raises OutputError where an object `phi` and a label `x` would share a column."""
     names = columns([one.name for one in header.objects], labels)

@@ -75,9 +75,28 @@ ASSETS: dict[str, Asset] = {
         Asset("napkin", Box(0.150, 0.150), 0.004, 0.02, 0.6, (0.40, 0.62, 0.55), "flat:napkin"),
         Asset("crackerbox", Box(0.160, 0.060), 0.210, 0.41, 0.5, (0.76, 0.19, 0.15), "flat:crackerbox"),
         Asset("book", Box(0.210, 0.150), 0.025, 0.45, 0.5, (0.22, 0.36, 0.60), "flat:book"),
+        Asset("tray", Box(0.400, 0.300), 0.045, 0.80, 0.5, (0.25, 0.42, 0.45), "kitchen:tray"),
+        Asset("carton", Box(0.300, 0.220), 0.160, 0.30, 0.5, (0.72, 0.53, 0.34), "kitchen:carton"),
+        Asset("board", Box(0.340, 0.220), 0.018, 0.90, 0.5, (0.46, 0.29, 0.18), "kitchen:board"),
+        Asset("teapot", Box(0.220, 0.135), 0.150, 0.70, 0.4, (0.36, 0.55, 0.60), "kitchen:teapot"),
+        Asset("banana", Box(0.180, 0.062), 0.036, 0.12, 0.5, (0.95, 0.80, 0.24), "fruit:banana"),
+        Asset("orange", Circle(0.040), 0.080, 0.20, 0.5, (0.93, 0.52, 0.12), "fruit:orange"),
+        Asset("lemon", Box(0.090, 0.058), 0.058, 0.10, 0.5, (0.95, 0.85, 0.25), "fruit:lemon"),
+        Asset("laptop", Box(0.312, 0.330), 0.224, 1.40, 0.5, (0.66, 0.68, 0.71), "desk:laptop"),
+        Asset("keyboard", Box(0.135, 0.430), 0.023, 0.60, 0.6, (0.23, 0.25, 0.29), "desk:keyboard"),
+        Asset("mouse", Box(0.115, 0.062), 0.038, 0.09, 0.4, (0.30, 0.32, 0.36), "desk:mouse"),
+        Asset("phone", Box(0.150, 0.073), 0.009, 0.18, 0.5, (0.16, 0.18, 0.24), "desk:phone"),
+        Asset("remote", Box(0.190, 0.046), 0.020, 0.11, 0.5, (0.20, 0.20, 0.22), "desk:remote"),
+        Asset("stapler", Box(0.150, 0.038), 0.058, 0.25, 0.5, (0.70, 0.18, 0.22), "desk:stapler"),
+        Asset("pen", Box(0.145, 0.013), 0.014, 0.012, 0.4, (0.16, 0.30, 0.62), "desk:pen"),
+        Asset("marker", Box(0.135, 0.020), 0.020, 0.018, 0.4, (0.22, 0.60, 0.35), "desk:marker"),
+        Asset("scissors", Box(0.180, 0.084), 0.0125, 0.080, 0.4, (0.85, 0.40, 0.14), "desk:scissors"),
         Asset("block", Box(0.050, 0.050), 0.050, 0.08, 0.5, (0.88, 0.38, 0.16), "flat:block"),
     )
 }
+
+
+ALIASES = {"box": "carton", "cuttingboard": "board", "cellphone": "phone", "smartphone": "phone", "pencil": "pen"}
 
 
 def stem(name: str) -> str:
@@ -86,7 +105,9 @@ def stem(name: str) -> str:
 
 
 def _known(name: str) -> str | None:
-    return next((word for word in (name, stem(name), stem(name).lower().replace("_", "")) if word in ASSETS), None)
+    """The asset that a name stands for; `box` is one too, whereas the shape `box(...)` has sizes of its own."""
+    plain = stem(name).lower().replace("_", "")
+    return next((word for word in (name, stem(name), plain, ALIASES.get(plain)) if word in ASSETS), None)
 
 
 def asset_of(name: str) -> Asset:

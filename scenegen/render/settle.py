@@ -2,9 +2,9 @@
 
 A scene settles if no object's centre of mass gets more than 1 cm from where it started and none turns by more than 5
 degrees, about any axis, at any of the 30 moments of the second at which it is looked at. The objects are prisms of
-footprint x height (see `bodies`) that start at rest on what they stand on (see `assets.support`), on an endless table, under
-gravity and friction, without bounce. Fixed objects cannot be moved. The poses that are judged are handed out unchanged,
-not those after the second: phi was verified for them.
+footprint x height (see `bodies`) that start at rest on what they stand on (see `assets.support`), on an endless table,
+under gravity and friction, without bounce. Fixed objects cannot be moved. The poses that are judged are handed out
+unchanged, not those after the second: phi was verified for them.
 """
 
 from __future__ import annotations

@@ -49,5 +49,5 @@ def to_pandas(scenes: SceneSet) -> pandas.DataFrame:
         raise RequestError(Diagnostic(title, help="pip install pandas")) from error
     names = columns(scenes.objects, tuple(scenes.phi))
     poses, phi = to_numpy(scenes)
-    table = np.concatenate([poses.reshape(len(scenes), -1), phi], axis=1)
+    table = np.concatenate([poses.reshape(len(scenes), 3 * len(scenes.objects)), phi], axis=1)
     return pandas.DataFrame(table, columns=names)

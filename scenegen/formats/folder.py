@@ -8,7 +8,8 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from scenegen.formats.files import ensure_folder, reported
+from scenegen.errors import OutputError
+from scenegen.formats.files import ensure_folder, output_error, reported, write_whole
 
 
 @contextlib.contextmanager
@@ -27,7 +28,12 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
     def put(name: str, data: bytes) -> None:
         with reported(folder / name):
             (waiting / name).parent.mkdir(exist_ok=True)
-            (waiting / name).write_bytes(data)
+        try:
+            write_whole(waiting / name, data)
+        except OutputError as error:  # what cannot be written is the file's destination
+            if isinstance(error.__cause__, OSError):
+                raise output_error(folder / name, error.__cause__) from error
+            raise
         names.append(name)
 
     try:

@@ -91,8 +91,8 @@ def _table(parent: Element, world: World) -> None:
     """Light, cameras, the floor, the table and what lies on it for the eye alone."""
     x0, y0, x1, y1 = world.table
     x, y, side = (x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, y1 - y0)
-    sun = {"diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1"}
-    node(parent, "light", pos=numbers(x - 0.6 * side, y - 0.6 * side, 2 * side), dir="0.3 0.3 -1", type="directional", **sun)
+    sun = {"type": "directional", "diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1", "dir": "0.3 0.3 -1"}
+    node(parent, "light", pos=numbers(x - 0.6 * side, y - 0.6 * side, 2 * side), **sun)
     node(parent, "camera", name=world.free_name("top"), pos=numbers(x, y, 1.6 * side), fovy="45")
     turned = {"xyaxes": "1 0 0 0 0.7 0.714", "fovy": "45"}
     node(parent, "camera", name=world.free_name("front"), pos=numbers(x, y - 1.1 * side, 1.1 * side), **turned)

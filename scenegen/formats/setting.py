@@ -16,7 +16,7 @@ from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.blocks import Block
 from scenegen.formats.inertia import inertia
 from scenegen.formats.world import WOOD, Body, Form, Patch, World
-from scenegen.formats.xml import check_names
+from scenegen.formats.xml import check_names, printable
 from scenegen.lang.check import check_text
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.scene.data import RegionData, SceneFile, footprint_of
@@ -54,7 +54,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     table = _table(header, shapes, names, places)
     heights = base_heights(shapes, places)
     poses = np.concatenate([places[..., :2], heights[..., None], np.remainder(places[..., 2:], math.tau)], axis=-1)
-    return World(header.spec.title, bodies, _patches(header.regions), table, poses)
+    return World(printable(header.spec.title), bodies, _patches(header.regions), table, poses)
 
 
 def _shape(asset: str, height: float, footprint: Footprint) -> Shape:
@@ -82,7 +82,7 @@ def _patches(regions: Sequence[RegionData]) -> tuple[Patch, ...]:
             (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
             for u, v in _outline(footprint_of(region.footprint))
         )
-        patches.append(Patch(region.name, corners, mix(used[-1], LINEN, 0.35)))
+        patches.append(Patch(corners, mix(used[-1], LINEN, 0.35)))
     return tuple(patches)
 
 

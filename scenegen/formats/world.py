@@ -45,7 +45,6 @@ class Body:
 class Patch:
     """A region of the spec, as a thin sheet that is only seen: its corners (x, y) on the table."""
 
-    name: str
     corners: tuple[tuple[float, float], ...]
     color: RGB
 

@@ -41,10 +41,15 @@ def check_names(names: Iterable[str]) -> None:
         why = ""
         if not name or any(not _allowed(ord(letter)) for letter in name):
             why = "cannot be written as a name in XML"
-        elif name == "world" or (name.startswith("__") and name.endswith("__")):
+        elif name == "world" or "::" in name or (name.startswith("__") and name.endswith("__")):
             why = "is a name that simulators keep for themselves"
         if why:
             raise DataError(Diagnostic(f"an object's name {why}: {name!a}", help="rename it in the spec"))
+
+
+def printable(text: str) -> str:
+    """The text without characters that XML has no way to write."""
+    return "".join(letter for letter in text if _allowed(ord(letter)))
 
 
 def _allowed(code: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -36,4 +37,11 @@ def inertia(meshes: Iterable[Mesh]) -> Inertia:
         ) / 120
     center = first / volume
     spread = second / volume - np.outer(center, center)
-    return Inertia(center, np.trace(spread) * np.eye(3) - spread)
+    moments = np.trace(spread) * np.eye(3) - spread
+    # What is zero but for rounding is zero: so files are the same whatever the order of a machine's sums.
+    size = math.sqrt(float(np.trace(moments)))
+    return Inertia(_clean(center, size), _clean(moments, size**2))
+
+
+def _clean(values: Floats, size: float) -> Floats:
+    return np.where(np.abs(values) < 1e-9 * size, 0.0, values)

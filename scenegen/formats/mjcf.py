@@ -74,13 +74,13 @@ def _assets(root: Element, world: World) -> None:
     assets = node(root, "asset")
     sky = {"rgb1": "0.86 0.89 0.93", "rgb2": "0.97 0.97 0.97", "width": "256", "height": "256"}
     node(assets, "texture", type="skybox", builtin="gradient", **sky)
+    # Thin meshes have hardly a volume to work an inertia out from; it is not used, and a shell's is never refused.
     for form in world.forms:
         for number, _ in enumerate(form.parts, start=1):
-            # Thin parts have hardly a volume to work an inertia out from; it is not used, and the shell's always is.
             node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", inertia="shell")
         for number, piece in enumerate(form.pieces, start=1):
             if box_of(piece) is None:
-                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(piece))
+                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(piece), inertia="shell")
     for number, patch in enumerate(world.patches, start=1):
         mesh = patch.mesh()
         faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
@@ -92,16 +92,18 @@ def _table(parent: Element, world: World) -> None:
     x0, y0, x1, y1 = world.table
     x, y, side = (x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, y1 - y0)
     sun = {"type": "directional", "diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1", "dir": "0.3 0.3 -1"}
-    node(parent, "light", pos=numbers(x - 0.6 * side, y - 0.6 * side, 2 * side), **sun)
-    node(parent, "camera", name=world.free_name("top"), pos=numbers(x, y, 1.6 * side), fovy="45")
+    node(parent, "light", pos=short([x - 0.6 * side, y - 0.6 * side, 2 * side]), **sun)
+    node(parent, "camera", name=world.free_name("top"), pos=short([x, y, 1.6 * side]), fovy="45")
     turned = {"xyaxes": "1 0 0 0 0.7 0.714", "fovy": "45"}
-    node(parent, "camera", name=world.free_name("front"), pos=numbers(x, y - 1.1 * side, 1.1 * side), **turned)
+    node(parent, "camera", name=world.free_name("front"), pos=short([x, y - 1.1 * side, 1.1 * side]), **turned)
     grey = {"rgba": "0.66 0.67 0.69 1", "friction": f"{SLIPPERY}"}
-    node(parent, "geom", name=world.free_name("floor"), type="plane", size="3 3 1", pos=numbers(0, 0, -TALL), **grey)
+    node(
+        parent, "geom", name=world.free_name("floor"), type="plane", size="3 3 1", pos=short([0.0, 0.0, -TALL]), **grey
+    )
     table = node(parent, "body", name=world.free_name("table"))
     for center, sizes in world.slabs():
-        half = numbers(*(size / 2 for size in sizes))
-        node(table, "geom", type="box", size=half, pos=numbers(*center), rgba=_rgba(WOOD), friction=f"{SLIPPERY}")
+        half = short(size / 2 for size in sizes)
+        node(table, "geom", type="box", size=half, pos=short(center), rgba=_rgba(WOOD), friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
         node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=_rgba(patch.color))
 
@@ -111,18 +113,18 @@ def _body(parent: Element, body: Body, pose: list[float]) -> None:
     element = node(parent, "body", name=body.name, pos=numbers(*qpos[:3]), quat=numbers(*qpos[3:]))
     if not body.fixed:
         node(element, "freejoint", name=body.name)
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (body.mass * body.form.inertia.moments).tolist()
-    center = numbers(*body.form.inertia.center.tolist())
-    node(element, "inertial", pos=center, mass=numbers(body.mass), fullinertia=numbers(xx, yy, zz, xy, xz, yz))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.moments.tolist()
+    center = short(body.form.inertia.center.tolist())
+    node(element, "inertial", pos=center, mass=short([body.mass]), fullinertia=short([xx, yy, zz, xy, xz, yz]))
     for number, color in enumerate(body.colors, start=1):
         node(element, "geom", class_="seen", mesh=_part(body.form, number), rgba=_rgba(color))
     for number, piece in enumerate(body.form.pieces, start=1):
         box = box_of(piece)
-        friction = numbers(body.friction, 0.005, 0.0001)
+        friction = short([body.friction, 0.005, 0.0001])
         if box is None:
             node(element, "geom", class_="solid", mesh=_piece(body.form, number), friction=friction)
         else:
-            center, half = numbers(*box[0]), numbers(*(size / 2 for size in box[1]))
+            center, half = short(box[0]), short(size / 2 for size in box[1])
             node(element, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
 
 

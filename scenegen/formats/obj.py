@@ -5,6 +5,8 @@ from __future__ import annotations
 from scenegen.assets.mesh import Mesh, shaded
 from scenegen.formats.xml import short
 
+HEAD = "# scenegen, metres, z upwards"
+
 
 def smooth(mesh: Mesh) -> bytes:
     """One mesh with a normal at every corner: round things look round, edges stay edges."""
@@ -16,6 +18,12 @@ def smooth(mesh: Mesh) -> bytes:
         place = places.setdefault(short(vertex), len(places) + 1)
         corners.append(f"{place}//{turns.setdefault(short(normal), len(turns) + 1)}")
     faces = [f"f {' '.join(corners[k : k + 3])}" for k in range(0, len(corners), 3)]
-    head = "# scenegen, metres, z upwards"
-    lines = [head, *(f"v {place}" for place in places), *(f"vn {turn}" for turn in turns), *faces]
+    lines = [HEAD, *(f"v {place}" for place in places), *(f"vn {turn}" for turn in turns), *faces]
     return ("\n".join(lines) + "\n").encode()
+
+
+def plain(mesh: Mesh) -> bytes:
+    """One mesh without normals: what collides."""
+    places = [f"v {short(vertex)}" for vertex in mesh.vertices.tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    return ("\n".join([HEAD, *places, *faces]) + "\n").encode()

@@ -1,13 +1,14 @@
 """Scenes as SDF worlds, for Gazebo, Ignition and PyBullet (http://sdformat.org/spec, version 1.7).
 
 Every object is a model of its name with one link, its frame in the middle of its footprint at its lowest point; fixed
-ones are static. What is drawn are OBJ files; what collides are boxes and convex STL files. A file holds any number of
-scenes of the same objects: each is a world. Gazebo runs, and PyBullet loads, the first world of a file.
+ones are static. What is drawn are OBJ files; what collides are boxes and convex OBJ files (Drake takes no STL). A file
+holds any number of scenes of the same objects: each is a world. Gazebo runs, and PyBullet loads, the first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +19,8 @@ from scenegen.formats import obj, stl
 from scenegen.formats.world import TALL, WOOD, Body, Form, World, box_of
 from scenegen.formats.xml import Element, document, node, numbers, short
 
+Hulls = Literal["obj", "stl"]
+
 ENDING = ".sdf"
 VERSION = "1.7"
 ROUGH = 1.0  # Gazebo takes the smaller friction of two, Bullet the product: so it is the object's, on the table
@@ -25,14 +28,14 @@ HEAVY = 25.0  # kg, of floor and table: they are static, but PyBullet complains 
 STONE: RGB = (0.75, 0.76, 0.78)
 
 
-def meshes(world: World) -> Iterator[tuple[str, bytes]]:
+def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]:
     """The files that scenes of this world need beside them: name, bytes."""
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
             yield _part(form, number), obj.smooth(part)
         for number, piece in enumerate(form.pieces, start=1):
             if box_of(piece) is None:
-                yield _hull(form, number), stl.binary(piece)
+                yield _hull(form, number, hulls), obj.plain(piece) if hulls == "obj" else stl.binary(piece)
     for number, patch in enumerate(world.patches, start=1):
         yield f"region_{number}.obj", obj.smooth(patch.mesh())
 
@@ -47,14 +50,14 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         yield document(root)
 
 
-def bare(world: World, folder: str, *, table: bool) -> bytes:
+def bare(world: World, folder: str, *, table: bool, hulls: Hulls = "obj") -> bytes:
     """The first scene as a file without floor, light and sky, to be added to another world."""
     root = ElementTree.Element("sdf", version=VERSION)
     element = node(root, "world", name="scene")
     if table:
         _table(element, world, folder)
     for body, pose in zip(world.bodies, world.poses[0].tolist(), strict=True):
-        _body(element, body, pose, folder)
+        _body(element, body, pose, folder, hulls)
     return document(root)
 
 
@@ -71,18 +74,12 @@ def _world(root: Element, world: World, scene: int, folder: str) -> None:
     for tag, text in (("ambient", "0.5 0.5 0.5 1"), ("background", "0.86 0.89 0.93 1"), ("shadows", "true")):
         node(look, tag, text)
     _sun(element, world)
-    floor = _link(node(element, "model", name=world.free_name("floor")), numbers(0, 0, -TALL, 0, 0, 0), static=True)
+    floor = _link(node(element, "model", name=world.free_name("floor")), short([0, 0, -TALL, 0, 0, 0]), static=True)
     _inertial(floor, np.zeros(3), HEAVY * np.eye(3), HEAVY)
-    plane = node(node(node(floor, "collision", name="collision"), "geometry"), "plane")
-    node(plane, "normal", "0 0 1")
-    node(plane, "size", "100 100")
-    seen = node(floor, "visual", name="visual")
-    node(seen, "pose", "0 0 -0.01 0 0 0")
-    node(node(node(seen, "geometry"), "box"), "size", "20 20 0.02")
-    _color(seen, STONE)
+    _slab(floor, 1, (0.0, 0.0, -0.05), (20.0, 20.0, 0.1), STONE)
     _table(element, world, folder)
     for body, pose in zip(world.bodies, world.poses[scene].tolist(), strict=True):
-        _body(element, body, pose, folder)
+        _body(element, body, pose, folder, "obj")
 
 
 def _sun(parent: Element, world: World) -> None:
@@ -98,33 +95,38 @@ def _table(parent: Element, world: World, folder: str) -> None:
     link = _link(node(parent, "model", name=world.free_name("table")), "0 0 0 0 0 0", static=True)
     _inertial(link, np.zeros(3), HEAVY * np.eye(3), HEAVY)
     for number, (center, sizes) in enumerate(world.slabs(), start=1):
-        for tag in ("collision", "visual"):
-            element = node(link, tag, name=f"{tag}_{number}")
-            node(element, "pose", numbers(*center, 0, 0, 0))
-            node(node(node(element, "geometry"), "box"), "size", numbers(*sizes))
-            if tag == "collision":
-                _friction(element, ROUGH)
-            else:
-                _color(element, WOOD)
+        _slab(link, number, center, sizes, WOOD)
     for number, patch in enumerate(world.patches, start=1):
         element = node(link, "visual", name=f"region_{number}")
         _mesh(element, f"{folder}/region_{number}.obj")
         _color(element, patch.color)
 
 
-def _body(parent: Element, body: Body, pose: list[float], folder: str) -> None:
+def _slab(link: Element, number: int, center: Sequence[float], sizes: Sequence[float], color: RGB) -> None:
+    """A box that is seen and collides."""
+    for tag in ("collision", "visual"):
+        element = node(link, tag, name=f"{tag}_{number}")
+        node(element, "pose", short([*center, 0.0, 0.0, 0.0]))
+        node(node(node(element, "geometry"), "box"), "size", short(sizes))
+        if tag == "collision":
+            _friction(element, ROUGH)
+        else:
+            _color(element, color)
+
+
+def _body(parent: Element, body: Body, pose: list[float], folder: str, hulls: Hulls) -> None:
     x, y, z, theta = pose
     place = numbers(x, y, z, 0, 0, theta)
     link = _link(node(parent, "model", name=body.name), place, static=body.fixed)
-    _inertial(link, body.form.inertia.center, body.mass * body.form.inertia.moments, body.mass)
+    _inertial(link, body.form.inertia.center, body.moments, body.mass)
     for number, piece in enumerate(body.form.pieces, start=1):
         element = node(link, "collision", name=f"collision_{number}")
         box = box_of(piece)
         if box is None:
-            _mesh(element, f"{folder}/{_hull(body.form, number)}")
+            _mesh(element, f"{folder}/{_hull(body.form, number, hulls)}")
         else:
-            node(element, "pose", numbers(*box[0], 0, 0, 0))
-            node(node(node(element, "geometry"), "box"), "size", numbers(*box[1]))
+            node(element, "pose", short([*box[0], 0.0, 0.0, 0.0]))
+            node(node(node(element, "geometry"), "box"), "size", short(box[1]))
         _friction(element, body.friction)
     for number, color in enumerate(body.colors, start=1):
         element = node(link, "visual", name=f"visual_{number}")
@@ -140,12 +142,12 @@ def _link(model: Element, pose: str, *, static: bool) -> Element:
 
 def _inertial(link: Element, center: Floats, moments: Floats, mass: float) -> None:
     inertial = node(link, "inertial")
-    node(inertial, "mass", numbers(mass))
-    node(inertial, "pose", numbers(*center.tolist(), 0, 0, 0))
+    node(inertial, "mass", short([mass]))
+    node(inertial, "pose", short([*center.tolist(), 0.0, 0.0, 0.0]))
     inertia = node(inertial, "inertia")
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = moments.tolist()
     for tag, value in (("ixx", xx), ("ixy", xy), ("ixz", xz), ("iyy", yy), ("iyz", yz), ("izz", zz)):
-        node(inertia, tag, numbers(value))
+        node(inertia, tag, short([value]))
 
 
 def _mesh(element: Element, path: str) -> None:
@@ -157,7 +159,7 @@ def _friction(element: Element, value: float) -> None:
     ode, bullet = node(friction, "ode"), node(friction, "bullet")
     for parent, tags in ((ode, ("mu", "mu2")), (bullet, ("friction", "friction2"))):
         for tag in tags:
-            node(parent, tag, numbers(value))
+            node(parent, tag, short([value]))
 
 
 def _color(element: Element, color: RGB) -> None:
@@ -170,5 +172,5 @@ def _part(form: Form, number: int) -> str:
     return f"{form.name}_{number}.obj"
 
 
-def _hull(form: Form, number: int) -> str:
-    return f"{form.name}_hull_{number}.stl"
+def _hull(form: Form, number: int, ending: str) -> str:
+    return f"{form.name}_hull_{number}.{ending}"

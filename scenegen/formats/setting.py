@@ -15,7 +15,7 @@ from scenegen.assets.support import base_heights
 from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.blocks import Block
 from scenegen.formats.inertia import inertia
-from scenegen.formats.world import WOOD, Body, Form, Patch, World
+from scenegen.formats.world import LEAST_MASS, WOOD, Body, Form, Patch, World
 from scenegen.formats.xml import check_names, printable
 from scenegen.lang.check import check_text
 from scenegen.primitives import Box, Circle, Footprint, Polygon
@@ -44,7 +44,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
             name,
             forms[shape],
             tuple(part.color for part in parts_of(shape, color)),
-            mass_of(shape),
+            max(mass_of(shape), LEAST_MASS),
             friction_of(shape),
             name in fixed,
         )
@@ -68,7 +68,7 @@ def _forms(shapes: Sequence[Shape]) -> dict[Shape, Form]:
             same = sum(other.asset == shape.asset for other in forms)
             pieces = collision_of(shape)
             parts = tuple(part.mesh for part in parts_of(shape, WOOD))
-            forms[shape] = Form(f"{shape.asset}{f'_{same + 1}' if same else ''}", parts, pieces, inertia(pieces))
+            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, inertia(pieces))
     return forms
 
 

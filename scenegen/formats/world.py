@@ -15,6 +15,7 @@ from scenegen.assets.palette import RGB
 from scenegen.formats.inertia import Inertia
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
+LEAST_MASS, LEAST_MOMENT = 1e-6, 1e-12  # kg and kg m^2: less is nothing to MuJoCo
 WOOD: RGB = (0.80, 0.68, 0.53)
 
 
@@ -39,6 +40,13 @@ class Body:
     mass: float
     friction: float
     fixed: bool
+
+    @property
+    def moments(self) -> Floats:
+        """(3, 3): of inertia about the centre of mass, in kg m^2; of specks as much as simulators can work with."""
+        moments = self.mass * self.form.inertia.moments
+        least = float(np.linalg.eigvalsh(moments)[0])
+        return moments if least >= LEAST_MOMENT else moments * (LEAST_MOMENT / least)
 
 
 @dataclass(frozen=True, slots=True)

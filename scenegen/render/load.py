@@ -1,7 +1,7 @@
 """A world in a running PyBullet. It, `painter` and `drop` are the only modules that import pybullet.
 
-PyBullet reads the same SDF file that Gazebo does, but takes neither inertia nor friction from it, and rounds bodies off
-by a millimetre: these are set afterwards.
+PyBullet reads the SDF that Gazebo does, but takes neither inertia nor friction from it, and rounds bodies off by a
+millimetre: these are set afterwards. (It lets the rounding of convex pieces be set where these are STL files.)
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ def load(world: World, client: int, *, table: bool) -> dict[str, int]:
         raise RequestError(Diagnostic(title, help="pass what pybullet.connect(...) returned"))
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "meshes").mkdir()
-        for name, data in sdf.meshes(world):
+        for name, data in sdf.meshes(world, hulls="stl"):
             (Path(folder) / "meshes" / name).write_bytes(data)
         path = Path(folder) / "scene.sdf"
-        path.write_bytes(sdf.bare(world, "meshes", table=table))
+        path.write_bytes(sdf.bare(world, "meshes", table=table, hulls="stl"))
         numbers = list(pybullet.loadSDF(str(path), physicsClientId=client))
     if table:
         _settle(numbers.pop(0), sdf.ROUGH, client)
     for number, body in zip(numbers, world.bodies, strict=True):
         _settle(number, body.friction, client)
         if not body.fixed:
-            moments = body.mass * np.diag(body.form.inertia.moments)
-            pybullet.changeDynamics(number, -1, localInertiaDiagonal=moments.tolist(), physicsClientId=client)
+            moments = np.diag(body.moments).tolist()  # its axes are the object's, or nearly so
+            pybullet.changeDynamics(number, -1, localInertiaDiagonal=moments, physicsClientId=client)
     return {body.name: number for body, number in zip(world.bodies, numbers, strict=True)}
 
 

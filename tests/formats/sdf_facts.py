@@ -17,9 +17,8 @@ BRANCHES = {
     "inertia": "ixx1 ixy1 ixz1 iyy1 iyz1 izz1",
     "collision": "pose0 geometry1 surface0 max_contacts0",
     "visual": "cast_shadows0 transparency0 pose0 material0 geometry1",
-    "geometry": "empty0 box0 cylinder0 mesh0 plane0 sphere0",
+    "geometry": "empty0 box0 cylinder0 mesh0 sphere0",
     "box": "size1",
-    "plane": "normal1 size1",
     "mesh": "uri1 scale0",
     "material": "ambient0 diffuse0 specular0 emissive0",
     "surface": "bounce0 friction0 contact0",
@@ -33,7 +32,7 @@ TYPED = ("atmosphere", "physics", "light")
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 TEXTS = {
     "true|false|0|1": "static cast_shadows shadows",
-    rf"{NUMBER}( {NUMBER}){{2}}": "gravity magnetic_field direction normal",
+    rf"{NUMBER}( {NUMBER}){{2}}": "gravity magnetic_field direction",
     rf"{NUMBER}( {NUMBER}){{3}}": "ambient background diffuse specular",
     rf"{NUMBER}( {NUMBER}){{5}}": "pose",
     NUMBER: "max_step_size real_time_factor real_time_update_rate mass ixx ixy ixz iyy iyz izz mu mu2 friction2",
@@ -61,7 +60,7 @@ def faults(element, parent=""):
 
 def _text(tag, parent):
     if tag == "size":
-        return rf"{NUMBER}( {NUMBER}){{{2 if parent == 'box' else 1}}}"
+        return rf"{NUMBER}( {NUMBER}){{2}}"
     return NUMBER if tag == "friction" else LEAVES.get(tag)
 
 

@@ -12,7 +12,7 @@ from scenegen.assets import parts_of, shape_of
 from scenegen.primitives import NUMPY, PRIMITIVES
 from scenegen.resources import shipped_specs
 from scenegen.scene.data import footprint_of
-from tests.formats.worlds import library, tower
+from tests.formats.worlds import crates, library, scenes_of, tower
 
 
 def load(path):
@@ -72,10 +72,10 @@ def test_bodies_are_what_the_library_says(tmp_path):
     model, data = load(path)
     assert [model.body(name).jntnum[0] for name in ("plate", "mug", "tray")] == [1, 1, 0]
     assert model.body("mug").mass == pytest.approx(0.35) and model.body("block[2]").mass == pytest.approx(0.08)
-    np.testing.assert_allclose(model.body("block[2]").inertia, 0.08 * 0.05**2 / 6, rtol=1e-9)
+    np.testing.assert_allclose(model.body("block[2]").inertia, 0.08 * 0.05**2 / 6, rtol=1e-8)
     np.testing.assert_allclose(model.body("block[2]").ipos, [0.0, 0.0, 0.025], atol=1e-12)
     mujoco.mj_resetDataKeyframe(model, data, 1)
-    mujoco.mj_forward(model, data)
+    mujoco.mj_step(model, data, 50)
     pairs = {tuple(model.geom_bodyid[[one.geom1, one.geom2]]) for one in data.contact}
     mug, table = model.body("mug").id, model.body("table").id
     assert (min(mug, table), max(mug, table)) in pairs
@@ -124,6 +124,24 @@ def test_what_is_seen_is_what_the_library_draws(tmp_path):
             wanted = part.mesh.vertices @ turn.T + (x, y, z)
             far = np.linalg.norm(wanted[:, None] - seen[None], axis=2)
             assert max(far.min(axis=0).max(), far.min(axis=1).max()) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["cylinder(0.000001, 0.000001)", "box(0.0001, 0.0001, 0.0001)", "box(0.3, 0.0005, 0.001)", "box(90, 90, 9)"],
+)
+def test_specks_and_giants_load(shape, tmp_path):
+    places = {"mug": (-100.0, 0.1, 0.0), "thing": (0.5, 0.5, 1.0)}
+    text = f"workspace [-100, 100] x [-100, 100]\nobject mug, thing = {shape}\ntask: leftOf(mug, thing)"
+    (path,) = scenes_of(text, places).export(tmp_path / "all.xml")
+    model, data = load(path)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    assert shifts(model, data, 0.2).max() < 0.01
+
+
+def test_golden(golden, tmp_path):
+    (path,) = crates().export(tmp_path / "all.xml")
+    golden("formats/crates.xml", path.read_text())
 
 
 def settled(scenes, path):

@@ -10,8 +10,9 @@ import pytest
 from scenegen.assets import shape_of
 from scenegen.assets.meshfile import vertices
 from scenegen.assets.physics import collision_of
+from scenegen.formats import stl
 from tests.formats.sdf_facts import faults
-from tests.formats.worlds import library, tower
+from tests.formats.worlds import crates, library, tower
 
 
 @pytest.mark.parametrize("make", [tower, library])
@@ -74,16 +75,24 @@ def test_meshes_are_there_and_named_relatively(tmp_path):
     (path,) = library().export(tmp_path / "all.sdf")
     named = {uri.text for uri in ElementTree.parse(path).getroot().iter("uri")}
     there = {f"all_meshes/{file.name}" for file in (tmp_path / "all_meshes").iterdir()}
-    assert named == there and all(re.fullmatch(r"all_meshes/\w+\.(obj|stl)", name) for name in named)
+    assert named == there and all(re.fullmatch(r"all_meshes/\w+\.(obj)", name) for name in named)
 
 
 def test_pieces_read_back(tmp_path):
+    """What collides: boxes written out, and OBJ files or, for PyBullet, STL files of the library's convex pieces."""
     tower().export(tmp_path / "all.sdf")
     pieces = collision_of(shape_of("mug"))
+    boxes = 0
     for number, piece in enumerate(pieces, start=1):
-        path = tmp_path / "all_meshes" / f"mug_hull_{number}.stl"
+        path = tmp_path / "all_meshes" / f"mug_hull_{number}.obj"
+        boxes += not path.exists()
         if path.exists():
-            found = vertices(path.name, path.read_bytes()).reshape(-1, 3, 3)
-            np.testing.assert_allclose(found, piece.vertices[piece.faces], atol=1e-7)
-    boxes = sum(not (tmp_path / "all_meshes" / f"mug_hull_{k + 1}.stl").exists() for k in range(len(pieces)))
-    assert boxes == 3  # the handle's bars
+            np.testing.assert_allclose(vertices(path.name, path.read_bytes()), piece.vertices, atol=1e-9)
+        corners = vertices("x.stl", stl.binary(piece)).reshape(-1, 3, 3)
+        np.testing.assert_allclose(corners, piece.vertices[piece.faces], atol=1e-7)
+    assert boxes == 3  # the bars of the handle
+
+
+def test_golden(golden, tmp_path):
+    (path,) = crates().export(tmp_path / "all.sdf")
+    golden("formats/crates.sdf", path.read_text())

@@ -47,3 +47,18 @@ def tower():
     }
     apart = {"plate": (0.3, 0.3, 6.0), "mug": (0.6, 0.2, 3.5), "block[1]": (0.1, 0.7, 0.1), "block[2]": (0.3, 0.9, 0.0)}
     return scenes_of(TOWER, carried | {"tray": tray}, apart | {"tray": tray})
+
+
+def crates():
+    """Two scenes of boxes, one of them fixed and one on it, and a region."""
+    text = """# Crates on a mat.
+workspace [0, 0.5] x [0, 0.5]
+object crate[2] = box(0.08, 0.06, 0.04)
+object base = box(0.16, 0.16, 0.02) at (0.25, 0.125, 0)
+region mat = rect(0, 0, 0.5, 0.25)
+task: leftOf(crate[1], crate[2])
+"""
+    base = {"base": (0.25, 0.125, 0.0)}
+    on = {"crate[1]": (0.25, 0.125, 0.0), "crate[2]": (0.375, 0.375, 0.0)}
+    off = {"crate[1]": (0.125, 0.375, 0.0), "crate[2]": (0.375, 0.375, 0.0)}
+    return scenes_of(text, on | base, off | base)

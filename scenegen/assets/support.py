@@ -29,6 +29,11 @@ def base_heights(shapes: Sequence[Shape], poses: Floats, *, solid: bool = False)
     allowed. In a hollow (see `physics.rooms_of`) an object stands as deep as its footprint fits; `solid` fills hollows
     up, for bodies that have none.
     """
+    with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
+        return _heights(shapes, poses, solid)
+
+
+def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
     inside = PRIMITIVES["room"].evaluate
     areas = [_area(shape.footprint) for shape in shapes]
     order = sorted(range(len(shapes)), key=lambda k: (-areas[k], k))  # what may carry an object comes before it
@@ -53,7 +58,7 @@ def base_heights(shapes: Sequence[Shape], poses: Floats, *, solid: bool = False)
 def _area(footprint: Footprint) -> float:
     match footprint:
         case Circle(radius):
-            return math.pi * radius**2
+            return math.pi * radius * radius
         case Box(length, width):
             return length * width
         case _:

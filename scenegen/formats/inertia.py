@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Mesh
+
+LEAST = 1e-19  # cubic metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +21,17 @@ class Inertia:
     moments: Floats
 
 
-def inertia(meshes: Iterable[Mesh]) -> Inertia:
-    """Of closed meshes of one density; where they overlap, it counts twice.
+def inertia(meshes: Sequence[Mesh]) -> Inertia:
+    """Of closed meshes of one density; where they overlap, it counts twice. Raises ValueError where there is no volume.
 
     A tetrahedron from the origin to a triangle (a, b, c) has the volume det/6, the first moment det/24 (a + b + c) and
-    the second det/120 (s s' + a a' + b b' + c c') with s = a + b + c; those of a mesh are their sums.
+    the second det/120 (s s' + a a' + b b' + c c') with s = a + b + c; those of a mesh are their sums. The origin is put
+    amidst the corners, so that nothing cancels.
     """
+    middle = np.concatenate([mesh.vertices for mesh in meshes]).mean(axis=0)
     volume, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for mesh in meshes:
-        corners = mesh.vertices[mesh.faces]
+        corners = (mesh.vertices - middle)[mesh.faces]
         det = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
         total = corners.sum(axis=1)
         volume += float(det.sum()) / 6.0
@@ -35,12 +39,14 @@ def inertia(meshes: Iterable[Mesh]) -> Inertia:
         second += (
             np.einsum("t,ti,tj->ij", det, total, total) + np.einsum("t,tki,tkj->ij", det, corners, corners)
         ) / 120
+    if not volume > LEAST:
+        raise ValueError("a solid without volume")
     center = first / volume
     spread = second / volume - np.outer(center, center)
     moments = np.trace(spread) * np.eye(3) - spread
     # What is zero but for rounding is zero: so files are the same whatever the order of a machine's sums.
     size = math.sqrt(float(np.trace(moments)))
-    return Inertia(_clean(center, size), _clean(moments, size**2))
+    return Inertia(_clean(center + middle, size), _clean(moments, size**2))
 
 
 def _clean(values: Floats, size: float) -> Floats:

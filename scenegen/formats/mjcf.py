@@ -18,6 +18,7 @@ from scenegen.formats.world import TALL, WOOD, Body, Form, World, box_of
 from scenegen.formats.xml import Element, document, node, numbers, short
 
 ENDING = ".xml"
+SPECK = 1e-12  # cubic metres
 SLIPPERY = 0.01  # MuJoCo takes the larger friction of two: so it is the object's, on the table
 
 
@@ -74,24 +75,29 @@ def _assets(root: Element, world: World) -> None:
     assets = node(root, "asset")
     sky = {"rgb1": "0.86 0.89 0.93", "rgb2": "0.97 0.97 0.97", "width": "256", "height": "256"}
     node(assets, "texture", type="skybox", builtin="gradient", **sky)
-    # Thin meshes have hardly a volume to work an inertia out from; it is not used, and a shell's is never refused.
     for form in world.forms:
-        for number, _ in enumerate(form.parts, start=1):
-            node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", inertia="shell")
+        for number, part in enumerate(form.parts, start=1):
+            node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", **_shell(part))
         for number, piece in enumerate(form.pieces, start=1):
             if box_of(piece) is None:
-                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(piece), inertia="shell")
+                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(piece), **_shell(piece))
     for number, patch in enumerate(world.patches, start=1):
         mesh = patch.mesh()
         faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
-        node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, inertia="shell")
+        node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, **_shell(mesh))
+
+
+def _shell(mesh: Mesh) -> dict[str, str]:
+    """MuJoCo works an inertia out for every mesh, used or not, and refuses where there is hardly a volume; a shell's is
+    never refused, but only from version 3.3 on."""
+    return {"inertia": "shell"} if mesh.volume < SPECK else {}
 
 
 def _table(parent: Element, world: World) -> None:
     """Light, cameras, the floor, the table and what lies on it for the eye alone."""
     x0, y0, x1, y1 = world.table
     x, y, side = (x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, y1 - y0)
-    sun = {"type": "directional", "diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1", "dir": "0.3 0.3 -1"}
+    sun = {"directional": "true", "diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1", "dir": "0.3 0.3 -1"}
     node(parent, "light", pos=short([x - 0.6 * side, y - 0.6 * side, 2 * side]), **sun)
     node(parent, "camera", name=world.free_name("top"), pos=short([x, y, 1.6 * side]), fovy="45")
     turned = {"xyaxes": "1 0 0 0 0.7 0.714", "fovy": "45"}

@@ -22,8 +22,11 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.scene.data import RegionData, SceneFile, footprint_of
 
 MARGIN = 0.07  # metres of table beyond what is on it
+LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
+BEYOND = 1e6  # metres from the origin, likewise
 FARTHEST = 100.0  # metres from the workspace that a table reaches at most
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
+SHEET = 0.0004  # metres: the thickness of the first region
 DRAWN = 32  # corners of a round region
 
 
@@ -34,11 +37,12 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     """
     names = [one.name for one in header.objects]
     check_names(names)
+    _check_sizes(header)
     shapes = [_shape(one.shape.asset, one.shape.height, footprint_of(one.shape.footprint)) for one in header.objects]
     spec = check_text(header.spec.source, "the spec of the scenes")
     fixed = {spec.objects[index] for index in spec.fixed}
     colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
-    forms = _forms(shapes)
+    forms = _forms(names, shapes)
     bodies = tuple(
         Body(
             name,
@@ -57,18 +61,40 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     return World(printable(header.spec.title), bodies, _patches(header.regions), table, poses)
 
 
+def _check_sizes(header: SceneFile) -> None:
+    """Refuse what no spec can say, since files may hold any number: numbers beyond all measure, shapes without a
+    volume. Raises DataError."""
+    places = [*header.workspace.x, *header.workspace.y]
+    places += [value for region in header.regions for value in (region.pose.x, region.pose.y)]
+    if max(map(abs, places)) > BEYOND:
+        title = f"the workspace or a region is {max(map(abs, places)):.3g} m away"
+        raise DataError(Diagnostic(title, help=f"{BEYOND:,.0f} m are the most"))
+    sizes: list[tuple[str, tuple[float, ...]]] = []
+    sizes += [(one.name, (*footprint_of(one.shape.footprint).extent, one.shape.height)) for one in header.objects]
+    sizes += [(region.name, footprint_of(region.footprint).extent) for region in header.regions]
+    for name, lengths in sizes:
+        if not (min(lengths) >= SMALLEST and max(lengths) <= LARGEST):
+            title = f"`{name}` has a size of {min(lengths) if min(lengths) < SMALLEST else max(lengths):.3g} m"
+            help_ = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
+            raise DataError(Diagnostic(title, help=help_))
+
+
 def _shape(asset: str, height: float, footprint: Footprint) -> Shape:
     return Shape(asset if asset in ASSETS or asset in PLAIN else UNKNOWN, footprint, height)
 
 
-def _forms(shapes: Sequence[Shape]) -> dict[Shape, Form]:
+def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
     forms: dict[Shape, Form] = {}
-    for shape in shapes:
+    for name, shape in zip(names, shapes, strict=True):
         if shape not in forms:
             same = sum(other.asset == shape.asset for other in forms)
             pieces = collision_of(shape)
             parts = tuple(part.mesh for part in parts_of(shape, WOOD))
-            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, inertia(pieces))
+            try:
+                mass = inertia(pieces)
+            except ValueError:
+                raise DataError(Diagnostic(f"`{name}` has no volume", help="give it a wider outline")) from None
+            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
     return forms
 
 
@@ -82,7 +108,7 @@ def _patches(regions: Sequence[RegionData]) -> tuple[Patch, ...]:
             (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
             for u, v in _outline(footprint_of(region.footprint))
         )
-        patches.append(Patch(corners, mix(used[-1], LINEN, 0.35)))
+        patches.append(Patch(corners, mix(used[-1], LINEN, 0.35), SHEET * (1.0 + 0.25 * len(patches))))
     return tuple(patches)
 
 
@@ -114,8 +140,7 @@ def _table(
             title = f"`{name}` stands {away.max():.3g} m off the workspace in scene {int(away.argmax()) + 1}"
             raise DataError(Diagnostic(title, help=f"no table is that large: {FARTHEST:g} m are the most"))
         reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
-        least, most = (
-            np.minimum(least, place[:, :2].min(axis=0) - reach),
-            np.maximum(most, place[:, :2].max(axis=0) + reach),
-        )
-    return tuple(np.concatenate([least - MARGIN, most + MARGIN]).tolist())
+        least = np.minimum(least, place[:, :2].min(axis=0) - reach)
+        most = np.maximum(most, place[:, :2].max(axis=0) + reach)
+    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    return left, front, right, back

@@ -16,6 +16,7 @@ from scenegen.formats.inertia import Inertia
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
 LEAST_MASS, LEAST_MOMENT = 1e-6, 1e-12  # kg and kg m^2: less is nothing to MuJoCo
+LEAST_SHARE = 1e-6  # of the largest moment that the smallest has: less would be lost among the digits
 WOOD: RGB = (0.80, 0.68, 0.53)
 
 
@@ -43,22 +44,26 @@ class Body:
 
     @property
     def moments(self) -> Floats:
-        """(3, 3): of inertia about the centre of mass, in kg m^2; of specks as much as simulators can work with."""
+        """(3, 3): of inertia about the centre of mass, in kg m^2; of specks and needles as much as simulators can work
+        with."""
         moments = self.mass * self.form.inertia.moments
-        least = float(np.linalg.eigvalsh(moments)[0])
-        return moments if least >= LEAST_MOMENT else moments * (LEAST_MOMENT / least)
+        least, _, most = np.linalg.eigvalsh(moments).tolist()
+        lacking: float = max(LEAST_MOMENT, LEAST_SHARE * most) - least
+        return np.asarray(moments + max(lacking, 0.0) * np.eye(3))
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A region of the spec, as a thin sheet that is only seen: its corners (x, y) on the table."""
+    """A region of the spec, as a thin sheet that is only seen: its corners (x, y) on the table, and its thickness in
+    metres, which no two share, so that those which overlap are told apart."""
 
     corners: tuple[tuple[float, float], ...]
     color: RGB
+    thickness: float
 
     def mesh(self) -> Mesh:
-        """The sheet, a millimetre thick, in the world's frame."""
-        return prism(self.corners, 0.0, 0.001)
+        """The sheet, in the world's frame."""
+        return prism(self.corners, 0.0, self.thickness)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,14 +1,16 @@
 """What holds for every simulator's format: files appear together or not at all, names are safe, bad scenes are told."""
 
+import hashlib
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.errors import DataError, OutputError, RequestError, SpecError
 from scenegen.formats import folder as folders
 from scenegen.formats.simulators import SIMULATORS
 from scenegen.formats.table import ENDINGS, FORMATS
+from scenegen.scene.data import CircleFootprint, PolygonFootprint
 from tests.formats.worlds import scenes_of, tower
 
 PAIR = "object mug, plate\ntask: leftOf(mug, plate)"
@@ -126,3 +128,46 @@ def test_places_that_cannot_be(tmp_path):
             scenes.export(tmp_path / out, to)
         assert caught.value.diagnostics[0].help
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def _giant(header):
+    shape = header.objects[0].shape.model_copy(update={"height": 1e300})
+    return {"objects": [header.objects[0].model_copy(update={"shape": shape}), *header.objects[1:]]}
+
+
+def _dust(header):
+    footprint = CircleFootprint(radius=1e-300)
+    shape = header.objects[0].shape.model_copy(update={"footprint": footprint})
+    return {"objects": [header.objects[0].model_copy(update={"shape": shape}), *header.objects[1:]]}
+
+
+def _sliver(header):
+    footprint = PolygonFootprint(vertices=[(0.0, 0.0), (2e-6, 2e-6), (1e-6, 1e-6 + 1e-10)])
+    shape = header.objects[0].shape.model_copy(update={"footprint": footprint, "height": 1e-6})
+    return {"objects": [header.objects[0].model_copy(update={"shape": shape}), *header.objects[1:]]}
+
+
+def _space(header):
+    return {"workspace": header.workspace.model_copy(update={"x": (0.0, 1e300)})}
+
+
+def _nowhere(header):
+    return {"workspace": header.workspace.model_copy(update={"x": (0.0, 0.0)})}
+
+
+def _odd_spec(header):
+    source = "object mug, plate\ntask: leftof(mug, plate)\n"
+    sha256 = hashlib.sha256(source.encode()).hexdigest()
+    return {"spec": header.spec.model_copy(update={"source": source, "sha256": sha256})}
+
+
+@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("change", [_giant, _dust, _sliver, _space, _nowhere, _odd_spec])
+def test_files_that_no_spec_makes(change, to, tmp_path):
+    """Scene files may hold any number: each is told from sense by one diagnostic."""
+    scenes = scenes_of(PAIR, PLACES)
+    broken = type(scenes)(scenes.poses, scenes.phi, scenes.header.model_copy(update=change(scenes.header)))
+    with pytest.raises((DataError, SpecError)) as caught:
+        broken.export(tmp_path / FILES[to])
+    assert len(caught.value.diagnostics) == 1 and caught.value.diagnostics[0].help
+    assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from scenegen.assets.mesh import Mesh
 from scenegen.assets.palette import RGB
 from scenegen.formats import obj
-from scenegen.formats.world import TALL, WOOD, Body, Form, World, box_of
+from scenegen.formats.world import TALL, WOOD, Body, Form, World
 from scenegen.formats.xml import Element, document, node, numbers, short
 
 ENDING = ".xml"
@@ -32,12 +32,6 @@ def meshes(world: World) -> Iterator[tuple[str, bytes]]:
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     """The scenes as one file with a keyframe for each, or as a file each. `folder` is where the meshes are, from
     there."""
-    count = len(world.poses)
-    for scenes in [range(count)] if together else [range(k, k + 1) for k in range(count)]:
-        yield _file(world, folder, scenes)
-
-
-def _file(world: World, folder: str, scenes: range) -> bytes:
     root = ElementTree.Element("mujoco", model=world.title or "scenegen")
     node(root, "compiler", angle="radian", meshdir=folder)
     node(node(root, "option"), "flag", multiccd="enable")
@@ -45,14 +39,22 @@ def _file(world: World, folder: str, scenes: range) -> bytes:
     _assets(root, world)
     table = node(root, "worldbody")
     _table(table, world)
-    for number, body in enumerate(world.bodies):
-        _body(table, body, world.poses[scenes[0], number].tolist())
+    bodies = [_body(table, body) for body in world.bodies]
     keys = node(root, "keyframe")
-    for scene in scenes:
-        free = [k for k, body in enumerate(world.bodies) if not body.fixed]
-        qpos = [value for k in free for value in _qpos(world.poses[scene, k].tolist())]
-        node(keys, "key", name=f"scene_{scene + 1:04d}", qpos=numbers(*qpos))
-    return document(root)
+    for scene, poses in enumerate(world.poses.tolist(), start=1):
+        qpos = [_qpos(pose) for pose in poses]
+        if not together:
+            keys.clear()
+        if scene == 1 or not together:
+            for element, place in zip(bodies, qpos, strict=True):
+                element.set("pos", numbers(*place[:3]))
+                element.set("quat", numbers(*place[3:]))
+        free = [value for body, place in zip(world.bodies, qpos, strict=True) if not body.fixed for value in place]
+        node(keys, "key", name=f"scene_{scene:04d}", qpos=numbers(*free))
+        if not together:
+            yield document(root)
+    if together:
+        yield document(root)
 
 
 def _looks(root: Element, world: World) -> None:
@@ -79,8 +81,9 @@ def _assets(root: Element, world: World) -> None:
         for number, part in enumerate(form.parts, start=1):
             node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", **_shell(part))
         for number, piece in enumerate(form.pieces, start=1):
-            if box_of(piece) is None:
-                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(piece), **_shell(piece))
+            if piece.box is None:
+                mesh = piece.mesh
+                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(mesh), **_shell(mesh))
     for number, patch in enumerate(world.patches, start=1):
         mesh = patch.mesh()
         faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
@@ -114,9 +117,9 @@ def _table(parent: Element, world: World) -> None:
         node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=_rgba(patch.color))
 
 
-def _body(parent: Element, body: Body, pose: list[float]) -> None:
-    qpos = _qpos(pose)
-    element = node(parent, "body", name=body.name, pos=numbers(*qpos[:3]), quat=numbers(*qpos[3:]))
+def _body(parent: Element, body: Body) -> Element:
+    """An object, its place left out."""
+    element = node(parent, "body", name=body.name)
     if not body.fixed:
         node(element, "freejoint", name=body.name)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.moments.tolist()
@@ -125,13 +128,13 @@ def _body(parent: Element, body: Body, pose: list[float]) -> None:
     for number, color in enumerate(body.colors, start=1):
         node(element, "geom", class_="seen", mesh=_part(body.form, number), rgba=_rgba(color))
     for number, piece in enumerate(body.form.pieces, start=1):
-        box = box_of(piece)
         friction = short([body.friction, 0.005, 0.0001])
-        if box is None:
+        if piece.box is None:
             node(element, "geom", class_="solid", mesh=_piece(body.form, number), friction=friction)
         else:
-            center, half = short(box[0]), short(size / 2 for size in box[1])
+            center, half = short(piece.box[0]), short(size / 2 for size in piece.box[1])
             node(element, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
+    return element
 
 
 def _qpos(pose: list[float]) -> tuple[float, ...]:

@@ -8,6 +8,7 @@ holds any number of scenes of the same objects: each is a world. Gazebo runs, an
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from typing import Literal
 from xml.etree import ElementTree
 
@@ -16,7 +17,7 @@ import numpy as np
 from scenegen.assets.mesh import Floats
 from scenegen.assets.palette import RGB
 from scenegen.formats import obj, stl
-from scenegen.formats.world import TALL, WOOD, Body, Form, World, box_of
+from scenegen.formats.world import TALL, WOOD, Body, Form, World
 from scenegen.formats.xml import Element, document, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
@@ -34,19 +35,25 @@ def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]
         for number, part in enumerate(form.parts, start=1):
             yield _part(form, number), obj.smooth(part)
         for number, piece in enumerate(form.pieces, start=1):
-            if box_of(piece) is None:
-                yield _hull(form, number, hulls), obj.plain(piece) if hulls == "obj" else stl.binary(piece)
+            if piece.box is None:
+                yield _hull(form, number, hulls), obj.plain(piece.mesh) if hulls == "obj" else stl.binary(piece.mesh)
     for number, patch in enumerate(world.patches, start=1):
         yield f"region_{number}.obj", obj.smooth(patch.mesh())
 
 
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     """The scenes as one file with a world for each, or as a file each. `folder` is where the meshes are, from there."""
-    count = len(world.poses)
-    for scenes in [range(count)] if together else [range(k, k + 1) for k in range(count)]:
-        root = ElementTree.Element("sdf", version=VERSION)
-        for scene in scenes:
-            _world(root, world, scene, folder)
+    root = ElementTree.Element("sdf", version=VERSION)
+    element, places = _world(world, folder)
+    for scene, poses in enumerate(world.poses.tolist(), start=1):
+        element.set("name", f"scene_{scene:04d}")
+        _place(places, poses)
+        if together:
+            root.append(deepcopy(element))
+        else:
+            root[:] = [element]
+            yield document(root)
+    if together:
         yield document(root)
 
 
@@ -56,13 +63,18 @@ def bare(world: World, folder: str, *, table: bool, hulls: Hulls = "obj") -> byt
     element = node(root, "world", name="scene")
     if table:
         _table(element, world, folder)
-    for body, pose in zip(world.bodies, world.poses[0].tolist(), strict=True):
-        _body(element, body, pose, folder, hulls)
+    _place([_body(element, body, folder, hulls) for body in world.bodies], world.poses[0].tolist())
     return document(root)
 
 
-def _world(root: Element, world: World, scene: int, folder: str) -> None:
-    element = node(root, "world", name=f"scene_{scene + 1:04d}")
+def _place(places: Sequence[Element], poses: Sequence[Sequence[float]]) -> None:
+    for place, (x, y, z, theta) in zip(places, poses, strict=True):
+        place.text = numbers(x, y, z, 0, 0, theta)
+
+
+def _world(world: World, folder: str) -> tuple[Element, list[Element]]:
+    """Everything but where the objects are, and the elements that take that."""
+    element = ElementTree.Element("world")
     # Gazebo fills in what is left out; the specification calls these required.
     node(element, "gravity", "0 0 -9.81")
     node(element, "magnetic_field", "5.5645e-06 2.28758e-05 -4.23884e-05")
@@ -74,12 +86,13 @@ def _world(root: Element, world: World, scene: int, folder: str) -> None:
     for tag, text in (("ambient", "0.5 0.5 0.5 1"), ("background", "0.86 0.89 0.93 1"), ("shadows", "true")):
         node(look, tag, text)
     _sun(element, world)
-    floor = _link(node(element, "model", name=world.free_name("floor")), short([0, 0, -TALL, 0, 0, 0]), static=True)
-    _inertial(floor, np.zeros(3), HEAVY * np.eye(3), HEAVY)
-    _slab(floor, 1, (0.0, 0.0, -0.05), (20.0, 20.0, 0.1), STONE)
+    floor = node(element, "model", name=world.free_name("floor"))
+    _pose(floor, static=True).text = short([0, 0, -TALL, 0, 0, 0])
+    link = node(floor, "link", name="link")
+    _inertial(link, np.zeros(3), HEAVY * np.eye(3), HEAVY)
+    _slab(link, 1, (0.0, 0.0, -0.05), (20.0, 20.0, 0.1), STONE)
     _table(element, world, folder)
-    for body, pose in zip(world.bodies, world.poses[scene].tolist(), strict=True):
-        _body(element, body, pose, folder, "obj")
+    return element, [_body(element, body, folder, "obj") for body in world.bodies]
 
 
 def _sun(parent: Element, world: World) -> None:
@@ -92,7 +105,9 @@ def _sun(parent: Element, world: World) -> None:
 
 def _table(parent: Element, world: World, folder: str) -> None:
     """The table, and on it what is for the eye alone."""
-    link = _link(node(parent, "model", name=world.free_name("table")), "0 0 0 0 0 0", static=True)
+    model = node(parent, "model", name=world.free_name("table"))
+    _pose(model, static=True).text = "0 0 0 0 0 0"
+    link = node(model, "link", name="link")
     _inertial(link, np.zeros(3), HEAVY * np.eye(3), HEAVY)
     for number, (center, sizes) in enumerate(world.slabs(), start=1):
         _slab(link, number, center, sizes, WOOD)
@@ -114,30 +129,30 @@ def _slab(link: Element, number: int, center: Sequence[float], sizes: Sequence[f
             _color(element, color)
 
 
-def _body(parent: Element, body: Body, pose: list[float], folder: str, hulls: Hulls) -> None:
-    x, y, z, theta = pose
-    place = numbers(x, y, z, 0, 0, theta)
-    link = _link(node(parent, "model", name=body.name), place, static=body.fixed)
+def _body(parent: Element, body: Body, folder: str, hulls: Hulls) -> Element:
+    """An object; the element that takes its place is returned."""
+    model = node(parent, "model", name=body.name)
+    place = _pose(model, static=body.fixed)
+    link = node(model, "link", name="link")
     _inertial(link, body.form.inertia.center, body.moments, body.mass)
     for number, piece in enumerate(body.form.pieces, start=1):
         element = node(link, "collision", name=f"collision_{number}")
-        box = box_of(piece)
-        if box is None:
+        if piece.box is None:
             _mesh(element, f"{folder}/{_hull(body.form, number, hulls)}")
         else:
-            node(element, "pose", short([*box[0], 0.0, 0.0, 0.0]))
-            node(node(node(element, "geometry"), "box"), "size", short(box[1]))
+            node(element, "pose", short([*piece.box[0], 0.0, 0.0, 0.0]))
+            node(node(node(element, "geometry"), "box"), "size", short(piece.box[1]))
         _friction(element, body.friction)
     for number, color in enumerate(body.colors, start=1):
         element = node(link, "visual", name=f"visual_{number}")
         _mesh(element, f"{folder}/{_part(body.form, number)}")
         _color(element, color)
+    return place
 
 
-def _link(model: Element, pose: str, *, static: bool) -> Element:
+def _pose(model: Element, *, static: bool) -> Element:
     node(model, "static", "1" if static else "0")  # PyBullet does not know the word `true`
-    node(model, "pose", pose)
-    return node(model, "link", name="link")
+    return node(model, "pose")
 
 
 def _inertial(link: Element, center: Floats, moments: Floats, mass: float) -> None:

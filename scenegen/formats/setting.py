@@ -15,7 +15,7 @@ from scenegen.assets.support import base_heights
 from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.blocks import Block
 from scenegen.formats.inertia import inertia
-from scenegen.formats.world import LEAST_MASS, WOOD, Body, Form, Patch, World
+from scenegen.formats.world import LEAST_MASS, WOOD, Body, Form, Patch, World, piece_of
 from scenegen.formats.xml import check_names, printable
 from scenegen.lang.check import check_text
 from scenegen.primitives import Box, Circle, Footprint, Polygon
@@ -88,10 +88,11 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
     for name, shape in zip(names, shapes, strict=True):
         if shape not in forms:
             same = sum(other.asset == shape.asset for other in forms)
-            pieces = collision_of(shape)
+            solids = collision_of(shape)
+            pieces = tuple(piece_of(solid) for solid in solids)
             parts = tuple(part.mesh for part in parts_of(shape, WOOD))
             try:
-                mass = inertia(pieces)
+                mass = inertia(solids)
             except ValueError:
                 raise DataError(Diagnostic(f"`{name}` has no volume", help="give it a wider outline")) from None
             forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)

@@ -21,13 +21,21 @@ WOOD: RGB = (0.80, 0.68, 0.53)
 
 
 @dataclass(frozen=True, slots=True)
+class Piece:
+    """A convex piece to collide with; `box` is (middle, sizes) of one that is a box along its object's axes."""
+
+    mesh: Mesh
+    box: tuple[list[float], list[float]] | None
+
+
+@dataclass(frozen=True, slots=True)
 class Form:
     """What objects of one shape share. `name` is part of file names; `parts` are drawn, the convex `pieces` collide.
     In the object's frame: the middle of its footprint at the origin, z = 0 its lowest point, heading along x."""
 
     name: str
     parts: tuple[Mesh, ...]
-    pieces: tuple[Mesh, ...]
+    pieces: tuple[Piece, ...]
     inertia: Inertia
 
 
@@ -102,10 +110,9 @@ class World:
         return top, *legs
 
 
-def box_of(piece: Mesh) -> tuple[list[float], list[float]] | None:
-    """Middle and sizes of a convex piece that is a box along its object's axes; None for others."""
-    least, most = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
+def piece_of(mesh: Mesh) -> Piece:
+    """The piece that a convex mesh is: a box where it fills the one around it."""
+    least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     full = float(np.prod(most - least))
-    if piece.volume < full * (1.0 - 1e-6):
-        return None
-    return ((least + most) / 2).tolist(), (most - least).tolist()
+    box = ((least + most) / 2).tolist(), (most - least).tolist()
+    return Piece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)

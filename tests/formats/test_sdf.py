@@ -17,9 +17,13 @@ from tests.formats.worlds import crates, library, tower
 
 @pytest.mark.parametrize("make", [tower, library])
 def test_by_the_rules_of_the_specification(make, tmp_path):
+    """And the meshes are there, named relatively."""
     (path,) = make().export(tmp_path / "all.sdf")
     root = ElementTree.parse(path).getroot()
     assert root.get("version") == "1.7" and faults(root) == []
+    named = {uri.text for uri in root.iter("uri")}
+    assert named == {f"all_meshes/{file.name}" for file in (tmp_path / "all_meshes").iterdir()}
+    assert all(re.fullmatch(r"all_meshes/\w+\.obj", name) for name in named)
 
 
 def test_the_rules_can_be_broken(tmp_path):
@@ -69,13 +73,6 @@ def test_pybullet_loads_it(scene, tmp_path, bullet):
         pybullet.stepSimulation(physicsClientId=bullet.client)
     after = [bullet.frame(number)[0] for number in numbers]
     assert np.linalg.norm(np.subtract(after, before), axis=1).max() < 0.01
-
-
-def test_meshes_are_there_and_named_relatively(tmp_path):
-    (path,) = library().export(tmp_path / "all.sdf")
-    named = {uri.text for uri in ElementTree.parse(path).getroot().iter("uri")}
-    there = {f"all_meshes/{file.name}" for file in (tmp_path / "all_meshes").iterdir()}
-    assert named == there and all(re.fullmatch(r"all_meshes/\w+\.(obj)", name) for name in named)
 
 
 def test_pieces_read_back(tmp_path):

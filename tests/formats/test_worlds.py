@@ -11,7 +11,7 @@ from scenegen.formats import folder as folders
 from scenegen.formats.simulators import SIMULATORS
 from scenegen.formats.table import ENDINGS, FORMATS
 from scenegen.scene.data import CircleFootprint, PolygonFootprint
-from tests.formats.worlds import scenes_of, tower
+from tests.formats.worlds import crates, scenes_of
 
 PAIR = "object mug, plate\ntask: leftOf(mug, plate)"
 PLACES = {"mug": (0.2, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
@@ -35,9 +35,9 @@ def test_every_format_has_an_ending():
 def test_the_same_bytes_again(to, tmp_path):
     made = []
     for name in ("one", "two"):
-        tower().export(tmp_path / name, to)
+        crates().export(tmp_path / name, to)
         made.append({str(p.relative_to(tmp_path / name)): p.read_bytes() for p in (tmp_path / name).rglob("*.*")})
-    assert made[0] == made[1] and len(made[0]) > 10
+    assert made[0] == made[1] and len(made[0]) >= 6
 
 
 @pytest.mark.parametrize("to", SIMULATORS)
@@ -64,9 +64,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("to", SIMULATORS)
-@pytest.mark.parametrize(
-    "name", ['a "quoted" <name> & more', "mesa\u00fa", "table", "floor", "top", "link", "\U0001f35c"]
-)
+@pytest.mark.parametrize("name", ['a "quoted" <name> & more', "mes\u00e1 \U0001f35c", "table", "floor"])
 def test_names_of_any_kind(to, name, tmp_path):
     scenes = renamed(scenes_of(PAIR, PLACES), name, "A title\x00 \x1b with <odd> letters")
     (path,) = scenes.export(tmp_path / FILES[to])

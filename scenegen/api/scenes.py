@@ -164,17 +164,50 @@ class SceneSet:
         *,
         views: tuple[str, ...] = ("top", "perspective"),
         size: tuple[int, int] = (640, 480),
+        transparent: bool = False,
+        depth: bool = False,
+        masks: bool = False,
+        renderer: str = "software",
         workers: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's. Needs no display and no
-        GPU. `progress` is told how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter". `transparent` leaves out the ground below the
+        table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and NPZ. The result's
+        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
+        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
+        of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
-        return render_scenes(self.file(), Path(out), views=views, size=size, workers=workers, progress=progress)
+        return render_scenes(
+            self.file(),
+            Path(out),
+            views=views,
+            size=size,
+            transparent=transparent,
+            depth=depth,
+            masks=masks,
+            renderer=renderer,
+            workers=workers,
+            progress=progress,
+        )
+
+    def figures(
+        self,
+        out: str | Path,
+        *kinds: str,
+        view: str = "perspective",
+        size: tuple[int, int] = (640, 480),
+        label: str | None = None,
+        workers: int | None = None,
+    ) -> tuple[Path, ...]:
+        """Make figures in the folder `out`: "sheet", "sweep", "gif", "heatmap", "topview"; see `scenegen render
+        --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
+        from scenegen.api.figures import figures
+
+        return figures(self, out, kinds, view=view, size=size, label=label, workers=workers)
 
 
 def read_scenes(path: str | Path) -> SceneSet:

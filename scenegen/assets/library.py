@@ -62,7 +62,7 @@ ASSETS: dict[str, Asset] = {
     for asset in (
         Asset("plate", Circle(0.125), 0.022, 0.45, 0.4, (0.95, 0.95, 0.94), "vessels:plate"),
         Asset("bowl", Circle(0.080), 0.060, 0.3, 0.4, (0.30, 0.53, 0.72), "vessels:bowl"),
-        Asset("mug", Circle(0.062), 0.095, 0.35, 0.45, (0.80, 0.25, 0.20), "vessels:mug"),
+        Asset("mug", Circle(0.062), 0.095, 0.35, 0.45, (0.14, 0.45, 0.50), "vessels:mug"),
         Asset("cup", Circle(0.060), 0.075, 0.2, 0.45, (0.93, 0.72, 0.22), "vessels:cup"),
         Asset("glass", Circle(0.035), 0.125, 0.3, 0.4, (0.66, 0.83, 0.90), "vessels:glass"),
         Asset("bottle", Circle(0.036), 0.230, 0.8, 0.4, (0.15, 0.42, 0.27), "vessels:bottle"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import io
 import shutil
 import tempfile
@@ -13,12 +12,13 @@ from pathlib import Path
 
 from PIL import Image
 
-from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, quoted, suggest
+from scenegen.errors import DataError, Diagnostic, OutputError
 from scenegen.formats.files import ensure_folder, output_error, write_whole
-from scenegen.render.camera import USUAL, VIEWS
-from scenegen.render.files import RENDERERS, Wanted
+from scenegen.render.camera import USUAL
+from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
 from scenegen.render.process import cores
+from scenegen.render.request import check_renderer, check_request
 from scenegen.render.rig import cameras_json
 from scenegen.render.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.render.stage import poses_of, stage_of
@@ -26,7 +26,6 @@ from scenegen.scene.data import SceneFile
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
 FACES = ("perspective", "three-quarter", "front", "top")  # the view that a contact sheet shows: the first there is
-SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +69,8 @@ def render_scenes(
     where something cannot be written.
     """
     views = tuple(dict.fromkeys(views))
-    _check_request(views, size, workers)
-    _check_renderer(renderer)
+    check_request(views, size, workers)
+    check_renderer(renderer)
     wanted = Wanted(views, size, transparent, depth, masks, renderer)
     if not file.scenes:
         raise DataError(Diagnostic("there are no scenes to draw", help="the file's list `scenes` is empty"))
@@ -139,25 +138,3 @@ def _move(path: Path, destination: Path) -> None:
         path.replace(destination)
     except OSError as error:
         raise output_error(destination, error) from error
-
-
-def _check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:
-    if not views:
-        raise RequestError(Diagnostic("no view was asked for", help=f"the views are {quoted(VIEWS)}"))
-    for view in views:
-        if view not in VIEWS:
-            help_line = suggest(view, VIEWS, f"the views are {quoted(VIEWS)}")
-            raise RequestError(Diagnostic(f"unknown view `{view}`", help=help_line))
-    if not all(SMALLEST <= side <= LARGEST for side in size):
-        help_line = f"width and height are from {SMALLEST} to {LARGEST} pixels each"
-        raise RequestError(Diagnostic(f"a picture cannot be {size[0]} x {size[1]} pixels", help=help_line))
-    if workers is not None and workers < 1:
-        raise RequestError(Diagnostic(f"{workers} workers cannot draw", help="ask for 1 or more"))
-
-
-def _check_renderer(renderer: str) -> None:
-    if renderer not in RENDERERS:
-        help_line = suggest(renderer, RENDERERS, f"the renderers are {quoted(RENDERERS)}")
-        raise RequestError(Diagnostic(f"unknown renderer `{renderer}`", help=help_line))
-    if renderer == "egl" and importlib.util.find_spec("eglRenderer") is None:
-        raise RequestError(Diagnostic("this pybullet has no EGL renderer", help="leave `--renderer egl` out"))

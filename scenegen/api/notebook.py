@@ -17,7 +17,7 @@ from scenegen.scene.data import SceneFile
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
 
-SHOWN = 12  # scenes of a sheet
+SHOWN = 8  # scenes of a sheet
 SIZE = (320, 240)  # pixels of one of its pictures
 LARGE = (640, 480)  # of the picture of a single scene
 

@@ -83,6 +83,8 @@ class SceneSet:
     def __getitem__(self, index: Picked) -> SceneSet: ...
     def __getitem__(self, index: int | Picked) -> Scene | SceneSet:
         if not isinstance(index, int | np.integer):
+            if isinstance(index, list) and not index:
+                index = slice(0)  # numpy takes an empty list for one of floats
             phi = {name: values[index] for name, values in self.phi.items()}
             return SceneSet(self.poses[index], phi, self.header)
         poses = {

@@ -81,4 +81,4 @@ def test_parts(scenes):
     assert len(good) == (scenes.phi["task"] > 0.2).sum() and (good.phi["task"] > 0.2).all()
     order = np.argsort(scenes.phi["task"])
     assert np.array_equal(scenes[order].phi["task"], np.sort(scenes.phi["task"]))
-    assert scenes[np.int64(3)] == scenes[3] and scenes[[3]][0] == scenes[3]
+    assert scenes[np.int64(3)] == scenes[3] and scenes[[3]][0] == scenes[3] and len(scenes[[]]) == 0

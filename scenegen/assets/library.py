@@ -19,7 +19,7 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 if TYPE_CHECKING:
     from scenegen.assets.parts import Part
 
-PLAIN = ("box", "cylinder", "prism", "urdf")  # shapes that a spec gives sizes of their own
+PLAIN = ("box", "cylinder", "prism", "urdf", "mesh")  # shapes that a spec gives sizes of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Asset:
 @dataclass(frozen=True, slots=True)
 class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
-    `prism` and `urdf` with sizes of its own. Footprint and height in metres; `path` is the file of a `urdf`."""
+    `prism`, `urdf` and `mesh` with sizes of its own. Footprint and height in metres; `path` is the last two's file."""
 
     asset: str
     footprint: Footprint
@@ -130,7 +130,7 @@ def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
     """What is drawn of an object: closed meshes of its own size in its own frame, z = 0 the table.
 
     An entry of the library is stretched to the shape's footprint and height; a plain shape is made to measure (of a
-    URDF: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
+    file: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
     """
     footprint = shape.footprint
     if shape.asset in PLAIN or isinstance(footprint, Polygon):

@@ -59,7 +59,7 @@ def render(
 
     \b
       scenegen render scenes.json --out pictures
-      scenegen render scenes.json --out pictures --view three-quarter --size 1280x960
+      scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
 
@@ -68,11 +68,11 @@ def render(
 
     \b
     Figures:
-      sheet    all scenes with their phi                     contact_sheet.png
-      sweep    one layout from hard to solved                sweep.png
-      gif      the same, animated                            sweep.gif
-      heatmap  where each object goes                        heatmap.png
-      topview  names, and what decides phi as a dimension    scene_0001_topview.svg
+      sheet    all scenes with their phi: contact_sheet.png
+      sweep    one layout from hard to solved: sweep.png
+      gif      the same, animated: sweep.gif
+      heatmap  where each object goes: heatmap.png
+      topview  what decides phi, as a dimension: scene_0001_topview.svg
     """
     from scenegen.api.scenes import check_count, read_scenes
 

@@ -29,6 +29,11 @@ class Wanted:
     renderer: str = "software"
 
     @property
+    def names(self) -> bool:
+        """Whether the names of unknown objects are written on pictures: not on those that programs learn from."""
+        return not (self.depth or self.masks)
+
+    @property
     def endings(self) -> tuple[str, ...]:
         """Of the files of one view of one scene, in the order in which they are made."""
         extra = [ending for ending, asked in (("_depth.png", self.depth), ("_mask.png", self.masks)) if asked]

@@ -89,6 +89,10 @@ class Painter:
             shots[view] = lighting(colors, depth, self._owner[np.maximum(seen, 0)], light, landscape)
         return shots
 
+    def camera(self, view: str) -> Camera:
+        """That of a view."""
+        return self._lighting[view].camera
+
     def _raw(self, camera: Camera) -> Camera:
         raw = camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
         return raw if self.factor > 1 else raw.centred()

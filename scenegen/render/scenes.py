@@ -60,6 +60,7 @@ def render_scenes(
     pixels. `transparent` leaves the ground below the table out. With `depth`, scene_0001_top_depth.png holds tenths of
     millimetres in 16 bits; with `masks`, scene_0001_top_mask.png holds the number of what each pixel shows, as
     cameras.json lists them; both also as arrays `depth` (float32, metres) and `mask` (uint16) in scene_0001_top.npz.
+    An object that the library does not know is a block with its name beside it, written on pictures without either.
     `renderer` is "software", which draws the same everywhere, or "egl", which wants a graphics card.
 
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes

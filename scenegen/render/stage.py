@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import TypeAdapter
 
-from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of
+from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
 from scenegen.assets.palette import RGB, mix, stable
 from scenegen.assets.plain import DRAWN
@@ -31,10 +31,11 @@ LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object: what it looks like and its main colour."""
+    """An object: what it looks like, its main colour, and what is written beside it, if anything."""
 
     shape: Shape
     color: RGB
+    label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +131,12 @@ def stage_of(file: SceneFile) -> Stage:
         for item, asset in zip(file.objects, known, strict=True)
     ]
     colors = colors_of([(item.name, asset) for item, asset in zip(file.objects, known, strict=True)])
-    things = tuple(Thing(shape, color) for shape, color in zip(shapes, colors, strict=True))
+    # A block that stands for something the library does not know says what.
+    labels = [
+        item.name if asset == UNKNOWN and not has_picture(item.name) else ""
+        for item, asset in zip(file.objects, known, strict=True)
+    ]
+    things = tuple(map(Thing, shapes, colors, labels))
     patches = _patches(file)
     poses = poses_of(file)
     standing = [(shape.footprint, poses[:, k]) for k, shape in enumerate(shapes)] if len(poses) else []

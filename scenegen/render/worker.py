@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import os
 import struct
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from scenegen.render.files import Wanted, encode
+from scenegen.render.names import write_names
 from scenegen.render.stage import Stage
 
 LENGTH = struct.Struct("<Q")  # goes before every file: its size in bytes
@@ -25,10 +27,10 @@ def main(job: dict[str, Any]) -> None:
     os.dup2(2, 1)
     from scenegen.render.painter import Painter
 
-    wanted = TypeAdapter(Wanted).validate_python(job["wanted"])
+    wanted, stage = TypeAdapter(Wanted).validate_python(job["wanted"]), Stage.from_json(job["stage"])
     with (
         Painter(
-            Stage.from_json(job["stage"]),
+            stage,
             wanted.views,
             wanted.size,
             transparent=wanted.transparent,
@@ -36,9 +38,13 @@ def main(job: dict[str, Any]) -> None:
         ) as painter,
         os.fdopen(channel, "wb") as out,
     ):
-        for places in job["places"]:
-            shots = painter.paint(np.array(places, dtype=np.float64).reshape(-1, 4))
+        for rows in job["places"]:
+            places = np.array(rows, dtype=np.float64).reshape(-1, 4)
+            shots = painter.paint(places)
             for view in wanted.views:
-                for data in encode(shots[view], wanted):
+                shot = shots[view]
+                if wanted.names:
+                    shot = replace(shot, color=write_names(shot.color, stage, painter.camera(view), places))
+                for data in encode(shot, wanted):
                     out.write(LENGTH.pack(len(data)) + data)
             out.flush()

@@ -109,6 +109,19 @@ def test_the_table_holds_everything(tmp_path):
     np.testing.assert_allclose(data.body("mug").xpos, [1.8, -0.7, 0.0], atol=1e-3)
 
 
+def test_files_of_the_user_stand_as_their_outline(tmp_path):
+    """The files themselves are not needed: scene files are whole without them."""
+    import mujoco
+
+    shapes = 'tray = urdf("a/tray.urdf", box(0.3, 0.2, 0.05)), toy = mesh("../toy.stl", cylinder(0.03, 0.1))'
+    text = f"object mug, {shapes}\ntask: leftOf(mug, tray)"
+    places = {"mug": (0.1, 0.5, 0.0), "tray": (0.5, 0.5, 0.3), "toy": (0.8, 0.5, 0.0)}
+    (path,) = scenes_of(text, places).export(tmp_path / "all.xml")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert model.body("tray").mass == pytest.approx(500.0 * 0.3 * 0.2 * 0.05)
+    np.testing.assert_allclose(model.body("toy").ipos, [0.0, 0.0, 0.05], atol=1e-9)
+
+
 def test_places_that_cannot_be(tmp_path):
     scenes = scenes_of(PAIR, PLACES)
     (tmp_path / "taken").write_text("mine")

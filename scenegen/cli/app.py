@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import assets, check, eval, fmt, lsp, render, sample, train
+from scenegen.cli import assets, check, eval, export, fmt, lsp, render, sample, train
 from scenegen.cli import range as range_command
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
@@ -48,6 +48,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "sample": sample.sample,
     "eval": eval.evaluate,
     "render": render.render,
+    "export": export.export,
     "assets": assets.assets,
     "lsp": lsp.lsp,
 }

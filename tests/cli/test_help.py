@@ -2,7 +2,7 @@
 
 import pytest
 
-COMMANDS = ["check", "fmt", "range", "train", "sample", "eval", "render", "assets", "lsp"]
+COMMANDS = ["check", "fmt", "range", "train", "sample", "eval", "render", "export", "assets", "lsp"]
 ALONE = ["assets", "lsp"]  # these say or do something without an argument
 
 

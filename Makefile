@@ -41,8 +41,9 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
 	$(BIN)/python -m pytest -m "not slow" --regenerate
 
-pictures: $(STAMP) ## docs/relations.md and its pictures, from the prelude and the golden scenes
+pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py
+	$(BIN)/python docs/make_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
 	$(BIN)/python -m scenegen.lang.tables

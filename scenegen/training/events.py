@@ -64,6 +64,7 @@ def event_log(folder: Path) -> Iterator[EventLog]:
     if importlib.util.find_spec("tensorboard") is None:  # told before the work starts
         title = "--log-dir needs TensorBoard, which is not installed"
         raise RequestError(Diagnostic(title, help='pip install "scenegen[tensorboard]"'))
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     with reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder)
@@ -72,3 +73,6 @@ def event_log(folder: Path) -> Iterator[EventLog]:
         yield log
     finally:
         log.close()
+        for path in made:  # what holds no events is not left behind
+            with contextlib.suppress(OSError):
+                path.rmdir()

@@ -44,6 +44,8 @@ def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
         if not fits(spec, count):
             title = f"{path} holds more scenes than fit into memory"
             raise RequestError(Diagnostic(title, help="write it as .parquet, which is read part by part"))
+    if not count:
+        raise DataError(Diagnostic(f"there are no scenes in {path}", help="sample some first"))
     check_count(path, count, scenes)
     return labelled(spec, torch.cat(found, dim=1))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-COMMANDS = ["check", "fmt", "range", "train", "sample", "eval", "render", "lsp"]
+COMMANDS = ["check", "fmt", "range", "train", "info", "sample", "eval", "render", "lsp"]
 SERVING = ["lsp"]  # alone it is no question for help: an editor starts it so
 
 

@@ -10,7 +10,7 @@ from scenegen.errors import DataError
 def test_places_are_distinct_and_evenly_spread(total):
     places = held_places(total, held_count(total))
     assert len(places) == held_count(total) < total
-    assert 0 <= int(places[0]) and int(places[-1]) < total
+    assert int(places[0]) >= 0 and int(places[-1]) < total
     gaps = places.diff()
     assert len(gaps) == 0 or (int(gaps.min()) > 0 and int(gaps.max() - gaps.min()) <= 1)
 

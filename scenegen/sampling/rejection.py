@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.proposal import BELOW_TURN
 from scenegen.bounds.prune import Cover, prune
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.lang.core import REQUIRE
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 from scenegen.sampling.cells import Cells
@@ -350,8 +351,9 @@ def _misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
 def _facts(plan: Plan, rates: Sequence[Rate]) -> dict[str, object]:
     """What goes into the scene file: the acceptance rate, and how probable the range is under the base draw.
 
-    The probability is the covers' share of the box of poses times the share kept of what is drawn from it, with its
-    standard error (both as log10); it is of a scene drawn uniformly over the box, `require` included in the range.
+    The probability is the covers' share of the box of poses times the share kept of what is drawn from it, with half
+    of its 95 % interval (both as log10). Where the spec requires something, it is of meeting that and the range, by a
+    scene drawn uniformly over the box.
     """
     drawn = sum(rate.candidates for rate in rates)
     kept_of_all = sum(rate.hits for rate in rates)
@@ -365,5 +367,7 @@ def _facts(plan: Plan, rates: Sequence[Rate]) -> dict[str, object]:
         kept = hits / (plan.explored.candidates + rates[0].candidates)
         log10 = math.log10(math.e)
         facts["log10_probability"] = round(plan.sources[0].cover.log_share * log10 + math.log10(kept), 6) + 0.0
-        facts["log10_probability_error"] = round(log10 * math.sqrt((1.0 - kept) / hits), 6)
+        facts["log10_error"] = round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6)
+        if REQUIRE in plan.problem.core.labels:
+            facts["probability_of"] = "range and requirement"
     return facts

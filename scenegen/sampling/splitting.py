@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
+from scenegen.lang.core import REQUIRE
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.chains import Chains
 from scenegen.sampling.digest import digest
@@ -136,6 +137,8 @@ class Splitting:
             "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
         }
         info |= probability(tally.pieces, total, square)
+        if REQUIRE in self.problem.core.labels:
+            info["probability_of"] = "range given the requirement"
         warnings: tuple[Diagnostic, ...] = ()
         if plan.left > 2 * NEGLIGIBLE:
             title = (

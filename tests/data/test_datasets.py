@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 import torch
 
+from scenegen.data.balanced import balanced
 from scenegen.data.boosted import boosted
 from scenegen.data.table import DATASETS, dataset_maker
 from scenegen.data.uniform import uniform
 from scenegen.errors import RequestError
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core
+from scenegen.lang.check import check_text
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import ANGLE, LENGTH
+from scenegen.robustness import Robustness
 from scenegen.scene.workspace import Workspace
 
 SPACE = Workspace(x=(-0.3, 0.1), y=(0.7, 2.0))
@@ -109,3 +112,40 @@ def test_positives_on_a_knifes_edge_are_repeated():
 def test_unknown_data_set():
     with pytest.raises(RequestError, match="did you mean `uniform`"):
         dataset_maker("unifrom")
+
+
+def test_balanced_scenes_are_exact_and_flat(exp1):
+    """Jointly over the cells that are in reach: no part of the range has much more or less than its share."""
+    data = balanced(exp1, 8000, seeded(1))
+    assert len(data) == 8000 and torch.unique(data.rows, dim=1).shape[1] == 8000
+    np.testing.assert_allclose(data.phi.numpy(), numpy_phi(data.rows), atol=1e-6)
+    joint, plain = (
+        np.histogram2d(*phi.numpy(), bins=4, range=((-1.0, 1.0), (-0.25, 1.15)))[0]
+        for phi in (data.phi, uniform(exp1, 8000, seeded(1)).phi)
+    )
+    # Uniform scenes leave 3 of the 13 parts that scenes reach to fewer than thirty; here each has its dozens.
+    assert (joint > 60).sum() == 13 and ((plain > 0) & (plain < 30)).sum() == 2
+    assert joint.max() < 2 * 8000 / 13
+
+
+def test_balanced_data_has_the_part_that_is_nearly_solved():
+    spec = narrow(0.02)  # phi from -0.98 to 0.02
+    data = balanced(spec, 4000, seeded())
+    near = float((data.phi.abs() <= 0.02).float().mean())
+    assert near == pytest.approx(0.5 + 0.5 * 0.04, abs=0.02)
+    far = data.phi[data.phi < -0.02]
+    counts = torch.histc(far, 8)
+    assert float(counts.max() / counts.min()) < 1.5
+
+
+def test_balanced_data_keeps_what_is_required():
+    spec = check_text("object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 0.2)", "apart.spec")
+    data = balanced(spec, 500, seeded())
+    core = gated(spec.core)
+    assert (Robustness(core).rows(data.rows.double())[-1] >= -1e-6).all()
+
+
+def test_a_label_that_cannot_vary_is_told():
+    spec = check_text("task: 0 * x(mug) <= 1 & x(mug) <= 2 + 0 * x(mug)", "still.spec")
+    with pytest.raises(RequestError, match="phi of `task` is 1 in every scene"):
+        balanced(spec, 100, seeded())

@@ -119,9 +119,7 @@ def test_the_probability_of_experiment_2(name, published, method, n):
         _, scenes = sampled(shipped(name), {"task": (0.0175, 0.0425)}, method, seed, n)
         info = scenes.header.sampler
         off.append(10 ** info["log10_probability"] / exact - 1)
-        # 95 %: what splitting states, and 1.96 of the standard errors that rejection states
-        bar = info["log10_error"] if method == "splitting" else 1.96 * info["log10_probability_error"]
-        inside.append(abs(info["log10_probability"] - math.log10(exact)) <= bar)
+        inside.append(abs(info["log10_probability"] - math.log10(exact)) <= info["log10_error"])
     shown = ", ".join(f"{100 * one:+.2f} %" for one in off)
     print(f"\n| {name}: {method}, n = {n:,} | {exact:.4g} | {shown} | {sum(inside)} of 5 |")
     assert sum(inside) >= 4

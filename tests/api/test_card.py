@@ -71,7 +71,7 @@ def test_errors_are_those_of_the_model(off, model, few):
     assert len(near) + sum("near" in name for name in found.missing) >= 5
 
 
-def test_the_card_is_written_beside_the_model(model, few, golden):
+def test_the_card_is_written_beside_the_model(model, few):
     trained, path = model
     assert write_card(trained, path) == list(card_paths(path))
     text = path.with_name("m.safetensors.md").read_text()
@@ -79,7 +79,7 @@ def test_the_card_is_written_beside_the_model(model, few, golden):
     assert "task: leftOf(mug, plate)" in text and "640 uniform scenes, 64 more held out" in text
     assert "![wanted phi against reached phi](m.safetensors.png)" in text
     rows = [line for line in text.splitlines() if line.startswith(("| task | ", "| near | "))]
-    assert len(rows) == len(measure(trained).levels) >= 8
+    assert len(rows) >= 8 and all(row.count("|") == 6 for row in rows)
     before = text, path.with_name("m.safetensors.png").read_bytes()
     write_card(trained, path)
     assert (path.with_name("m.safetensors.md").read_text(), path.with_name("m.safetensors.png").read_bytes()) == before

@@ -60,8 +60,8 @@ def test_without_patience_the_last_is_kept(scripted, tmp_path, exp1):
     assert (found.card.epochs_done, found.card.kept_epoch) == (4, None)
 
 
-@pytest.mark.parametrize("step", [3, 8, 17, 20])
-def test_interrupted_and_resumed_is_bit_equal(step, scripted, tmp_path, exp1, monkeypatch):
+@pytest.mark.parametrize(("step", "kept"), [(3, None), (8, 1), (17, 2)])
+def test_interrupted_and_resumed_is_bit_equal(step, kept, scripted, tmp_path, exp1, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     scripted(ERRORS)
     train(exp1, CONFIG, whole)
@@ -77,7 +77,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, scripted, tmp_path, exp1, mo
     monkeypatch.setattr(GAN, "update", sending)
     with pytest.raises(Interrupted):
         train(exp1, CONFIG, broken)
-    assert load_model(broken).card.kept_epoch == (None, 1, 2, 2)[(3, 8, 17, 20).index(step)]
+    assert load_model(broken).card.kept_epoch == kept
     train(exp1, CONFIG, broken, resume=True)
     assert len(left) == 2
     assert broken.read_bytes() == whole.read_bytes()

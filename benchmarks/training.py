@@ -1,11 +1,13 @@
-"""Seconds per epoch of GAN and AAE on experiment 1, beside a plain loop in the same run and the published figures.
+"""Seconds per epoch of the published GAN and AAE on experiment 1, beside a plain loop in the same run and the published
+figures; and milliseconds per step of the energy model beside the arithmetic that a step cannot do without.
 
     python benchmarks/training.py [--epochs 5]
 
 One epoch is 625 steps of batch 32 over 20,000 scenes, on one thread. "plain" is our own straightforward loop in the
 style of published training code: a DataLoader with batch 32 and shuffle, autograd, plain Adam, losses read with .item()
 at every step. "arithmetic" is the floor: the matrix products of a step alone, in their real shapes, and Adam's one pass
-over the weights, with nothing around them. Times are CPU seconds of this process, the median over the epochs.
+over the weights, with nothing around them. Times are CPU seconds of this process, the median over the epochs. A step
+of the energy model is one of batch 512 of the default recipe: two scenes per label, the formula, one optimiser.
 """
 
 from __future__ import annotations
@@ -30,8 +32,10 @@ from scenegen.lang.check import check_file
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
 from scenegen.resources import shipped_specs
-from scenegen.training.config import TrainConfig
+from scenegen.training.config import make_config
+from scenegen.training.feed import make_feed
 from scenegen.training.loop import train
+from scenegen.training.session import Session
 
 BATCH, STEPS = 32, 625
 PUBLISHED = {"gan": (1.4, 1.6), "aae": (2.65, 3.6)}  # CPU seconds per epoch of the published loop, one core
@@ -43,9 +47,13 @@ def judge_widths(inputs: int) -> tuple[int, ...]:
     return (inputs, 128, 128, 64, 64, 32, 32, 1)
 
 
-def exp1() -> CheckedSpec:
-    path = shipped_specs()["mug_left_of_plate"]
+def shipped(name: str) -> CheckedSpec:
+    path = shipped_specs()[name]
     return check_file(path, path.read_bytes())
+
+
+def exp1() -> CheckedSpec:
+    return shipped("mug_left_of_plate")
 
 
 def network(widths: tuple[int, ...], act: Callable[[], nn.Module]) -> nn.Sequential:
@@ -126,9 +134,47 @@ def plain_epochs(model: str, epochs: int) -> list[float]:
 def our_epochs(model: str, epochs: int) -> list[float]:
     marks: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
-        config = TrainConfig(model, epochs=epochs + 1)
+        config = make_config(model, "paper", epochs=epochs + 1)
         train(exp1(), config, Path(folder) / "m", on_epoch=lambda report: marks.append(time.process_time()))
     return [after - before for before, after in pairwise(marks)]
+
+
+def energy_step(name: str, steps: int = 50) -> tuple[float, float]:
+    """Milliseconds of a step of the energy model on a shipped spec, and of its arithmetic."""
+    spec = shipped(name)
+    config = make_config("energy", data="uniform", scenes=2 * steps * 512)
+    session = Session(spec, config, make_feed(spec, config), None)
+    took = []
+    for index, batch in enumerate(session.batches()):
+        began = time.process_time()
+        session.update(batch)
+        if index >= steps:  # the first half warms up
+            took.append(time.process_time() - began)
+    work: list[Callable[[], object]] = []
+    for layer in session.model.generator.body.linear():
+        wide, narrow = layer.in_features, layer.out_features
+        x, w, bias, y = torch.rand(512, wide), torch.rand(narrow, wide), torch.rand(narrow), torch.rand(512, narrow)
+        gx, gw = torch.empty_like(x), torch.empty_like(w)
+        work += [partial(torch.addmm, bias, x, w.t(), out=y)] * 2
+        work += [partial(torch.mm, y.t(), x, out=gw)] * 2
+        work += [partial(torch.mm, y, w, out=gx)] * 2
+    weights = [nn.Parameter(torch.rand_like(one)) for one in session.model.parameters()]
+    for one in weights:
+        one.grad = torch.rand_like(one)
+    work.append(torch.optim.Adam(weights, fused=True).step)
+    return statistics.median(took) * 1e3, timed(work, 30) * 1e3
+
+
+def timed(work: list[Callable[[], object]], rounds: int) -> float:
+    """CPU seconds of all of the work once, after a warm-up."""
+    for _ in range(max(1, rounds // 10)):
+        for call in work:
+            call()
+    began = time.process_time()
+    for _ in range(rounds):
+        for call in work:
+            call()
+    return (time.process_time() - began) / rounds
 
 
 def arithmetic(model: str) -> float:
@@ -157,14 +203,7 @@ def arithmetic(model: str) -> float:
         vector = nn.Parameter(torch.rand(sum(a * b + b for a, b in pairwise(widths))))
         vector.grad = torch.rand_like(vector)
         work.append(torch.optim.Adam([vector], fused=True).step)
-    for _ in range(20):
-        for call in work:
-            call()
-    began = time.process_time()
-    for _ in range(200):
-        for call in work:
-            call()
-    return (time.process_time() - began) / 200 * STEPS
+    return timed(work, 200) * STEPS
 
 
 def main() -> None:
@@ -185,6 +224,12 @@ def main() -> None:
             f"| {model} | {ours:.2f} | {plain:.2f} | {plain / ours:.1f} | {low}-{high} "
             f"| {low / ours:.1f}-{high / ours:.1f} | {arithmetic(model):.2f} |\n"
         )
+        out.flush()
+    out.write("\nCPU milliseconds per step of the energy model (batch 512, one thread)\n\n")
+    out.write("| spec | scenegen | arithmetic | share of arithmetic |\n|---|---|---|---|\n")
+    for name in ("mug_left_of_plate", "table_setting", "sort_7"):
+        mine, floor = energy_step(name)
+        out.write(f"| {name} | {mine:.1f} | {floor:.1f} | {100 * floor / mine:.0f} % |\n")
         out.flush()
 
 

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
 from scenegen.assets import Shape
-from scenegen.errors import DataError, Diagnostic, RequestError, quoted
+from scenegen.data.arrange import arranged, check_held, order_of
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats import table
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.lines import block_of
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     from scenegen.render import Rendered
 
 Array = npt.NDArray[np.float64]
-
-HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 
 
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
@@ -262,24 +261,10 @@ def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
     """
-    if set(scenes.objects) != set(spec.objects):
-        missing = sorted(set(spec.objects) - set(scenes.objects))
-        extra = sorted(set(scenes.objects) - set(spec.objects))
-        parts = [f"the scenes lack {quoted(missing)}"] if missing else []
-        parts += [f"the spec does not know {quoted(extra)}"] if extra else []
-        help_ = f"the spec is about {quoted(spec.objects)}, the scenes are about {quoted(scenes.objects)}"
-        raise DataError(Diagnostic(f"these scenes are not of this spec: {'; '.join(parts)}", help=help_))
-    place = {name: index for index, name in enumerate(scenes.objects)}
-    order = [place[name] for name in spec.objects]
-    for index, pose in spec.fixed.items():
-        moved = (np.abs(scenes.poses[:, order[index]] - pose) > HELD).any(axis=1)
-        if moved.any():
-            name, first = spec.objects[index], int(moved.argmax())
-            where = ", ".join(f"{number:g}" for number in pose)
-            title = f"`{name}` is held at ({where}) by the spec, but stands elsewhere in scene {first + 1}"
-            raise DataError(Diagnostic(title, help="use scenes that were sampled from this spec"))
-    poses = scenes.poses if order == sorted(order) else scenes.poses[:, order]
-    return poses.reshape(len(scenes), 3 * len(order)).T
+    stored = scenes.poses.reshape(len(scenes), 3 * len(scenes.objects)).T
+    rows = arranged(stored, order_of(spec, scenes.objects))
+    check_held(spec, rows)
+    return rows
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:

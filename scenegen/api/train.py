@@ -48,19 +48,43 @@ def train(
     recipe: str = "default",
     out: str | Path,
     resume: bool = False,
+    log_dir: str | Path | None = None,
+    card: bool = False,
     on_epoch: Callable[[EpochReport], None] | None = None,
+    on_step: Callable[[int, int], None] | None = None,
     on_note: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Model:
     """Train a model of the table (gan, aae, flow, energy) on a spec and write it to `out`.
 
     `recipe` is `default` or, for gan and aae, `paper`: the published networks and settings. `options` are the fields of
-    `scenegen.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data, device, hyper; the recipe's own
-    where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to the same result
-    as one run without a break. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
+    `scenegen.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data, patience, device, hyper; the
+    recipe's own where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to
+    the same result as one run without a break. `log_dir` gets TensorBoard event files. `card` writes the model card,
+    `out`.md and `out`.png, when training is done. `on_epoch` gets an EpochReport, `on_step` the steps that are done and
+    planned. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
     """
     from scenegen.training.config import make_config
     from scenegen.training.loop import train as run
 
+    path = Path(out)
     config = make_config(model, recipe, **options)
-    return Model(run(spec.checked, config, Path(out), resume=resume, on_epoch=on_epoch, on_note=on_note))
+    if card:
+        from scenegen.api.card import check_card, write_card
+
+        check_card(path)
+    done = Model(
+        run(
+            spec.checked,
+            config,
+            path,
+            resume=resume,
+            log_dir=None if log_dir is None else Path(log_dir),
+            on_epoch=on_epoch,
+            on_step=on_step,
+            on_note=on_note,
+        )
+    )
+    if card:
+        write_card(done, path)
+    return done

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import assets, check, eval, experiment, export, fmt, lsp, render, sample, train
+from scenegen.cli import assets, check, eval, experiment, export, fmt, info, lsp, render, sample, train
 from scenegen.cli import range as range_command
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
@@ -45,6 +45,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "fmt": fmt.fmt,
     "range": range_command.range_,
     "train": train.train,
+    "info": info.info,
     "sample": sample.sample,
     "eval": eval.evaluate,
     "render": render.render,

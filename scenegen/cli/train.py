@@ -23,11 +23,25 @@ def train(
     epochs: Annotated[int | None, typer.Option("--epochs", help="Passes over the training scenes.")] = None,
     batch_size: Annotated[int | None, typer.Option("--batch-size", help="Scenes per step.")] = None,
     lr: Annotated[float | None, typer.Option("--lr", help="Learning rate of Adam.")] = None,
-    scenes: Annotated[int | None, typer.Option("--scenes", help="Training scenes.")] = None,
+    scenes: Annotated[
+        int | None, typer.Option("--scenes", help="Training scenes; of a file the first so many, all if left out.")
+    ] = None,
     data: Annotated[
         str | None,
         typer.Option(
-            "--data", help="balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more."
+            "--data",
+            help="balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file of "
+            "scenes (.parquet of any size, .jsonl, .json).",
+            metavar="NAME|FILE",
+        ),
+    ] = None,
+    patience: Annotated[
+        int | None,
+        typer.Option(
+            "--patience",
+            help="Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; left "
+            "out, all epochs are run and the last is kept.",
+            metavar="EPOCHS",
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of everything random; the same seed gives the same model.")] = 0,
@@ -35,6 +49,13 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from where an earlier run into --out stopped.")
     ] = False,
+    log_dir: Annotated[
+        Path | None,
+        typer.Option("--log-dir", help="Write TensorBoard event files there.", metavar="DIR", show_default=False),
+    ] = None,
+    card: Annotated[
+        bool, typer.Option("--card/--no-card", help="Measure the model when it is done: FILE.md and FILE.png.")
+    ] = True,
     root: Root = None,
 ) -> None:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
@@ -45,8 +66,13 @@ def train(
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
 
     What is left out is the recipe's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an
-    unbroken run (it reads FILE.train, which lies beside the model and may be deleted when you are done).
+    unbroken run (it reads FILE.train, which lies beside the model and may be deleted when you are done). With more
+    --epochs than at first, the learning rate follows the new plan from there on.
+
+    Some scenes beside the training scenes are held out; after each epoch the model is asked for their phi, and how far
+    it is off is shown. The card, FILE.md, holds what the model is and how it compares with fresh exact scenes.
     """
+    from scenegen.api.card import check_card, write_card
     from scenegen.api.spec import load
     from scenegen.api.train import train as run
     from scenegen.cli.output import console, print_error
@@ -55,10 +81,24 @@ def train(
     from scenegen.training.progress import TrainingProgress
 
     check_writable(out, spec)
+    if card:
+        check_card(out)
     checked = load(spec, root)
-    options = {"epochs": epochs, "batch_size": batch_size, "lr": lr, "scenes": scenes, "data": data, "seed": seed}
-    config = make_config(model, recipe, device=device, **options)  # refused before the bar appears
+    options = {
+        "epochs": epochs,
+        "batch_size": batch_size,
+        "lr": lr,
+        "scenes": scenes,
+        "data": data,
+        "patience": patience,
+        "seed": seed,
+        "device": device,
+    }
+    config = make_config(model, recipe, **options)  # refused before the bar appears
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, device=device)
-        train_on(on_epoch=progress, on_note=progress.note, **options)  # type: ignore[arg-type]
+        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir)
+        done = train_on(on_epoch=progress, on_step=progress.step, on_note=progress.note, **options)  # type: ignore[arg-type]
+    if card:
+        for path in write_card(done, out):
+            print_error(f"wrote {path}")
     print_error(f"wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")

@@ -25,6 +25,10 @@ class Dataset:
     def __len__(self) -> int:
         return self.rows.shape[1]
 
+    def take(self, which: Tensor | slice) -> Dataset:
+        """Some of the scenes."""
+        return Dataset(self.objects, self.labels, self.rows[:, which].contiguous(), self.phi[:, which].contiguous())
+
     @property
     def positives(self) -> float:
         """Share of the scenes that satisfy every label (phi >= 0)."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
@@ -26,6 +28,11 @@ DATASETS: dict[str, str] = {
     "uniform": "scenegen.data.uniform:uniform",
     "boosted": "scenegen.data.boosted:boosted",
 }
+
+
+def is_file(data: str) -> bool:
+    """Whether `--data` names a scene file rather than an entry of DATASETS."""
+    return data not in DATASETS and (bool(Path(data).suffix) or os.sep in data)
 
 
 def dataset_maker(name: str) -> DatasetMaker:

@@ -6,20 +6,27 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.train import Model
+from scenegen.data.split import split
 from scenegen.data.table import dataset_maker
+from scenegen.errors import DataError, Diagnostic
 from scenegen.training.seeds import Stream, stream
-
-FACTS = ("data", "scenes", "seed")
 
 
 def data_source(model: Model) -> str:
-    """What decides the training scenes, but for the spec: models that agree on it were trained on the same ones."""
-    facts = model.trained.card.training
-    return " ".join(str(facts[name]) for name in FACTS)
+    """What tells training sets apart: models with the same were trained on the same scenes."""
+    data = model.trained.card.data
+    return "" if data is None else data.sha256
 
 
 def training_rows(model: Model) -> npt.NDArray[np.float64]:
-    """(3N, M) in metres and radians."""
-    data, scenes, seed = data_source(model).split(" ")
-    made = dataset_maker(data)(model.spec.checked, int(scenes), stream(int(seed), Stream.DATA))
-    return made.rows.double().numpy()
+    """(3N, M) in metres and radians, without those that were held out. Raises DataError where they cannot be made as
+    they were."""
+    card = model.trained.card
+    if card.data is not None:
+        seed = int(str(card.training["seed"]))
+        total = card.data.scenes + card.data.held_out
+        made = dataset_maker(str(card.training["data"]))(model.spec.checked, total, stream(seed, Stream.DATA))
+        if made.sha256 == card.data.sha256:
+            return split(made, card.data.held_out)[0].rows.double().numpy()
+    title = f"the training data of {card.model} cannot be made as they were"
+    raise DataError(Diagnostic(title, help="another version of scenegen or torch trained it; train anew"))

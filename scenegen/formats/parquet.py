@@ -43,15 +43,40 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
 def read(path: Path) -> Reading:
     """Open a file of scenes. Raises DataError, and so does the iterator of blocks where a later part is damaged."""
     with contextlib.ExitStack() as opening:
-        file = opening.enter_context(opened(path, "a scenes file"))
-        with _damage(path):
-            parquet = pq.ParquetFile(file, page_checksum_verification=True)
-            schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
-        if KEY not in metadata:
-            raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
-        header = load_header(metadata[KEY], f"the header of {path}")
-        labels = _labels(path, schema, header)
+        parquet, header, labels = _open(path, opening)
         return Reading(header, labels, _blocks(path, parquet, 3 * len(header.objects), opening.pop_all()))
+
+
+def group_sizes(path: Path) -> tuple[int, ...]:
+    """How many scenes each row group of a file holds, from its metadata alone. Raises DataError."""
+    with contextlib.ExitStack() as opening:
+        parquet, _, _ = _open(path, opening)
+        with _damage(path):
+            return tuple(parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups))
+
+
+def read_groups(path: Path, groups: Sequence[int]) -> Iterator[Block]:
+    """The scenes of some row groups, in the order asked for; one group is in memory at a time. Raises DataError."""
+    with contextlib.ExitStack() as opening:
+        parquet, header, _ = _open(path, opening)
+        with _damage(path):
+            sizes = [parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups)]
+        for index in groups:
+            with _damage(path):
+                table = parquet.read_row_group(index, use_threads=False)
+            yield _block(path, table, 3 * len(header.objects), sum(sizes[:index]))
+
+
+def _open(path: Path, opening: contextlib.ExitStack) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
+    """The file, open for as long as `opening` is, its header and its labels. Raises DataError."""
+    file = opening.enter_context(opened(path, "a scenes file"))
+    with _damage(path):
+        parquet = pq.ParquetFile(file, page_checksum_verification=True)
+        schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
+    if KEY not in metadata:
+        raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
+    header = load_header(metadata[KEY], f"the header of {path}")
+    return parquet, header, _labels(path, schema, header)
 
 
 def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]:
@@ -83,15 +108,23 @@ def _blocks(path: Path, parquet: pq.ParquetFile, coordinates: int, closing: cont
                 batch = next(batches, None)
             if batch is None:
                 return
-            table = np.array([column.to_numpy(zero_copy_only=False) for column in batch.columns], dtype=np.float64)
-            table = table.reshape(batch.num_columns, batch.num_rows)
-            bad = np.flatnonzero(~np.isfinite(table).all(axis=0))
-            if len(bad):
-                column = batch.schema.names[int(np.flatnonzero(~np.isfinite(table[:, bad[0]]))[0])]
-                title = f"{path} is damaged: no number stands in column `{column}` of scene {done + int(bad[0]) + 1}"
-                raise DataError(Diagnostic(title, help=HELP))
+            yield _block(path, batch, coordinates, done)
             done += batch.num_rows
-            yield Block(table[:coordinates], table[coordinates:])
+
+
+def _block(path: Path, batch: pa.RecordBatch | pa.Table, coordinates: int, done: int) -> Block:
+    """A part of the file as a block; `done` scenes came before it. Raises DataError for what is no number."""
+    if isinstance(batch, pa.Table):  # NumPy arrays of chunked columns come as copies anyway
+        arrays = [column.to_numpy() for column in batch.columns]
+    else:
+        arrays = [column.to_numpy(zero_copy_only=False) for column in batch.columns]
+    table = np.array(arrays, dtype=np.float64).reshape(batch.num_columns, batch.num_rows)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=0))
+    if len(bad):
+        column = batch.schema.names[int(np.flatnonzero(~np.isfinite(table[:, bad[0]]))[0])]
+        title = f"{path} is damaged: no number stands in column `{column}` of scene {done + int(bad[0]) + 1}"
+        raise DataError(Diagnostic(title, help=HELP))
+    return Block(table[:coordinates], table[coordinates:])
 
 
 @contextlib.contextmanager

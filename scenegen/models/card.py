@@ -14,7 +14,7 @@ from scenegen.scene.workspace import Workspace
 FORMAT = "scenegen/model"
 
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
-Setting = bool | int | FiniteFloat | str
+Setting = bool | int | FiniteFloat | str | None
 
 
 class _Strict(BaseModel):
@@ -42,10 +42,34 @@ class LossData(_Strict):
     means: dict[Name, list[FiniteFloat]]
 
 
-class ModelCard(_Strict):
-    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's.
+class DataData(_Strict):
+    """The scenes behind a model: how many trained it, how many were held out, and the checksum of them all."""
 
-    Files of version 0.1 name no recipe and no layout: their networks are the published ones.
+    scenes: int = Field(ge=1)
+    held_out: int = Field(ge=1)
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class ValidationData(_Strict):
+    """Of some epochs, the last and the kept one among them (epochs count from 1): the mean of |phi - wanted phi| of
+    each label at held-out labels, in metres and radians, and the energy score (scenegen.training.validate)."""
+
+    epochs: list[int] = Field(max_length=1001)
+    errors: dict[Name, list[FiniteFloat]]
+    scores: list[FiniteFloat]
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if any(len(values) != len(self.epochs) for values in (self.scores, *self.errors.values())):
+            raise ValueError("not one figure for each epoch")
+        return self
+
+
+class ModelCard(_Strict):
+    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's. Where
+    training was told to keep the best epoch, `kept_epoch` is the one whose weights these are; else it was the last.
+
+    Files of version 0.1 name no recipe, no layout, no data and no validation: their networks are the published ones.
     """
 
     scenegen: str
@@ -60,6 +84,9 @@ class ModelCard(_Strict):
     training: dict[Name, Setting | dict[Name, Setting]]
     epochs_done: int = Field(ge=0)
     losses: LossData
+    data: DataData | None = None
+    validation: ValidationData | None = None
+    kept_epoch: Annotated[int, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

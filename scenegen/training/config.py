@@ -6,10 +6,12 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
-from scenegen.data.table import DATASETS
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.data.table import DATASETS, is_file
+from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.formats.table import FORMATS
 from scenegen.models.table import MODELS, RECIPES, unknown
 from scenegen.training.recipes import CONSTANT, DEFAULTS
 
@@ -20,7 +22,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "lr": (1e-8, 1.0),
     "seed": (0, 2**63 - 1),
     "scenes": (1, 10_000_000),
+    "patience": (1, 1_000_000),
 }
+UNSET = ("scenes", "patience")  # options that may be None
 
 WARM = 200  # steps
 LEAST = 0.01  # of the rate, at the end
@@ -30,8 +34,11 @@ LEAST = 0.01  # of the rate, at the end
 class TrainConfig:
     """`make_config` fills in what a recipe has for the model.
 
-    `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings, `data` an entry of DATASETS;
-    `device` is `cpu`, `cuda` or `cuda:1`. Raises RequestError with one diagnostic per value that is out of its range.
+    `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings; `device` is `cpu`, `cuda` or
+    `cuda:1`. `data` is an entry of DATASETS, of which `scenes` are drawn to train on, or a scene file, of which the
+    first `scenes` are used (None: all). `patience` is after how many epochs without a smaller error of phi on held-out
+    labels training stops (None: never); the model file then holds the best epoch. Raises RequestError with one
+    diagnostic per value that is out of its range.
     """
 
     model: str
@@ -39,16 +46,21 @@ class TrainConfig:
     epochs: int
     batch_size: int
     lr: float
-    scenes: int
+    scenes: int | None
     data: str
     seed: int = 0
     device: str = "cpu"
+    patience: int | None = None
     hyper: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         found = [problem for name in BOUNDS if (problem := _check_number(name, getattr(self, name))) is not None]
-        if self.data not in DATASETS:
+        if is_file(self.data):
+            found += _check_ending(self.data)
+        elif self.data not in DATASETS:
             found.append(unknown("data set", self.data, DATASETS))
+        elif self.scenes is None:
+            found.append(Diagnostic(f"--scenes is missing: how many of `{self.data}` are to be drawn?"))
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", str(self.device)):
             found.append(Diagnostic(f"unknown device `{self.device}`", help="write `cpu`, `cuda` or `cuda:1`"))
         if found:
@@ -76,10 +88,20 @@ def make_config(model: str, recipe: str = "default", **options: Any) -> TrainCon
         what = "model" if model not in MODELS else f"model of the {recipe} recipe"
         raise RequestError(unknown(what, model, RECIPES[recipe]))
     given = {name: value for name, value in options.items() if value is not None}
+    if is_file(str(given.get("data", ""))):
+        given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
     return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
 
 
+def _check_ending(data: str) -> list[Diagnostic]:
+    known = Path(data).suffix.lower() in FORMATS
+    help_ = suggest(Path(data).suffix, FORMATS, f"use {', '.join(FORMATS)}")
+    return [] if known else [Diagnostic(f"--data {data} has no ending of a format of scene files", help=help_)]
+
+
 def _check_number(name: str, value: object) -> Diagnostic | None:
+    if value is None and name in UNSET:
+        return None
     lowest, highest = BOUNDS[name]
     whole = isinstance(lowest, int)
     option = f"--{name.replace('_', '-')}"
@@ -88,5 +110,7 @@ def _check_number(name: str, value: object) -> Diagnostic | None:
         return None
     kind = "a whole number" if whole else "a number"
     span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
-    help_ = "leave it out, and the recipe's own value is taken" if name != "seed" else "the default is 0"
+    help_ = {"seed": "the default is 0", "patience": "leave it out to train all epochs"}.get(
+        name, "leave it out, and the recipe's own value is taken"
+    )
     return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}", help=help_)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import torch
 
-from scenegen.data.table import dataset_maker
 from scenegen.engine.interrupt import stop_signals
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.files import check_writable
@@ -19,21 +18,30 @@ from scenegen.models.checkpoint import load_model
 from scenegen.models.table import parse_hyper
 from scenegen.models.trained import TrainedModel
 from scenegen.training.config import TrainConfig
+from scenegen.training.events import event_log
+from scenegen.training.feed import make_feed
 from scenegen.training.interrupt import Interrupted
-from scenegen.training.seeds import Stream, stream
+from scenegen.training.recipes import CONSTANT
 from scenegen.training.session import Session
 from scenegen.training.state import load_state, state_path
+from scenegen.training.validate import Validation
 
 
 @dataclass(frozen=True, slots=True)
 class EpochReport:
     """An epoch that is done: its number (from 1) of how many, the mean of each loss, and the seconds that its steps
-    took in this process."""
+    took in this process; how good the model is now, the steps of all epochs so far, the learning rate of the last of
+    them, the scenes of an epoch, and the last epoch (from 1) that the model file would hold."""
 
     epoch: int
     epochs: int
     losses: Mapping[str, float]
     seconds: float
+    validation: Validation | None = None
+    step: int = 0
+    rate: float = 0.0
+    scenes: int = 0
+    kept: int = 0
 
 
 def train(
@@ -42,15 +50,21 @@ def train(
     out: Path,
     *,
     resume: bool = False,
+    log_dir: Path | None = None,
     on_epoch: Callable[[EpochReport], None] | None = None,
+    on_step: Callable[[int, int], None] | None = None,
     on_note: Callable[[str], None] | None = None,
 ) -> TrainedModel:
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
     `resume` goes on from that state; on one CPU the result is then bit-equal to that of a run without a break, wherever
-    the break was, more epochs than planned at first included. On Ctrl-C and SIGTERM the step under way is finished, the
-    exact state (weights, moments, noise generator, place in the epoch) is saved and Interrupted raised. Checkpoints are
-    also written every few seconds, at the end of an epoch. `on_note` is told what else is worth knowing.
+    the break was. With more epochs than planned at first that holds for recipes with a constant rate alone (`paper`):
+    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C and SIGTERM the
+    step under way is finished, the exact state (weights, moments, noise generator, place in the epoch) is saved and
+    Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
+
+    `on_step` is told the steps that are done and planned, after each; `log_dir` gets TensorBoard event files. Neither
+    they nor validation change the model by a bit, but for `config.patience`.
 
     Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
     and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
@@ -60,38 +74,81 @@ def train(
     _check_device(config.device)
     parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
     saved = load_state(state_path(out), spec, config) if resume else None
-    with _one_thread():
-        data = dataset_maker(config.data)(spec, config.scenes, stream(config.seed, Stream.DATA))
-        session = Session(spec, config, data, saved)
-        if session.epoch >= config.epochs:
-            if on_note is not None:
-                on_note(f"{session.epoch} epochs are already done; to train on, ask for more with --epochs")
+    say = on_note or _silent
+    with contextlib.ExitStack() as open_things:
+        log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
+        open_things.enter_context(_one_thread())
+        session = Session(spec, config, make_feed(spec, config), saved)
+        if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
+            before = saved.config.epochs
+            say(
+                f"the learning rate follows the plan of {config.epochs} epochs from here on, no longer that of {before}"
+            )
+        if session.done:
+            if session.epoch >= config.epochs:
+                say(f"{session.epoch} epochs are already done; to train on, ask for more with --epochs")
+            else:
+                say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
             if not out.exists():
                 session.save(out)
         else:
-            _run(session, out, on_epoch)
+            listeners = [each for each in (on_epoch, log) if each is not None]
+            _run(session, out, listeners, on_step or _silent)
+            if session.epoch < config.epochs:
+                say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
     return load_model(out, spec)
 
 
-def _run(session: Session, out: Path, on_epoch: Callable[[EpochReport], None] | None) -> None:
-    epochs, size = session.config.epochs, session.config.batch_size
+def _run(
+    session: Session,
+    out: Path,
+    on_epoch: list[Callable[[EpochReport], None]],
+    on_step: Callable[[int, int], None],
+) -> None:
+    epochs, steps = session.config.epochs, session.steps
     with stop_signals() as stop:
-        while session.epoch < epochs:
+        while not session.done:
             began = time.perf_counter()
-            examples = session.shuffled()
-            while session.step < session.steps:
+            rate = session.rate
+            for batch in session.batches():
                 if stop.asked:
                     session.save(out)
                     raise Interrupted(session.epoch, epochs, out)
-                session.update(examples.take(slice(session.step * size, (session.step + 1) * size)))
-            losses = session.end_epoch()
-            if on_epoch is not None:
-                on_epoch(EpochReport(session.epoch, epochs, losses, time.perf_counter() - began))
-            if session.epoch < epochs and session.save_is_due():
+                rate = session.rate
+                session.update(batch)
+                on_step(session.epoch * steps + session.step, epochs * steps)
+            losses, found = session.end_epoch()
+            seconds = time.perf_counter() - began
+            done, kept = session.epoch, session.watch.kept if session.watch.best is not None else None
+            report = EpochReport(
+                done,
+                epochs,
+                losses,
+                seconds,
+                found,
+                done * steps,
+                rate,
+                session.feed.scenes,
+                done if kept is None else kept + 1,
+            )
+            for each in on_epoch:
+                each(report)
+            if not session.done and session.save_is_due():
                 session.save(out)
         session.save(out)
         if stop.asked:
             raise Interrupted(session.epoch, epochs, out)
+
+
+def _why_tired(session: Session) -> str:
+    kept = session.watch.kept
+    assert kept is not None
+    best = float(session.watch.seen[kept][:-1].mean())
+    return f"no better than epoch {kept + 1}, which is kept (mean error of phi {best:.4g})"
+
+
+def _silent(*_: object) -> None:
+    """Whom it does not concern."""
 
 
 def _check_device(name: str) -> None:

@@ -9,9 +9,9 @@ from typing import Self
 from rich.console import Console
 from rich.progress import (
     BarColumn,
-    MofNCompleteColumn,
     Progress,
     SpinnerColumn,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -23,7 +23,8 @@ LINES = 10  # plain lines of a run
 
 
 class TrainingProgress:
-    """`with TrainingProgress(50, "gan") as progress: train(..., on_epoch=progress, on_note=progress.note)`."""
+    """`with TrainingProgress(50, "gan") as progress: train(..., on_epoch=progress, on_step=progress.step,
+    on_note=progress.note)`."""
 
     def __init__(self, epochs: int, title: str, console: Console | None = None) -> None:
         self._console = console or Console(file=sys.stderr)
@@ -31,14 +32,14 @@ class TrainingProgress:
         self._title = title
         self._seconds: list[float] = []
         self._bar: Progress | None = None
+        self._moving = False
         if self._console.is_terminal:
             self._bar = Progress(
                 SpinnerColumn(),
                 TextColumn("{task.description}"),
                 BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("epochs"),
-                TextColumn("{task.fields[losses]}"),
+                TaskProgressColumn(),
+                TextColumn("{task.fields[figures]}"),
                 TimeElapsedColumn(),
                 TextColumn("left"),
                 TimeRemainingColumn(elapsed_when_finished=False),
@@ -46,7 +47,7 @@ class TrainingProgress:
                 # The loop runs on one core; redrawing more often would take time from it.
                 refresh_per_second=4,
             )
-            self._task = self._bar.add_task(title, total=epochs, losses="")
+            self._task = self._bar.add_task(f"{title}: gathering scenes", total=None, figures="")
 
     def __enter__(self) -> Self:
         if self._bar is not None:
@@ -59,22 +60,44 @@ class TrainingProgress:
         if self._bar is not None:
             self._bar.stop()
 
+    def step(self, done: int, total: int) -> None:
+        """That many steps of all are done."""
+        if self._bar is not None:
+            words = self._epoch(min(self._epochs, 1 + done * self._epochs // total))
+            # Time is counted from the first step, and a resumed run did not do the earlier ones in no time.
+            tell = self._bar.update if self._moving else self._bar.reset
+            self._moving = True
+            tell(self._task, completed=done, total=total, description=words)
+
     def __call__(self, report: EpochReport) -> None:
         """An epoch is done."""
         self._seconds.append(report.seconds)
-        losses = "  ".join(f"{name} {value:.4f}" for name, value in report.losses.items())
+        words = [f"{name} {value:.4f}" for name, value in report.losses.items()]
+        if report.validation is not None:
+            words.append(f"phi off by {report.validation.error:.4f}")
+        figures = "  ".join(words)
         if self._bar is not None:
-            self._bar.update(self._task, completed=report.epoch, total=report.epochs, losses=losses)
+            total = report.epochs * (report.step // report.epoch)
+            self._bar.update(
+                self._task,
+                completed=report.step,
+                total=total or None,
+                description=self._epoch(report.epoch),
+                figures=figures,
+            )
             return
         first, last = len(self._seconds) == 1, report.epoch == report.epochs
         if first or last or report.epoch * LINES // report.epochs > (report.epoch - 1) * LINES // report.epochs:
             pace = sum(self._seconds) / len(self._seconds)
             left = (report.epochs - report.epoch) * pace
-            self._print(f"epoch {report.epoch}/{report.epochs}  {losses}  {pace:.2f} s/epoch, {left:.0f} s left")
+            self._print(f"epoch {report.epoch}/{report.epochs}  {figures}  {pace:.2f} s/epoch, {left:.0f} s left")
 
     def note(self, text: str) -> None:
         """Something worth saying."""
         self._print(text)
+
+    def _epoch(self, number: int) -> str:
+        return f"{self._title}: epoch {number}/{self._epochs}"
 
     def _print(self, text: str) -> None:
         self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)

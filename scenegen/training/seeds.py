@@ -15,6 +15,7 @@ class Stream(IntEnum):
     WEIGHTS = 1
     ORDER = 2
     NOISE = 3
+    VALIDATION = 4
 
 
 def stream(seed: int, *key: int, device: torch.device | str = "cpu") -> torch.Generator:

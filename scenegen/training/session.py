@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -10,22 +11,26 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from scenegen.data.dataset import Dataset
+from scenegen.data.table import DATASETS
 from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
-from scenegen.models.branches import OTHER, survey
-from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
+from scenegen.models.card import FORMAT, DataData, LabelData, LossData, ModelCard, ValidationData, spec_data
 from scenegen.models.checkpoint import save_model
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
 from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout, layout_of
+from scenegen.models.safefile import pack
 from scenegen.models.table import model_class, parse_hyper
 from scenegen.scene.data import WorkspaceData
 from scenegen.training.config import TrainConfig
+from scenegen.training.feed import Feed
 from scenegen.training.seeds import Stream, stream
 from scenegen.training.state import TrainingState, save_state, state_path
+from scenegen.training.validate import Validation, validate
+from scenegen.training.watch import Watch
 
 SUMMARY = 100  # epochs whose losses a model file keeps
 SAVE_EVERY = 5.0  # seconds between checkpoints, at least
@@ -35,56 +40,69 @@ SAVE_SHARE = 0.01  # of the time, at most, for writing them
 class Session:
     """Mutable: `epoch` epochs are done and `step` steps of the next."""
 
-    def __init__(self, spec: CheckedSpec, config: TrainConfig, data: Dataset, saved: TrainingState | None) -> None:
+    def __init__(self, spec: CheckedSpec, config: TrainConfig, feed: Feed, saved: TrainingState | None) -> None:
         self.spec = spec
         self.config = config
+        self.feed = feed
         self.device = torch.device(config.device)
         self.noise = stream(config.seed, Stream.NOISE, device=self.device)
-        self.data_sha256 = data.sha256
-        codec = Codec(spec.workspace, len(spec.objects))
-        examples, judge, layout = _prepare(spec, config, data, codec)
-        self._examples = examples.to(self.device)
-        self.model = new_model(spec, config, layout)
-        self.steps = -(-len(data) // config.batch_size)
+        self.judge = Judge(spec.core, feed.table, Codec(spec.workspace, len(spec.objects)))
+        self.model = new_model(spec, config, len(feed.table))
+        self.steps = feed.steps
         self.epoch = self.step = 0
         self.losses: tuple[str, ...] = ()
         self.history: list[Tensor] = []
         self.sums: Tensor | None = None
+        self.watch = Watch(config.patience)
+        self._held = feed.held.to(self.device)
         if saved is None:
             self.model.initialise(stream(config.seed, Stream.WEIGHTS))
-            self.model.fit(examples)
+            self.model.fit(feed.fitting)
             self.model.to(self.device)
-            self.model.start(config.lr, judge)
+            self.model.start(config.lr, self.judge)
         else:
-            self._take_up(saved, judge)
+            self._take_up(saved)
         self._saved_at = time.monotonic()
         self._save_cost = 0.0
 
-    def _take_up(self, saved: TrainingState, judge: Judge) -> None:
-        if saved.data_sha256 != self.data_sha256:
+    def _take_up(self, saved: TrainingState) -> None:
+        if saved.data_sha256 != self.feed.sha256:
+            made = "cannot be rebuilt as it was" if self.config.data in DATASETS else "is not what it was"
             raise DataError(
                 Diagnostic(
-                    "cannot resume: the training data cannot be rebuilt as it was",
-                    help="the run was begun by another version of scenegen or torch; start anew without --resume",
+                    f"cannot resume: the training data {made}",
+                    help="the file, or the version of scenegen or torch, has changed; start anew without --resume",
                 )
             )
         try:
-            self.model.restore(saved.tensors, self.config.lr, judge, self.device)
+            self.model.restore(saved.tensors, self.config.lr, self.judge, self.device)
             self.noise.set_state(saved.noise)
-        except (RuntimeError, TypeError) as error:
+            self.watch = Watch(self.config.patience, list(saved.watched), saved.best)
+            if saved.best is not None:
+                check_best(saved.best, self.model.sampler_state())
+        except (RuntimeError, TypeError, ValueError) as error:
             raise DataError(Diagnostic("the training state does not fit this run", help="start anew")) from error
         self.epoch, self.step, self.losses = saved.epoch, saved.step, saved.losses
         self.history = list(saved.history)
         self.sums = saved.sums.to(self.device) if saved.losses else None
 
-    def shuffled(self) -> Examples:
-        """The training set in the order of the epoch under way, which follows from the seed."""
-        order = torch.randperm(len(self._examples), generator=stream(self.config.seed, Stream.ORDER, self.epoch))
-        return self._examples.take(order.to(self.device))
+    @property
+    def done(self) -> bool:
+        """Whether all epochs are done, or patience is at its end."""
+        return self.epoch >= self.config.epochs or self.watch.tired
+
+    @property
+    def rate(self) -> float:
+        """The learning rate of the next step."""
+        return self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
+
+    def batches(self) -> Iterator[Examples]:
+        """What is left of the epoch under way."""
+        return self.feed.batches(self.epoch, self.step)
 
     def update(self, batch: Examples) -> None:
         """One step."""
-        rate = self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
+        rate = self.rate
         for optimiser in self.model.optimisers.values():
             for group in optimiser.param_groups:
                 group["lr"] = rate
@@ -96,14 +114,19 @@ class Session:
         self.sums += values
         self.step += 1
 
-    def end_epoch(self) -> dict[str, float]:
-        """Close the epoch and return its mean losses. Raises RequestError where the training has diverged."""
+    def end_epoch(self) -> tuple[dict[str, float], Validation]:
+        """Close the epoch; its mean losses, and how good the model is now. Raises RequestError where the training has
+        diverged."""
         self._check_finite()
+        generator = stream(self.config.seed, Stream.VALIDATION, device=self.device)
+        found = validate(self.model, self.judge, self._held, self.spec.labels, generator)
+        self._check_finite(found)
         means = torch.zeros(0) if self.sums is None else (self.sums / self.steps).cpu()
         self.history.append(means)
+        self.watch.see(found, self.model)
         self.sums = None if self.sums is None else torch.zeros_like(self.sums)
         self.epoch, self.step = self.epoch + 1, 0
-        return dict(zip(self.losses, means.tolist(), strict=True))
+        return dict(zip(self.losses, means.tolist(), strict=True)), found
 
     def save(self, out: Path) -> None:
         """Write the training state and the model file. Raises OutputError; RequestError where training has diverged."""
@@ -112,17 +135,23 @@ class Session:
         width = len(self.losses)
         state = TrainingState(
             self.config,
-            self.data_sha256,
+            self.feed.sha256,
             self.epoch,
             self.step,
             self.losses,
             torch.stack(self.history) if self.history else torch.zeros(0, width, dtype=torch.float64),
             torch.zeros(width, dtype=torch.float64) if self.sums is None else self.sums,
+            self.watch.table(len(self.spec.labels)),
             self.noise.get_state(),
             self.model.training_state(),
+            self.watch.best,
         )
         save_state(state_path(out), self.spec, state)
-        save_model(out, self.model, self.card())
+        card = self.card()
+        if self.watch.best is None:
+            save_model(out, self.model, card)
+        else:
+            write_whole(out, pack(FORMAT, card.model_dump_json(), self.watch.best))
         self._saved_at = time.monotonic()
         self._save_cost = self._saved_at - began
 
@@ -134,6 +163,9 @@ class Session:
         """The metadata of the model file. It holds no time of day and no duration, so that runs can be compared."""
         every = -(-len(self.history) // SUMMARY) or 1
         chosen = sorted(range(len(self.history) - 1, -1, -every))
+        kept = self.watch.kept if self.watch.best is not None else None
+        shown = sorted({*chosen, kept}) if kept is not None else chosen  # the kept epoch's figures belong into the card
+        watched = self.watch.seen
         space, model = self.spec.workspace, self.model
         ranges = zip(self.spec.labels, model.label_lowest.tolist(), model.label_highest.tolist(), strict=True)
         return ModelCard(
@@ -155,14 +187,24 @@ class Session:
                     for column, name in enumerate(self.losses)
                 },
             ),
+            data=DataData(scenes=self.feed.scenes, held_out=len(self._held), sha256=self.feed.sha256),
+            validation=ValidationData(
+                epochs=[index + 1 for index in shown],
+                errors={
+                    name: [float(watched[index][column]) for index in shown]
+                    for column, name in enumerate(self.spec.labels)
+                },
+                scores=[float(watched[index][-1]) for index in shown],
+            ),
+            kept_epoch=None if kept is None else kept + 1,
         )
 
-    def _check_finite(self) -> None:
+    def _check_finite(self, found: Validation | None = None) -> None:
         bad = [] if self.sums is None else (~torch.isfinite(self.sums)).nonzero().flatten().tolist()
         fine = all(bool(torch.isfinite(tensor).all()) for tensor in self.model.state_dict().values())
-        if fine and not bad:
+        if fine and not bad and (found is None or found.finite()):
             return
-        what = f"the loss `{self.losses[bad[0]]}` is" if bad else "the weights are"
+        what = f"the loss `{self.losses[bad[0]]}` is" if bad else "the model's output is" if fine else "the weights are"
         raise RequestError(
             Diagnostic(
                 f"training diverged in epoch {self.epoch + 1}: {what} not finite",
@@ -171,21 +213,18 @@ class Session:
         )
 
 
-def _prepare(
-    spec: CheckedSpec, config: TrainConfig, data: Dataset, codec: Codec
-) -> tuple[Examples, Judge, Layout | None]:
-    """The data as the model takes it, what judges the model's own scenes, and the layout of its networks."""
-    x, phi = codec.encode(data.rows), data.phi.T.contiguous()
-    if not model_class(config.model, config.recipe).branched:
-        branch = torch.zeros(len(data), dtype=torch.int64)
-        table = torch.full((1, len(spec.labels)), OTHER)
-        return Examples(x, phi, branch), Judge(spec.core, table, codec), None
-    branch, table = survey(spec.core, data.rows)
-    return Examples(x, phi, branch), Judge(spec.core, table, codec), layout_of(spec.core, len(table))
-
-
-def new_model(spec: CheckedSpec, config: TrainConfig, layout: Layout | None = None) -> SceneModel:
+def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> SceneModel:
     """The model, without weights. Raises RequestError for settings it does not have."""
     hyper = parse_hyper(config.model, config.hyper, config.recipe)
-    layout = layout or Layout(objects=len(spec.objects), labels=len(spec.labels))
-    return model_class(config.model, config.recipe)(layout, hyper)
+    kind = model_class(config.model, config.recipe)
+    plain = Layout(objects=len(spec.objects), labels=len(spec.labels))
+    return kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
+
+
+def check_best(best: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> None:
+    """Raises ValueError unless the weights of the best epoch are of the model at hand."""
+    fit = best.keys() == like.keys() and all(
+        best[name].shape == like[name].shape and bool(torch.isfinite(best[name]).all()) for name in like
+    )
+    if not fit:
+        raise ValueError("the weights of the best epoch do not fit the model")

@@ -1,8 +1,9 @@
 """The training state: all that is needed to go on as if nothing had happened, in `NAME.safetensors.train`.
 
 It holds all weights (the model file has the sampler's only), the optimisers' moments, the noise generator, the epoch,
-the step within it and the losses so far. The order of an epoch's scenes and the data follow from the seed; a checksum
-tells whether they still do. The file stands on its own: a crash between writing it and the model file harms neither.
+the step within it, the losses and validations so far, and the best weights where these are to be kept. The order of an
+epoch's scenes and the data follow from the seed; a checksum tells whether they still do. The file stands on its own: a
+crash between writing it and the model file harms neither.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from scenegen.training.config import TrainConfig
 
 FORMAT = "scenegen/training"
 WHAT = "a training state"
+_RUN = ("history", "sums", "watched", "noise")
 
 
 class _Card(BaseModel):
@@ -41,7 +43,9 @@ class _Card(BaseModel):
 @dataclass(frozen=True, slots=True)
 class TrainingState:
     """`epoch` epochs are done and `step` steps of the next. `history` (epochs, K) holds the mean of each loss, `sums`
-    (K,) the sums of the epoch under way, both float64; `noise` is a generator's state; `tensors` is the model's."""
+    (K,) the sums of the epoch under way, `watched` (epochs, L + 1) the errors and the score of each validation, all
+    float64; `noise` is a generator's state; `tensors` is the model's; `best` are the weights of the best epoch, None
+    where the last is kept."""
 
     config: TrainConfig
     data_sha256: str
@@ -50,8 +54,10 @@ class TrainingState:
     losses: tuple[str, ...]
     history: Tensor
     sums: Tensor
+    watched: Tensor
     noise: Tensor
     tensors: Mapping[str, Tensor]
+    best: Mapping[str, Tensor] | None = None
 
 
 def state_path(out: Path) -> Path:
@@ -69,7 +75,8 @@ def save_state(path: Path, spec: CheckedSpec, state: TrainingState) -> None:
         step=state.step,
         losses=list(state.losses),
     )
-    extra = {"run.history": state.history, "run.sums": state.sums, "run.noise": state.noise}
+    extra = {f"run.{name}": getattr(state, name) for name in _RUN}
+    extra |= {f"best.{name}": tensor for name, tensor in (state.best or {}).items()}
     write_whole(path, pack(FORMAT, card.model_dump_json(), {**state.tensors, **extra}))
 
 
@@ -91,16 +98,29 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
         raise DataError(Diagnostic(title, help="resume with the same spec, or leave --resume out to start anew"))
     try:
         before = TrainConfig(**card.config)
-        history, sums, noise = (tensors.pop(f"run.{name}") for name in ("history", "sums", "noise"))
+        history, sums, watched, noise = (tensors.pop(f"run.{name}") for name in _RUN)
     except (TypeError, KeyError, RequestError) as error:
         raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew")) from error
     _check_same(before, config)
     width = len(card.losses)
     shapes_fit = history.shape == (card.epoch, width) and sums.shape == (width,)
-    if not (shapes_fit and history.dtype == sums.dtype == torch.float64 and noise.dtype == torch.uint8):
+    shapes_fit = shapes_fit and watched.shape == (card.epoch, len(spec.labels) + 1)
+    types_fit = history.dtype == sums.dtype == watched.dtype == torch.float64 and noise.dtype == torch.uint8
+    best = {name[5:]: tensors.pop(name) for name in sorted(tensors) if name.startswith("best.")}
+    if not (shapes_fit and types_fit and bool(best) == (config.patience is not None and card.epoch > 0)):
         raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew"))
     return TrainingState(
-        before, card.data_sha256, card.epoch, card.step, tuple(card.losses), history, sums, noise, tensors
+        before,
+        card.data_sha256,
+        card.epoch,
+        card.step,
+        tuple(card.losses),
+        history,
+        sums,
+        watched,
+        noise,
+        tensors,
+        best or None,
     )
 
 

@@ -2,7 +2,20 @@
 
 import pytest
 
-COMMANDS = ["check", "fmt", "range", "train", "sample", "eval", "render", "export", "assets", "experiment", "lsp"]
+COMMANDS = "check fmt range train info sample eval render export assets experiment lsp".split()
+    "check",
+    "fmt",
+    "range",
+    "train",
+    "info",
+    "sample",
+    "eval",
+    "render",
+    "export",
+    "assets",
+    "experiment",
+    "lsp",
+]
 ALONE = ["assets", "lsp"]  # these say or do something without an argument
 
 

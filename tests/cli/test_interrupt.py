@@ -46,7 +46,7 @@ def test_training_leaves_a_usable_model(number, here, scenegen):
     drawn = scenegen("sample", "m.safetensors", "-n", "4", "--raw")
     assert drawn.status == 0 and len(json.loads(drawn.out)["scenes"]) == 4
     done = int(last.split()[2])
-    more = scenegen(*words[:6], "--epochs", str(done + 1), "--out", "m.safetensors", "--resume")
+    more = scenegen(*words[:8], "--epochs", str(done + 1), "--out", "m.safetensors", "--resume")
     assert more.status == 0, more.err
 
 

@@ -70,7 +70,7 @@ def test_boosted_data_and_another_thread(tmp_path, exp1):
 
 
 def test_a_bad_place_is_told_before_the_work(tmp_path, exp1, monkeypatch):
-    monkeypatch.setattr("scenegen.training.loop.dataset_maker", lambda name: pytest.fail("work was begun"))
+    monkeypatch.setattr("scenegen.training.loop.make_feed", lambda *_: pytest.fail("work was begun"))
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "none" / "m", tmp_path, tmp_path / "file" / "m"):
         with pytest.raises(OutputError):

@@ -1,0 +1,45 @@
+"""`scenegen info`: what a model file is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def info(
+    model: Annotated[
+        Path, typer.Argument(help="A model file, as `scenegen train` writes it.", metavar="MODEL", show_default=False)
+    ],
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+) -> None:
+    """Say what a model file is: its spec, what it was trained on and how, how good it is, and how fast.
+
+    \b
+      scenegen info m.safetensors
+      scenegen info m.safetensors --json | jq .validation.errors
+
+    "held-out phi" is how far the phi of its scenes is from what was wanted, at labels that it was not trained on. The
+    model card FILE.md, which `scenegen train` writes beside the model, compares it with exact scenes, too. The speed is
+    that of the network on one core of this machine; refining and verifying come to that.
+    """
+    from scenegen.api.describe import as_json, describe, speed
+    from scenegen.api.train import load_model
+
+    found = load_model(model)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(as_json(found, model), indent=1, ensure_ascii=False))
+        return
+    facts = [
+        *describe(found, model),
+        ("speed", f"about {float(f'{speed(found):.2g}'):,.0f} scenes a second on one core"),
+    ]
+    typer.echo(f"{model}: {found.trained.card.spec.title or found.trained.card.spec.name}\n")
+    width = max(len(name) for name, _ in facts)
+    for name, value in facts:
+        typer.echo(f"  {name:<{width}}  {value}")
+    typer.echo("\nits spec:\n")
+    typer.echo("\n".join(f"  {line}".rstrip() for line in found.spec.source.splitlines()))

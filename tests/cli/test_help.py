@@ -3,19 +3,6 @@
 import pytest
 
 COMMANDS = "check fmt range train info sample eval render export assets experiment lsp".split()
-    "check",
-    "fmt",
-    "range",
-    "train",
-    "info",
-    "sample",
-    "eval",
-    "render",
-    "export",
-    "assets",
-    "experiment",
-    "lsp",
-]
 ALONE = ["assets", "lsp"]  # these say or do something without an argument
 
 

@@ -1,9 +1,9 @@
 """Exact scenes, evenly spread over phi: what the default recipes learn from.
 
-The scenes come from the exact samplers, so within a narrow band of phi they follow the true conditional distribution,
-and none is a copy of another moved a little. Half of them lie evenly over all that phi can be, from hopeless to solved;
-the other half evenly over [-top, top], where the task is nearly or just solved: of experiment 2's range [-2.94, 0.1]
-that is a fifteenth, and the part that everyone asks for.
+The scenes come from the exact samplers, and which of them are kept depends on their phi alone: so among the scenes of
+any phi they are distributed as the truth is, and none is a copy of another moved a little. Half of them lie evenly over
+all that phi can be, from hopeless to solved; the other half evenly over [-top, top], where the task is nearly or just
+solved: of experiment 2's range [-2.94, 0.1] that is a fifteenth, and the part that everyone asks for.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import torch
+from torch import Tensor
 
 from scenegen.data.dataset import Dataset, labelled
 from scenegen.engine.exact import draw
@@ -23,58 +23,61 @@ from scenegen.sampling.rarity import OutOfReach, measure
 from scenegen.sampling.request import MAX_SEED, Range
 
 Ends = tuple[float, float]
-Array = npt.NDArray[np.float64]
 Ranges = dict[str, Range]
 
-JOINTLY = 3  # labels that are balanced together, in the product of their ranges; more are balanced one by one
-JOINT_SHARE = 0.7  # of the scenes are balanced jointly, the rest in each label while the others are as they come
+MOST = 4096  # joint cells, and labels that can have them: 16 cells a label for two labels, 8 for three, 4 for six
+JOINT_SHARE = 0.7  # of the scenes of several labels are balanced jointly, the rest in each label by itself
+POOL = 4  # scenes drawn for each that is kept by joint balancing
 MARGIN = 1e-3  # of the range: its very ends have no volume
 NARROWER = 0.8  # of the range: a middle that is not narrower than this is not worth a half of its own
 ENOUGH = 0.5  # of the scenes that were asked for
 
 
 def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset:
-    """`scenes` exact scenes, flat in phi.
+    """`scenes` exact scenes, flat in phi: in each label by itself, and as far as possible in all labels together.
 
-    Two or three labels are balanced jointly as far as pruned rejection reaches the combinations of their values, and
-    one by one besides; more labels are balanced one by one. What is required holds in all scenes. Raises RequestError
-    where a label cannot vary, or too little is in reach.
+    What is required holds in all scenes. Raises RequestError where a label cannot vary, or too little is in reach.
     """
     seed = int(torch.randint(2**62, (), generator=generator))
     whole = reach(spec, seed)
-    found: list[Array] = []
-    if 1 < len(whole) <= JOINTLY:
-        for ranges, count in _shared(_halves(whole), round(JOINT_SHARE * scenes)):
-            found += _draw(spec, ranges, count, seed + len(found), "rejection")
-    rest = scenes - sum(part.shape[1] for part in found)
-    singles = [ranges for label, ends in whole.items() for ranges in _halves({label: ends})]
-    for ranges, count in _shared(singles, rest):
-        found += _draw(spec, ranges, count, seed + len(found), "auto")
-    rows = np.concatenate(found, axis=1) if found else np.empty((3 * len(spec.objects), 0))
-    if rows.shape[1] < ENOUGH * scenes:
-        title = f"only {rows.shape[1]:,} of {scenes:,} balanced scenes are in reach"
+    parts = [ranges for label, ends in whole.items() for ranges in _halves({label: ends})]
+    wanted = POOL * scenes if len(whole) > 1 else scenes
+    found = []
+    for index, ranges in enumerate(parts):
+        count = wanted * (index + 1) // len(parts) - wanted * index // len(parts)
+        if count:
+            problem = pose(spec, ranges, n=count, seed=(seed + index) % MAX_SEED)
+            # no clock: time must not decide what is learnt
+            found.append(draw(problem, Budget(math.inf)).rows)
+    rows = torch.from_numpy(np.concatenate(found, axis=1)).to(torch.float32)
+    rows = rows[:, torch.randperm(rows.shape[1], generator=generator)]
+    if rows.shape[1] < ENOUGH * wanted:
+        title = f"only {rows.shape[1]:,} of {wanted:,} scenes for a balanced set are in reach"
         raise RequestError(Diagnostic(title, help="ask for fewer --scenes, or train on `--data uniform`"))
-    order = torch.randperm(rows.shape[1], generator=generator)
-    return labelled(spec, torch.from_numpy(rows).to(torch.float32)[:, order].contiguous())
+    data = labelled(spec, rows.contiguous())
+    if len(whole) > 1:
+        kept = _jointly(data.phi, list(whole.values()), min(scenes, len(data)), generator)
+        data = Dataset(data.objects, data.labels, data.rows[:, kept].contiguous(), data.phi[:, kept].contiguous())
+    return data
 
 
-def _draw(spec: CheckedSpec, ranges: Ranges, count: int, seed: int, method: str) -> list[Array]:
-    """The scenes of one request, or as many as are in reach without a clock: time must not decide what is learnt."""
-    if not count:
-        return []
-    problem = pose(spec, ranges, n=count, seed=seed % MAX_SEED)
-    try:
-        return [draw(problem, Budget(math.inf), method=method).rows]
-    except RequestError:
-        if method == "auto":
-            raise
-        return []  # combinations that rejection cannot reach are left to the labels by themselves
-
-
-def _shared(parts: list[Ranges], scenes: int) -> list[tuple[Ranges, int]]:
-    """The scenes in equal shares."""
-    ends = [scenes * index // len(parts) for index in range(len(parts) + 1)]
-    return [(part, high - low) for part, low, high in zip(parts, ends[:-1], ends[1:], strict=True)]
+def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Generator) -> Tensor:
+    """Which of the scenes with phi (L, M), in random order, to keep: most so that the cells of the labels' product get
+    equal shares as far as they have them, the rest as they come. Returns indices (scenes,) in random order."""
+    per = max(2, int(MOST ** (1.0 / len(ends)) + 1e-9)) if len(ends) > 2 else 16
+    cell = torch.zeros(phi.shape[1], dtype=torch.int64)
+    for values, (low, high) in zip(phi[: max(1, int(math.log(MOST, per)))], ends, strict=False):
+        cell = cell * per + ((values - low) / (high - low) * per).long().clamp(0, per - 1)
+    _, index, counts = torch.unique(cell, return_inverse=True, return_counts=True)
+    order = torch.argsort(index, stable=True)
+    within = torch.empty_like(order)
+    within[order] = torch.arange(len(order)) - torch.repeat_interleave(counts.cumsum(0) - counts, counts)
+    # The first of every cell, then the second of every cell, and so on, until the share is full.
+    rank = torch.argsort(within, stable=True)
+    first = round(JOINT_SHARE * scenes)
+    rest = rank[first:].sort().values[: scenes - first]
+    kept = torch.cat([rank[:first], rest])
+    return kept[torch.randperm(len(kept), generator=generator)]
 
 
 def _halves(ends: dict[str, Ends]) -> list[Ranges]:

@@ -1,0 +1,57 @@
+"""A conditional GAN that neither collapses nor misses phi."""
+
+from __future__ import annotations
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from scenegen.models.adversary import BETAS, Critic, contest
+from scenegen.models.base import Hyper
+from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.examples import Examples
+from scenegen.models.generator import Generator, noise
+from scenegen.models.layout import Layout
+
+
+class GANHyper(Hyper):
+    """`width` and `depth` of the generator's hidden layers, `critic_width` and `critic_depth` of the critic's;
+    `consistency`: weight of the error of phi; `penalty`: of the critic's squared slope."""
+
+    width: int = Field(default=256, ge=1, le=8192)
+    depth: int = Field(default=4, ge=1, le=64)
+    critic_width: int = Field(default=192, ge=1, le=8192)
+    critic_depth: int = Field(default=3, ge=1, le=64)
+    consistency: float = Field(default=1.0, ge=0.0, le=1e6)
+    penalty: float = Field(default=0.3, ge=0.0, le=1e6)
+
+
+class GAN(ConditionedModel):
+    """See the module's text. Losses: `critic` (its surprise, nats), `phi` (the inconsistency), `branch` (nats)."""
+
+    hyper_class = GANHyper
+    betas = BETAS
+    TRAINING_ONLY = ("critic",)
+
+    def __init__(self, layout: Layout, hyper: GANHyper) -> None:
+        super().__init__(layout, hyper)
+        self.weight, self.penalty = hyper.consistency, hyper.penalty
+        self.generator = Generator(layout, hyper.width, hyper.depth)
+        self.critic = Critic(layout, layout.coordinates, hyper.critic_width, hyper.critic_depth)
+
+    def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
+        made: Tensor = self.generator(noise(len(features), self.layout, generator, features.device), features, branch)
+        return made
+
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        features = self.view.features(batch.phi)
+        true, made = self.view.encode(batch.x), self.make(features, batch.branch, generator)
+        critic, ruling, deceit = contest(self.critic, true, made, features, batch.branch, self.penalty)
+        off = self.inconsistency(made, batch.phi, batch.branch)
+        surprise = self.selector.loss(features, batch.branch)
+        optimiser = self.optimisers["all"]
+        optimiser.zero_grad()
+        # The three nets share no weights, and `deceit` and `ruling` reach only their own: one backward pass serves all.
+        (ruling + deceit + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        return {"critic": critic.detach(), "phi": off.detach(), "branch": surprise.detach()}

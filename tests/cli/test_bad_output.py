@@ -10,7 +10,7 @@ from scenegen.render import scenes as pictures
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],
-    "train": ["train", "good.spec", "--model", "gan", "--epochs", "1", "--scenes", "64", "--out"],
+    "train": ["train", "good.spec", "--model", "gan", "--recipe", "paper", "--epochs", "1", "--scenes", "64", "--out"],
     "render": ["render", "s.json", "--size", "32x32", "--workers", "1", "--out"],
 }
 DIFFERENT = {"sample": ["--seed", "5"], "train": ["--seed", "5"], "render": ["--size", "40x40"]}

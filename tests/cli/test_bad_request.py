@@ -77,6 +77,8 @@ TRAIN = {
     "model": ["--model", "gann"],
     "epochs": ["--epochs", "0"],
     "epochs_no_number": ["--epochs", "many"],
+    "recipe": ["--recipe", "papr"],
+    "model_of_recipe": ["--recipe", "paper", "--model", "energy"],
     "data": ["--data", "boostd"],
     "device": ["--device", "gpu"],
     "nothing_to_resume": ["--resume"],

@@ -20,7 +20,20 @@ def started(words, cwd):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_training_leaves_a_usable_model(number, here, scenegen):
-    words = ["train", "good.spec", "--model", "gan", "--scenes", "640", "--epochs", "100000", "--out", "m.safetensors"]
+    words = [
+        "train",
+        "good.spec",
+        "--model",
+        "gan",
+        "--recipe",
+        "paper",
+        "--scenes",
+        "640",
+        "--epochs",
+        "100000",
+        "--out",
+        "m.safetensors",
+    ]
     process = started(words, here)
     first = process.stderr.readline()
     assert first.startswith("gan: epoch 1/100000")

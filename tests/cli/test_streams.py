@@ -25,7 +25,20 @@ def test_check_prints_data_only(scenegen, here):
 
 
 def test_training_and_drawing_print_no_data(scenegen, here):
-    words = ["train", "good.spec", "--model", "aae", "--epochs", "2", "--scenes", "64", "--out", "m.safetensors"]
+    words = [
+        "train",
+        "good.spec",
+        "--model",
+        "aae",
+        "--recipe",
+        "paper",
+        "--epochs",
+        "2",
+        "--scenes",
+        "64",
+        "--out",
+        "m.safetensors",
+    ]
     train = scenegen(*words)
     assert (train.status, train.out) == (0, "")
     assert "wrote m.safetensors" in train.err

@@ -15,6 +15,7 @@ import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import joined
+from scenegen.formats.shards import folder_of
 from scenegen.formats.table import FORMATS, read_scenes
 
 HERE = Path(__file__).parent
@@ -138,7 +139,8 @@ def test_killed_anywhere(ending, run, tmp_path, unbroken):
 
 
 def test_killed_at_any_time_with_workers(tmp_path, unbroken):
-    """By the clock, until the run comes to its end: the parent dies, its workers follow, another crew takes over."""
+    """The parent dies, its workers follow, another crew takes over: first as soon as there are shards, however fast the
+    machine is, then by the clock, until the run comes to its end."""
     source = random.Random(3)
     path = tmp_path / "x.parquet"
     kills = 0
@@ -147,6 +149,10 @@ def test_killed_at_any_time_with_workers(tmp_path, unbroken):
         program = f"import sys; sys.path.insert(0, {str(HERE)!r}); import made; made.run({words!r})"
         process = subprocess.Popen([sys.executable, "-c", program])
         try:
+            if not kills:
+                while not folder_of(path).exists() and process.poll() is None:
+                    time.sleep(0.001)
+                raise subprocess.TimeoutExpired("the first run", 0.0)
             assert process.wait(timeout=source.uniform(0.5, 1.0) * (1 + kills)) == 0
         except subprocess.TimeoutExpired:
             process.kill()

@@ -1,25 +1,69 @@
 import pytest
 import torch
 
+from scenegen.data.uniform import uniform
+from scenegen.lang.check import check_text
+from scenegen.models.branches import survey
 from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
 from scenegen.models.checkpoint import save_model
+from scenegen.models.codec import Codec
+from scenegen.models.examples import Examples
+from scenegen.models.judge import Judge
+from scenegen.models.layout import Layout, layout_of
 from scenegen.models.table import model_class, parse_hyper
 from scenegen.scene.data import WorkspaceData
 
 
-def new_model(name, objects=2, labels=2, seed=0, **hyper):
-    """A model with fresh weights whose label range is about [-1, 1]."""
-    generator = torch.Generator().manual_seed(seed)
-    model = model_class(name)(objects, labels, parse_hyper(name, hyper))
-    model.initialise(generator, torch.rand(50, labels, generator=generator) * 2.0 - 1.0)
-    return model
+def plain_spec(objects, labels):
+    """A spec whose phi depends on every x, on one heading and on no y."""
+    names = [f"o{index}" for index in range(objects)]
+    below = " & ".join(f"x({name}) <= 0.{index + 5}" for index, name in enumerate(names))
+    lines = [f"label{k}: {below} & angle(o0, NORTH, 0.{k + 1})" for k in range(labels)]
+    return check_text("\n".join([f"object {', '.join(names)}", *lines]), "plain.spec")
 
 
-def card_for(name, model, spec):
+def examples_of(spec, count, seed):
+    """Uniform scenes, their labels and branches, and what judges a model's own scenes."""
+    data = uniform(spec, count, torch.Generator().manual_seed(seed))
+    codec = Codec(spec.workspace, len(spec.objects))
+    branch, table = survey(spec.core, data.rows)
+    return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch), Judge(spec.core, table, codec), table
+
+
+class Made:
+    """A model with fresh weights, and what it takes to train it."""
+
+    def __init__(self, name, objects=2, labels=2, seed=0, recipe="default", **hyper):
+        self.spec = plain_spec(objects, labels)
+        self.examples, self.judge, table = examples_of(self.spec, 500, seed)
+        kind = model_class(name, recipe)
+        layout = layout_of(self.spec.core, len(table)) if kind.branched else Layout(objects=objects, labels=labels)
+        self.blank = lambda: kind(layout, parse_hyper(name, hyper, recipe))
+        self.model = self.blank()
+        self.model.initialise(torch.Generator().manual_seed(seed))
+        self.model.fit(self.examples)
+
+    def started(self, lr=1e-3):
+        self.model.start(lr, self.judge)
+        return self.model
+
+    def batches(self, count, rows, seed=5):
+        generator = torch.Generator().manual_seed(seed)
+        for _ in range(count):
+            yield self.examples.take(torch.randint(len(self.examples), (rows,), generator=generator))
+
+
+def new_model(name, *words, **hyper):
+    return Made(name, *words, **hyper).model
+
+
+def card_for(name, model, spec, recipe="paper"):
     space = spec.workspace
     return ModelCard(
         scenegen="0.1.0",
         model=name,
+        recipe=recipe,
+        layout=model.layout,
         hyper=model.hyper.model_dump(),
         spec=spec_data(spec),
         workspace=WorkspaceData(x=space.x, y=space.y),
@@ -37,6 +81,11 @@ def make_model():
 
 
 @pytest.fixture
+def make():
+    return Made
+
+
+@pytest.fixture
 def make_card():
     return card_for
 
@@ -44,7 +93,7 @@ def make_card():
 @pytest.fixture
 def model_file(tmp_path, exp1):
     """A model file (AAE with a small code) and the model it was written from."""
-    model = new_model("aae", latent=4)
+    model = new_model("aae", recipe="paper", latent=4)
     path = tmp_path / "exp1.safetensors"
     save_model(path, model, card_for("aae", model, exp1))
     return path, model

@@ -6,6 +6,8 @@ import pytest
 import torch
 from torch.nn.functional import binary_cross_entropy as bce
 
+from scenegen.models.examples import Examples
+
 
 def parameters(mlp):
     return [parameter.requires_grad_() for parameter in mlp.parameters()]
@@ -64,16 +66,17 @@ def by_the_book_aae(model, data, generator):
 
 
 @pytest.mark.parametrize(("name", "by_the_book"), [("gan", by_the_book_gan), ("aae", by_the_book_aae)])
-def test_steps_are_the_published_ones(name, by_the_book, make_model):
-    model = make_model(name)
+def test_steps_are_the_published_ones(name, by_the_book, make):
+    made = make(name, recipe="paper")
+    model = made.model
     source = torch.Generator().manual_seed(1)
     sizes = (32, 32, 32, 5, 32)
     data = [(torch.rand(n, 6, generator=source), torch.rand(n, 2, generator=source) * 2.0 - 1.0) for n in sizes]
     parts, expected = by_the_book(model, data, torch.Generator().manual_seed(2))
-    model.start(1e-3)
+    made.started()
     generator = torch.Generator().manual_seed(2)
     for (x, phi), losses in zip(data, expected, strict=True):
-        got = model.update(x, phi, generator)
+        got = model.update(Examples(x, phi, torch.zeros(len(x), dtype=torch.int64)), generator)
         assert {key: float(value) for key, value in got.items()} == pytest.approx(losses, rel=1e-4)
     for part, mlp in parts.items():
         for mine, theirs in zip(getattr(model, part).parameters(), mlp.parameters(), strict=True):
@@ -82,7 +85,7 @@ def test_steps_are_the_published_ones(name, by_the_book, make_model):
 
 
 def test_published_sizes(make_model):
-    gan, aae = make_model("gan"), make_model("aae")
+    gan, aae = make_model("gan", recipe="paper"), make_model("aae", recipe="paper")
     assert sum(parameter.numel() for parameter in gan.generator.parameters()) == 128_518  # reference.md: 128.5k
     assert [layer.out_features for layer in aae.encoder.linear()] == [64, 64, 128, 128, 256, 16]
     assert [layer.out_features for layer in aae.decoder.linear()] == [256, 128, 128, 64, 64, 6]

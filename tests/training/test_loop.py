@@ -5,14 +5,14 @@ import pytest
 import torch
 
 from scenegen.errors import OutputError, RequestError
-from scenegen.models.aae import AAE
 from scenegen.models.checkpoint import load_model
+from scenegen.models.published.aae import AAE
 from scenegen.robustness import Robustness
-from scenegen.training.config import TrainConfig
+from scenegen.training.config import make_config
 from scenegen.training.loop import train
 from scenegen.training.state import state_path
 
-SMALL = TrainConfig("aae", epochs=3, scenes=300, batch_size=64, hyper={"latent": 4})
+SMALL = make_config("aae", "paper", epochs=3, scenes=300, batch_size=64, hyper={"latent": 4})
 
 
 @pytest.mark.parametrize("model", ["gan", "aae"])
@@ -20,7 +20,7 @@ def test_a_run_ends_with_a_model_file(model, tmp_path, exp1):
     out = tmp_path / "m.safetensors"
     reports = []
     threads = torch.get_num_threads()
-    trained = train(exp1, TrainConfig(model, epochs=3, scenes=300), out, on_epoch=reports.append)
+    trained = train(exp1, make_config(model, "paper", epochs=3, scenes=300), out, on_epoch=reports.append)
     assert torch.get_num_threads() == threads
     assert [report.epoch for report in reports] == [1, 2, 3]
     assert all(report.epochs == 3 and report.seconds > 0.0 for report in reports)
@@ -32,7 +32,7 @@ def test_a_run_ends_with_a_model_file(model, tmp_path, exp1):
     assert card.spec.source == exp1.source and card.spec.sha256 == exp1.sha256
     low, high = trained.label_ranges["safe"]
     assert -0.25 <= low < 0.0 < high <= 2**0.5 - 0.25
-    assert card.training == dataclasses.asdict(TrainConfig(model, epochs=3, scenes=300))
+    assert card.training == dataclasses.asdict(make_config(model, "paper", epochs=3, scenes=300))
     again = load_model(out, exp1)
     phi = torch.zeros(2, 5)
     one, two = (each.propose(phi, torch.Generator().manual_seed(0)) for each in (trained, again))
@@ -50,7 +50,7 @@ def test_the_seed_decides_every_byte(tmp_path, exp1):
 
 
 def test_training_brings_phi_closer_to_what_is_wanted(tmp_path, exp1):
-    trained = train(exp1, TrainConfig("gan", epochs=3), tmp_path / "m")
+    trained = train(exp1, make_config("gan", "paper", epochs=3), tmp_path / "m")
     generator = torch.Generator().manual_seed(0)
     wanted = torch.tensor([[0.19], [0.08]]).expand(2, 2000)
     robustness = Robustness(exp1.core)
@@ -93,9 +93,9 @@ def test_divergence_is_told_and_the_last_good_checkpoint_kept(tmp_path, exp1, mo
     good = out.read_bytes(), state_path(out).read_bytes()
     update, calls = AAE.update, []
 
-    def broken(self, x, phi, generator):
+    def broken(self, batch, generator):
         calls.append(1)
-        losses = update(self, x, phi, generator)
+        losses = update(self, batch, generator)
         return {name: value * torch.nan for name, value in losses.items()} if len(calls) == 7 else losses
 
     monkeypatch.setattr(AAE, "update", broken)
@@ -108,7 +108,7 @@ def test_the_wildest_rate_leaves_a_sound_file_or_none(tmp_path, exp1):
     out = tmp_path / "m"
     for model in ("gan", "aae"):
         try:
-            trained = train(exp1, TrainConfig(model, epochs=30, scenes=500, lr=1.0), out)
+            trained = train(exp1, make_config(model, "paper", epochs=30, scenes=500, lr=1.0), out)
         except RequestError as error:
             assert "diverged" in str(error) and not out.exists()
         else:

@@ -9,27 +9,28 @@ import pytest
 import torch
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.models.aae import AAE
 from scenegen.models.checkpoint import load_model
-from scenegen.models.gan import GAN
+from scenegen.models.published.aae import AAE
+from scenegen.models.published.gan import GAN
+from scenegen.models.table import MODELS, PUBLISHED, model_class
 from scenegen.training import session
-from scenegen.training.config import TrainConfig
+from scenegen.training.config import make_config
 from scenegen.training.interrupt import Interrupted
 from scenegen.training.loop import train
 from scenegen.training.state import state_path
 
-CONFIG = TrainConfig("gan", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
+CONFIG = make_config("gan", "paper", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
 
 
 def signal_at_step(monkeypatch, cls, number, step):
     """Send this process a signal while step `step` (from 1, over all epochs) is under way."""
     update, calls = cls.update, []
 
-    def sending(self, x, phi, generator):
+    def sending(self, batch, generator):
         calls.append(1)
         if len(calls) == step:
             os.kill(os.getpid(), number)
-        return update(self, x, phi, generator)
+        return update(self, batch, generator)
 
     monkeypatch.setattr(cls, "update", sending)
 
@@ -89,10 +90,10 @@ def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
 def test_a_second_signal_does_not_wait(tmp_path, exp1, monkeypatch):
     update = GAN.update
 
-    def twice(self, x, phi, generator):
+    def twice(self, batch, generator):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
-        return update(self, x, phi, generator)
+        return update(self, batch, generator)
 
     monkeypatch.setattr(GAN, "update", twice)
     before = signal.getsignal(signal.SIGINT)
@@ -146,6 +147,7 @@ def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
         ({"lr": 0.01}, "--lr was 0.001"),
         ({"data": "boosted"}, "--data was 'uniform'"),
         ({"model": "aae"}, "--model was 'gan'"),
+        ({"recipe": "default"}, "--recipe was 'paper'"),
         ({"hyper": {"latent": 3}}, "--hyper was {}"),
     ],
 )
@@ -163,6 +165,20 @@ def test_another_spec_is_refused(tmp_path, exp1, make_exp1):
     train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
     with pytest.raises(DataError, match=r"`exp1.spec`, not `other.spec`"):
         train(make_exp1(closeness=0.3, name="other.spec"), CONFIG, out, resume=True)
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name not in PUBLISHED or MODELS[name] != PUBLISHED[name]])
+def test_our_recipes_go_on_bit_equal_too(name, tmp_path, exp1, monkeypatch):
+    """Their learning rate changes from step to step, and the layout comes from the data."""
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    config = make_config(name, epochs=2, scenes=300, batch_size=64, data="uniform")
+    train(exp1, config, whole)
+    with monkeypatch.context() as patch:
+        signal_at_step(patch, model_class(name), signal.SIGINT, 7)
+        with pytest.raises(Interrupted):
+            train(exp1, config, broken)
+    train(exp1, config, broken, resume=True)
+    assert files(broken) == files(whole)
 
 
 def test_nothing_to_resume(tmp_path, exp1):

@@ -1,4 +1,12 @@
-"""TODO"""
+"""The default adversarial autoencoder: the game is played over codes, where both sides fill the same box.
+
+An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.models.generator, with the code
+for its noise) turns the code back into the scene, and a critic (scenegen.models.adversary) sees to it that codes of
+every phi and branch are distributed as the decoder's own noise is: uniformly. Then noise decodes to scenes as they are
+distributed in truth. So that what lies between the codes of true scenes hits phi too, the inconsistency of phi is taken
+on decoded noise, not on copies. Labels and branch are told to all three: the published encoder is not told, and its
+code had to carry phi, which the decoder then read off it instead of its label.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +36,14 @@ class AAEHyper(Hyper):
     encoder_depth: int = Field(default=3, ge=1, le=64)
     critic_width: int = Field(default=192, ge=1, le=8192)
     critic_depth: int = Field(default=3, ge=1, le=64)
-    consistency: float = Field(default=1.0, ge=0.0, le=1e6)
+    consistency: float = Field(default=2.0, ge=0.0, le=1e6)
     match: float = Field(default=1.0, ge=0.0, le=1e6)
     penalty: float = Field(default=0.03, ge=0.0, le=1e6)
 
 
 class Encoder(nn.Module):
-    """`forward(u, z, features, branch)`: scenes (B, C), noise (B, P + A) in (-1, 1), label features (B, 2L), branch (B,)
-    -> codes (B, C), positions in (-1, 1) and directions.
+    """`forward(u, z, features, branch)`: scenes (B, C), noise (B, P + A) in (-1, 1), label features (B, 2L) and branch
+    (B,) -> codes (B, C): positions in (-1, 1), and directions.
 
     The mirror image of the decoder: a code is the scene itself, mixed with noise, stretched and shifted by what the
     network makes of both. The noise fills what the scene leaves empty: scenes of one phi have a dimension less than

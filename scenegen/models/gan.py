@@ -52,11 +52,11 @@ class GAN(ConditionedModel):
         self.weight, self.ramp, self.penalty = hyper.consistency, hyper.ramp, hyper.penalty
         self.generator = Generator(layout, hyper.width, hyper.depth)
         self.critic = Critic(layout, layout.coordinates, hyper.critic_width, hyper.critic_depth)
-        self.register_buffer("steps", torch.empty((), dtype=torch.int64, device="meta"))
+        self.register_buffer("steps", torch.empty((), device="meta"))
 
     def initialise(self, generator: torch.Generator) -> None:
         super().initialise(generator)
-        self.steps = torch.zeros((), dtype=torch.int64)
+        self.steps = torch.zeros(())
 
     def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
         made: Tensor = self.generator(noise(len(features), self.layout, generator, features.device), features, branch)

@@ -118,7 +118,7 @@ class AAE(ConditionedModel):
         angles = code[:, positions:].chunk(2, dim=1)
         turned = torch.atan2(angles[1], angles[0]) / math.pi
         copy = self.decoder(torch.cat([code[:, :positions], turned], dim=1), features, branch)
-        apart = ((copy - x).square().sum(1) + 1e-8).sqrt().mean()
+        apart: Tensor = ((copy - x).square().sum(1) + 1e-8).sqrt().mean()
 
         prior = self._noise(features, generator)
         aim = torch.cat([prior[:, :positions], directions(prior[:, positions:])], dim=1)

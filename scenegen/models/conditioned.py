@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -14,8 +15,6 @@ from scenegen.models.layout import Layout
 from scenegen.models.selector import Selector
 from scenegen.models.view import View
 
-BETAS = (0.9, 0.99)
-
 
 class ConditionedModel(SceneModel):
     """A model that sees scenes through a View and is told the branch, which a Selector draws when it samples.
@@ -24,6 +23,8 @@ class ConditionedModel(SceneModel):
     """
 
     branched = True
+    betas: ClassVar[tuple[float, float]] = (0.9, 0.99)
+    """Of Adam."""
 
     label_scale: Tensor
 
@@ -44,7 +45,7 @@ class ConditionedModel(SceneModel):
         self.judge = judge
         groups = self.trained()
         self.optimisers = {
-            name: torch.optim.Adam(group, lr=lr, betas=BETAS, fused=True) for name, group in groups.items()
+            name: torch.optim.Adam(group, lr=lr, betas=self.betas, fused=True) for name, group in groups.items()
         }
 
     def trained(self) -> dict[str, list[torch.nn.Parameter]]:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 # Text, not classes: `scenegen train --help` lists them without importing torch.
 MODELS: dict[str, str] = {
-    "gan": "scenegen.models.published.gan:GAN",
-    "aae": "scenegen.models.published.aae:AAE",
+    "gan": "scenegen.models.gan:GAN",
+    "aae": "scenegen.models.aae:AAE",
     "energy": "scenegen.models.energy:Energy",
 }
 PUBLISHED: dict[str, str] = {

@@ -46,13 +46,15 @@ def side_by_side(paths: list[Path], columns: int) -> Image.Image:
 def main() -> None:
     spec = scenegen.load(SPEC)
     solved = scenegen.sample(spec, phi={"task": (0.0, None)}, n=16, seed=7, settle=True)
+    hard = scenegen.sample(spec, phi={"task": (-0.25, -0.15)}, n=1, seed=6)
     many = scenegen.sample(spec, phi={"task": (0.0, None)}, n=2000, seed=1)
     library = gallery(sorted(ASSETS), (320, 240))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "library.png").write_bytes(library_sheet(library))
         small(Path("assets.png"), Image.open(folder / "library.png"))
-        sheet, strip, view = solved.figures(folder, "sheet", "sweep", "topview")[:3]
+        sheet, strip = solved.figures(folder, "sheet", "sweep")
+        (view,) = hard.figures(folder, "topview")
         (gif,) = solved.figures(folder, "gif", size=(480, 360))
         small(Path("table_setting.png"), Image.open(sheet))
         small(Path("sweep.png"), Image.open(strip))

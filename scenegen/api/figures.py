@@ -109,7 +109,7 @@ def _sweep(
     if "sweep" in kinds:
         small = round(size[0] * 0.5), round(size[1] * 0.5)
         shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
-        made["sweep.png"] = strip(shown, [phi[place] for place in picked], chosen, scenes.header.spec.title)
+        made["sweep.png"] = strip(shown, [phi[place] for place in picked], chosen, scenes.header.spec.title.rstrip("."))
     if "gif" in kinds:
         made["sweep.gif"] = animation(drawn, phi, chosen)
     return made

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 RGB = tuple[float, float, float]
 
+CHOCOLATE: RGB = (0.47, 0.30, 0.20)
+
 # Far apart in hue or lightness, none close to the table's wood.
 PALETTE: tuple[RGB, ...] = (
     (0.13, 0.45, 0.71),  # blue
@@ -20,7 +22,7 @@ PALETTE: tuple[RGB, ...] = (
     (0.45, 0.62, 0.16),  # moss
     (0.90, 0.48, 0.65),  # pink
     (0.22, 0.26, 0.42),  # navy
-    (0.47, 0.30, 0.20),  # chocolate
+    CHOCOLATE,
     (0.45, 0.72, 0.92),  # sky
 )
 

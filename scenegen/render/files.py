@@ -40,8 +40,8 @@ class Wanted:
         return (".png", *extra, *([".npz"] if extra else []))
 
 
-def encode(shot: Shot, wanted: Wanted) -> Sequence[bytes]:
-    """The files of a shot, in the order of `wanted.endings`."""
+def encode(shot: Shot, wanted: Wanted, ids: int) -> Sequence[bytes]:
+    """The files of a shot, in the order of `wanted.endings`; masks hold numbers below `ids`."""
     files = [png(shot.color)]
     arrays: dict[str, Any] = {}
     if wanted.depth:
@@ -49,7 +49,7 @@ def encode(shot: Shot, wanted: Wanted) -> Sequence[bytes]:
         files.append(_saved(Images.fromarray(ticks)))
         arrays["depth"] = shot.depth
     if wanted.masks:
-        files.append(_mask(shot))
+        files.append(_mask(shot, ids))
         arrays["mask"] = shot.mask
     if arrays:
         out = io.BytesIO()
@@ -63,9 +63,9 @@ def png(picture: Picture) -> bytes:
     return _saved(Images.fromarray(picture))
 
 
-def _mask(shot: Shot) -> bytes:
+def _mask(shot: Shot, ids: int) -> bytes:
     """The numbers themselves; up to 256 of them as an indexed picture, so that eyes tell them apart too."""
-    if shot.mask.max() > 255:
+    if ids > 256:
         return _saved(Images.fromarray(shot.mask))
     image = Images.fromarray(shot.mask.astype(np.uint8))
     colors = [(0.0, 0.0, 0.0), (0.3, 0.3, 0.3), *(PALETTE[k % len(PALETTE)] for k in range(254))]

@@ -78,7 +78,11 @@ class Lighting:
         depth = np.where(bare, below, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)
-        tint = np.where(top[..., None], cover(stage, at[..., 0], at[..., 1], wood(stage, at[..., 0], at[..., 1])), 1.0)
+        x, y = at[..., 0], at[..., 1]
+        sizes = np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0))
+        bare_wood = np.ones_like(at)
+        bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]))
+        tint = np.where(top[..., None], cover(stage, x, y, bare_wood), 1.0)
 
         # Of four raw pixels, the upper right one is sampled in the middle of the four.
         self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
-from scenegen.assets.palette import RGB, mix, stable
+from scenegen.assets.palette import CHOCOLATE, RGB, mix, stable
 from scenegen.assets.plain import DRAWN
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError, Diagnostic
@@ -156,7 +156,7 @@ def places_of(stage: Stage, poses: Floats) -> Floats:
 def _patches(file: SceneFile) -> tuple[Patch, ...]:
     """The regions, each in a pale colour of its own."""
     patches: list[Patch] = []
-    used: list[RGB] = []
+    used: list[RGB] = [CHOCOLATE]  # looks like the table
     for region in file.regions:
         used.append(stable(region.name, used))
         footprint = footprint_of(region.footprint)

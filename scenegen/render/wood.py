@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.render.camera import Floats
 from scenegen.render.stage import Stage
 
 PLANKS = 6  # in the depth of the workspace
 WARMTH = np.array([0.35, 1.0, 1.75])  # how much more a dark streak takes of green and blue than of red
+TABLE = 256  # random numbers along a side of a square of them, a power of two
 SEAM, INLAY = 0.0016, 0.0020  # half widths, in sides of the workspace
 
 
-def wood(stage: Stage, x: Floats, y: Floats) -> Floats:
-    """(h, w, 3): factors of the table's own colour where it is seen at (x, y) (h, w), in metres.
+def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats]) -> Floats:
+    """(P, 3): factors of the table's own colour where it is seen at (x, y) (P,), in metres, by pixels of these sizes
+    along x and y.
 
     Whatever is finer than a pixel fades out, so that nothing shimmers in the distance.
     """
     side = stage.side
-    pixel_x, pixel_y = np.abs(np.gradient(x, axis=1)) / side, np.abs(np.gradient(y, axis=0)) / side
+    pixel_x, pixel_y = (size / side for size in pixels)
+    chances = np.random.default_rng(2).random(TABLE * TABLE)
     along, lane = x / side, (y - stage.workspace[1]) / side * PLANKS
     number = np.floor(lane)
-    chance = _hash(number.astype(np.int64), np.full(1, 7, dtype=np.int64))
+    chance = chances.take(number.astype(np.int64) & (TABLE - 1))
     u, v = along + 9.0 * chance, lane - number + 5.0 * number
-    rings = 1.7 * v + 1.5 * _noise(1.3 * u, 1.1 * v) + 0.35 * _noise(3.7 * u, 3.0 * v)
+    rings = 1.7 * v + 1.5 * _noise(chances, 1.3 * u, 1.1 * v) + 0.35 * _noise(chances, 3.7 * u, 3.0 * v)
     streaks = 0.5 + 0.5 * np.sin(2.0 * np.pi * 2.6 * rings)
-    fibre = _noise(11.0 * u, 46.0 * v) - 0.5
-    pores = _noise(26.0 * u, 88.0 * v) ** 6
+    fibre = _noise(chances, 11.0 * u, 46.0 * v) - 0.5
+    pores = _noise(chances, 26.0 * u, 88.0 * v) ** 6
     dark = 0.065 * (chance - 0.5)
     dark += 0.055 * (streaks**2 - 0.4) * _seen(pixel_y, 22.0 * PLANKS / 6.0)
     dark += 0.060 * fibre * _seen(pixel_y, 46.0 * PLANKS)
@@ -50,19 +52,14 @@ def _line(distance: Floats, half: float, pixel: Floats) -> Floats:
     return np.clip(1.5 - distance / wide, 0.0, 1.0) * np.minimum(1.0, half / wide + 0.25)
 
 
-def _hash(i: npt.NDArray[np.int64], j: npt.NDArray[np.int64]) -> Floats:
-    """A number in [0, 1) for every pair of integers, the same on every machine."""
-    mixed = (i * 374761393 + j * 668265263) & 0xFFFFFFFF
-    mixed = ((mixed ^ (mixed >> 13)) * 1274126177) & 0xFFFFFFFF
-    return np.asarray((mixed ^ (mixed >> 16)) / 4294967296.0)
-
-
-def _noise(u: Floats, v: Floats) -> Floats:
-    """Smooth noise in [0, 1]: random values at integer points, in between interpolated."""
+def _noise(chances: Floats, u: Floats, v: Floats) -> Floats:
+    """Smooth noise in [0, 1]: random values at integer points, in between interpolated; it repeats every `TABLE`."""
     iu, iv = np.floor(u), np.floor(v)
     fu, fv = u - iu, v - iv
     fu, fv = fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv)
     i, j = iu.astype(np.int64), iv.astype(np.int64)
-    near = _hash(i, j) + fu * (_hash(i + 1, j) - _hash(i, j))
-    far = _hash(i, j + 1) + fu * (_hash(i + 1, j + 1) - _hash(i, j + 1))
-    return np.asarray(near + fv * (far - near))
+    left, right = i & (TABLE - 1), (i + 1) & (TABLE - 1)
+    near, far = (j & (TABLE - 1)) * TABLE, ((j + 1) & (TABLE - 1)) * TABLE
+    a, b, c, d = (chances.take(place) for place in (near + left, near + right, far + left, far + right))
+    below = a + fu * (b - a)
+    return np.asarray(below + fv * (c + fu * (d - c) - below))

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 
 from scenegen.render.files import Wanted, encode
 from scenegen.render.names import write_names
+from scenegen.render.picture import FIRST
 from scenegen.render.stage import Stage
 
 LENGTH = struct.Struct("<Q")  # goes before every file: its size in bytes
@@ -45,6 +46,6 @@ def main(job: dict[str, Any]) -> None:
                 shot = shots[view]
                 if wanted.names:
                     shot = replace(shot, color=write_names(shot.color, stage, painter.camera(view), places))
-                for data in encode(shot, wanted):
+                for data in encode(shot, wanted, FIRST + len(stage.things)):
                     out.write(LENGTH.pack(len(data)) + data)
             out.flush()

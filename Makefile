@@ -5,7 +5,7 @@ BIN    := .venv/bin
 STAMP  := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow fuzz lint goldens pictures tables bench exp1 clean
+.PHONY: help demo test test-slow fuzz lint goldens pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -41,8 +41,9 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
 	$(BIN)/python -m pytest -m "not slow" --regenerate
 
-pictures: $(STAMP) ## docs/relations.md and its pictures, from the prelude and the golden scenes
+pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py
+	$(BIN)/python docs/make_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
 	$(BIN)/python -m scenegen.lang.tables
@@ -53,8 +54,8 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/robustness.py
 	$(BIN)/python benchmarks/sampling.py
 
-exp1: $(STAMP)   ## experiment 1: both models, 50 epochs, 3 seeds, beside the paper's figures
-	$(BIN)/python benchmarks/exp1.py
+experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
+	$(BIN)/scenegen experiment all --out docs/experiments
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv build dist demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -19,8 +19,10 @@ _PUBLIC = {
     "Spec": "spec",
     "load": "spec",
     "parse": "spec",
+    "Scene": "scene",
     "SceneSet": "scenes",
     "read_scenes": "scenes",
+    "load_pybullet": "simulate",
     "rarity": "rarity",
     "sample": "sample",
     "sample_to": "stream",
@@ -37,6 +39,7 @@ __all__ = [
     "Model",
     "OutputError",
     "RequestError",
+    "Scene",
     "SceneSet",
     "ScenegenError",
     "Spec",
@@ -45,6 +48,7 @@ __all__ = [
     "__version__",
     "load",
     "load_model",
+    "load_pybullet",
     "parse",
     "rarity",
     "read_scenes",
@@ -56,7 +60,9 @@ __all__ = [
 if TYPE_CHECKING:
     from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
+    from scenegen.api.scene import Scene
     from scenegen.api.scenes import SceneSet, read_scenes
+    from scenegen.api.simulate import load_pybullet
     from scenegen.api.spec import Spec, load, parse
     from scenegen.api.stream import Written, sample_to
     from scenegen.api.train import Model, load_model, train

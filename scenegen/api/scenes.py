@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api import arrays, notebook
+from scenegen.api.scene import Scene
 from scenegen.assets import Shape
 from scenegen.data.arrange import arranged, check_held, order_of
 from scenegen.errors import Diagnostic, RequestError
@@ -27,7 +29,6 @@ from scenegen.scene.data import (
     Pose,
     RegionData,
     RequestData,
-    SceneData,
     SceneFile,
     ShapeData,
     SpecRef,
@@ -36,25 +37,34 @@ from scenegen.scene.data import (
 )
 
 if TYPE_CHECKING:
+    import pandas
+    import torch
+
     from scenegen.render import Rendered
 
 Array = npt.NDArray[np.float64]
 
+
+Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
+
+NAMED = 10  # objects that a set names when it speaks of itself
 CACHED = 32_768  # scenes scored at a time, so that they stay in cache
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SceneSet:
     """Scenes of one spec.
 
     `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
-    to (n,) values in float64. `header` is the scene file without its scenes.
+    to (n,) values in float64. `header` is the scene file without its scenes. A number picks a scene, and a slice, a
+    mask or an array of numbers a smaller set. Notebooks show the first scenes as pictures.
     """
 
     poses: Array
     phi: Mapping[str, Array]
     header: SceneFile
-    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+    warnings: tuple[Diagnostic, ...] = field(default=())
+    _drawn: list[bytes | None] = field(default_factory=list, init=False, repr=False)  # the sheet, once it is drawn
 
     def __len__(self) -> int:
         return int(self.poses.shape[0])
@@ -64,33 +74,85 @@ class SceneSet:
             f"{name} {values.min():.3g}..{values.max():.3g}" if len(values) else name
             for name, values in self.phi.items()
         ]
-        return f"<SceneSet: {len(self)} scenes of {', '.join(self.objects)}; phi {', '.join(spans)}>"
+        return f"<SceneSet: {len(self)} scenes of {self.names()}; phi {', '.join(spans)}>"
 
-    def __getitem__(self, index: int) -> SceneData:
+    @overload
+    def __getitem__(self, index: int) -> Scene: ...
+    @overload
+    def __getitem__(self, index: Picked) -> SceneSet: ...
+    def __getitem__(self, index: int | Picked) -> Scene | SceneSet:
+        if not isinstance(index, int | np.integer):
+            if isinstance(index, list) and not index:
+                index = slice(0)  # numpy takes an empty list for one of floats
+            phi = {name: values[index] for name, values in self.phi.items()}
+            return SceneSet(self.poses[index], phi, self.header)
         poses = {
             name: Pose(x=float(x), y=float(y), theta=float(theta))
             for name, (x, y, theta) in zip(self.objects, self.poses[index], strict=True)
         }
-        return SceneData(poses=poses, phi={name: float(values[index]) for name, values in self.phi.items()})
+        return Scene(poses, {name: float(values[index]) for name, values in self.phi.items()}, self.header)
 
-    def __iter__(self) -> Iterator[SceneData]:
+    def __iter__(self) -> Iterator[Scene]:
         return (self[index] for index in range(len(self)))
 
     @property
     def objects(self) -> tuple[str, ...]:
         return tuple(one.name for one in self.header.objects)
 
+    def names(self) -> str:
+        """The first objects in words."""
+        more = len(self.objects) - NAMED
+        return ", ".join(self.objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
     def file(self) -> SceneFile:
         """The scene file: validated data, ready to be written."""
-        return self.header.model_copy(update={"scenes": list(self)})
+        return self.header.model_copy(update={"scenes": [scene.data() for scene in self]})
+
+    def to_numpy(self) -> tuple[Array, Array]:
+        """Copies: poses (n, N, 3) in metres and radians, and phi (n, L), labels in the order of `phi`, in float64."""
+        return arrays.to_numpy(self)
+
+    def to_torch(
+        self, dtype: torch.dtype | None = None, device: torch.device | str | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """The same as tensors, what `spec.robustness()` takes and gives; float64 unless `dtype` says otherwise."""
+        return arrays.to_torch(self, dtype, device)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A data frame with one row per scene and the columns of a Parquet file: `mug.x`, ..., `phi.task`.
+
+        Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
+        """
+        return arrays.to_pandas(self)
+
+    def _repr_png_(self) -> bytes | None:
+        """For notebooks: the contact sheet of the first scenes, drawn when it is first asked for."""
+        if not self._drawn:
+            self._drawn.append(notebook.sheet(self[: notebook.SHOWN].file()))
+        return self._drawn[0]
+
+    def _repr_html_(self) -> str:
+        return notebook.page(self)
 
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
         path = Path(path)
-        table.write_scenes(path, self.header, tuple(self.phi), self._blocks())
+        table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
 
-    def _blocks(self) -> Iterator[Block]:
+    def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
+        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo), or a format of scene files.
+
+        A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
+        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. Returns
+        the paths of the scenes' files. Raises RequestError, DataError, OutputError.
+        """
+        from scenegen.api import export
+
+        return export.export(self, Path(out), to)
+
+    def blocks(self) -> Iterator[Block]:
+        """The scenes as file formats take them."""
         for start in range(0, len(self), BLOCK):
             part = slice(start, start + BLOCK)
             rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
@@ -103,17 +165,50 @@ class SceneSet:
         *,
         views: tuple[str, ...] = ("top", "perspective"),
         size: tuple[int, int] = (640, 480),
+        transparent: bool = False,
+        depth: bool = False,
+        masks: bool = False,
+        renderer: str = "software",
         workers: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's. Needs no display and no
-        GPU. `progress` is told how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter". `transparent` leaves out the ground below the
+        table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and NPZ. The result's
+        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
+        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
+        of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
-        return render_scenes(self.file(), Path(out), views=views, size=size, workers=workers, progress=progress)
+        return render_scenes(
+            self.file(),
+            Path(out),
+            views=views,
+            size=size,
+            transparent=transparent,
+            depth=depth,
+            masks=masks,
+            renderer=renderer,
+            workers=workers,
+            progress=progress,
+        )
+
+    def figures(
+        self,
+        out: str | Path,
+        *kinds: str,
+        view: str = "perspective",
+        size: tuple[int, int] = (640, 480),
+        label: str | None = None,
+        workers: int | None = None,
+    ) -> tuple[Path, ...]:
+        """Make figures in the folder `out`: "sheet", "sweep", "gif", "heatmap", "topview"; see `scenegen render
+        --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
+        from scenegen.api.figures import figures
+
+        return figures(self, out, kinds, view=view, size=size, label=label, workers=workers)
 
 
 def read_scenes(path: str | Path) -> SceneSet:

@@ -19,17 +19,20 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 if TYPE_CHECKING:
     from scenegen.assets.parts import Part
 
-PLAIN = ("box", "cylinder", "prism", "urdf")  # shapes that a spec gives sizes of their own
+PLAIN = ("box", "cylinder", "prism", "urdf", "mesh")  # shapes that a spec gives sizes of their own
 
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """One kind of object: its footprint, height in metres, main colour (RGB in 0..1) and how its parts are made, as
-    "module:function" in this folder: specs need footprints, and only pictures need meshes."""
+    """One kind of object: its footprint, height in metres, mass in kg, friction against wood, main colour (RGB in 0..1)
+    and how its parts are made, as "module:function" in this folder: specs need footprints, only pictures need meshes.
+    """
 
     name: str
     footprint: Circle | Box
     height: float
+    mass: float
+    friction: float
     color: RGB
     build: str
 
@@ -44,7 +47,7 @@ class Asset:
 @dataclass(frozen=True, slots=True)
 class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
-    `prism` and `urdf` with sizes of its own. Footprint and height in metres; `path` is the file of a `urdf`."""
+    `prism`, `urdf` and `mesh` with sizes of its own. Footprint and height in metres; `path` is the last two's file."""
 
     asset: str
     footprint: Footprint
@@ -57,24 +60,43 @@ UNKNOWN = "block"
 ASSETS: dict[str, Asset] = {
     asset.name: asset
     for asset in (
-        Asset("plate", Circle(0.125), 0.022, (0.95, 0.95, 0.94), "vessels:plate"),
-        Asset("bowl", Circle(0.080), 0.060, (0.30, 0.53, 0.72), "vessels:bowl"),
-        Asset("mug", Circle(0.062), 0.095, (0.80, 0.25, 0.20), "vessels:mug"),
-        Asset("cup", Circle(0.060), 0.075, (0.93, 0.72, 0.22), "vessels:cup"),
-        Asset("glass", Circle(0.035), 0.125, (0.66, 0.83, 0.90), "vessels:glass"),
-        Asset("bottle", Circle(0.036), 0.230, (0.15, 0.42, 0.27), "vessels:bottle"),
-        Asset("can", Circle(0.033), 0.115, (0.76, 0.13, 0.20), "vessels:can"),
-        Asset("jar", Circle(0.040), 0.120, (0.84, 0.50, 0.14), "vessels:jar"),
-        Asset("apple", Circle(0.037), 0.072, (0.76, 0.14, 0.13), "vessels:apple"),
-        Asset("fork", Box(0.190, 0.028), 0.010, (0.52, 0.55, 0.61), "flat:fork"),
-        Asset("knife", Box(0.220, 0.022), 0.010, (0.62, 0.65, 0.70), "flat:knife"),
-        Asset("spoon", Box(0.180, 0.038), 0.012, (0.54, 0.57, 0.63), "flat:spoon"),
-        Asset("napkin", Box(0.150, 0.150), 0.004, (0.40, 0.62, 0.55), "flat:napkin"),
-        Asset("crackerbox", Box(0.160, 0.060), 0.210, (0.76, 0.19, 0.15), "flat:crackerbox"),
-        Asset("book", Box(0.210, 0.150), 0.025, (0.22, 0.36, 0.60), "flat:book"),
-        Asset("block", Box(0.050, 0.050), 0.050, (0.88, 0.38, 0.16), "flat:block"),
+        Asset("plate", Circle(0.125), 0.022, 0.45, 0.4, (0.95, 0.95, 0.94), "vessels:plate"),
+        Asset("bowl", Circle(0.080), 0.060, 0.3, 0.4, (0.30, 0.53, 0.72), "vessels:bowl"),
+        Asset("mug", Circle(0.062), 0.095, 0.35, 0.45, (0.14, 0.45, 0.50), "vessels:mug"),
+        Asset("cup", Circle(0.060), 0.075, 0.2, 0.45, (0.93, 0.72, 0.22), "vessels:cup"),
+        Asset("glass", Circle(0.035), 0.125, 0.3, 0.4, (0.66, 0.83, 0.90), "vessels:glass"),
+        Asset("bottle", Circle(0.036), 0.230, 0.8, 0.4, (0.15, 0.42, 0.27), "vessels:bottle"),
+        Asset("can", Circle(0.033), 0.115, 0.35, 0.35, (0.76, 0.13, 0.20), "vessels:can"),
+        Asset("jar", Circle(0.040), 0.120, 0.45, 0.4, (0.84, 0.50, 0.14), "vessels:jar"),
+        Asset("apple", Circle(0.037), 0.072, 0.18, 0.5, (0.76, 0.14, 0.13), "vessels:apple"),
+        Asset("fork", Box(0.190, 0.028), 0.010, 0.045, 0.35, (0.52, 0.55, 0.61), "flat:fork"),
+        Asset("knife", Box(0.220, 0.022), 0.010, 0.07, 0.35, (0.62, 0.65, 0.70), "flat:knife"),
+        Asset("spoon", Box(0.180, 0.038), 0.012, 0.04, 0.35, (0.54, 0.57, 0.63), "flat:spoon"),
+        Asset("napkin", Box(0.150, 0.150), 0.004, 0.02, 0.6, (0.40, 0.62, 0.55), "flat:napkin"),
+        Asset("crackerbox", Box(0.160, 0.060), 0.210, 0.41, 0.5, (0.76, 0.19, 0.15), "flat:crackerbox"),
+        Asset("book", Box(0.210, 0.150), 0.025, 0.45, 0.5, (0.22, 0.36, 0.60), "flat:book"),
+        Asset("tray", Box(0.400, 0.300), 0.045, 0.80, 0.5, (0.25, 0.42, 0.45), "kitchen:tray"),
+        Asset("carton", Box(0.300, 0.220), 0.160, 0.30, 0.5, (0.72, 0.53, 0.34), "kitchen:carton"),
+        Asset("board", Box(0.340, 0.220), 0.018, 0.90, 0.5, (0.46, 0.29, 0.18), "kitchen:board"),
+        Asset("teapot", Box(0.220, 0.135), 0.150, 0.70, 0.4, (0.36, 0.55, 0.60), "kitchen:teapot"),
+        Asset("banana", Box(0.180, 0.062), 0.036, 0.12, 0.5, (0.95, 0.80, 0.24), "fruit:banana"),
+        Asset("orange", Circle(0.040), 0.080, 0.20, 0.5, (0.93, 0.52, 0.12), "fruit:orange"),
+        Asset("lemon", Box(0.090, 0.058), 0.058, 0.10, 0.5, (0.95, 0.85, 0.25), "fruit:lemon"),
+        Asset("laptop", Box(0.312, 0.330), 0.224, 1.40, 0.5, (0.66, 0.68, 0.71), "desk:laptop"),
+        Asset("keyboard", Box(0.135, 0.430), 0.023, 0.60, 0.6, (0.23, 0.25, 0.29), "desk:keyboard"),
+        Asset("mouse", Box(0.115, 0.062), 0.038, 0.09, 0.4, (0.30, 0.32, 0.36), "desk:mouse"),
+        Asset("phone", Box(0.150, 0.073), 0.009, 0.18, 0.5, (0.16, 0.18, 0.24), "desk:phone"),
+        Asset("remote", Box(0.190, 0.046), 0.020, 0.11, 0.5, (0.20, 0.20, 0.22), "desk:remote"),
+        Asset("stapler", Box(0.150, 0.038), 0.058, 0.25, 0.5, (0.70, 0.18, 0.22), "desk:stapler"),
+        Asset("pen", Box(0.145, 0.013), 0.014, 0.012, 0.4, (0.16, 0.30, 0.62), "desk:pen"),
+        Asset("marker", Box(0.135, 0.020), 0.020, 0.018, 0.4, (0.22, 0.60, 0.35), "desk:marker"),
+        Asset("scissors", Box(0.180, 0.084), 0.0125, 0.080, 0.4, (0.85, 0.40, 0.14), "desk:scissors"),
+        Asset("block", Box(0.050, 0.050), 0.050, 0.08, 0.5, (0.88, 0.38, 0.16), "flat:block"),
     )
 }
+
+
+ALIASES = {"box": "carton", "cuttingboard": "board", "cellphone": "phone", "smartphone": "phone", "pencil": "pen"}
 
 
 def stem(name: str) -> str:
@@ -83,7 +105,9 @@ def stem(name: str) -> str:
 
 
 def _known(name: str) -> str | None:
-    return next((word for word in (name, stem(name), stem(name).lower().replace("_", "")) if word in ASSETS), None)
+    """The asset that a name stands for; `box` is one too, whereas the shape `box(...)` has sizes of its own."""
+    plain = stem(name).lower().replace("_", "")
+    return next((word for word in (name, stem(name), plain, ALIASES.get(plain)) if word in ASSETS), None)
 
 
 def asset_of(name: str) -> Asset:
@@ -106,7 +130,7 @@ def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
     """What is drawn of an object: closed meshes of its own size in its own frame, z = 0 the table.
 
     An entry of the library is stretched to the shape's footprint and height; a plain shape is made to measure (of a
-    URDF: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
+    file: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
     """
     footprint = shape.footprint
     if shape.asset in PLAIN or isinstance(footprint, Polygon):

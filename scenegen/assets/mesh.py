@@ -34,6 +34,17 @@ class Mesh:
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([x, -z, y]), self.faces)
 
+    def laid(self) -> Mesh:
+        """Turned by a quarter about the y axis: what pointed up points along +x."""
+        x, y, z = self.vertices.T
+        return Mesh(np.column_stack([z, y, -x]), self.faces)
+
+    def turned(self, angle: float) -> Mesh:
+        """Turned about the z axis, counter-clockwise, by radians."""
+        x, y, z = self.vertices.T
+        cos, sin = math.cos(angle), math.sin(angle)
+        return Mesh(np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), self.faces)
+
     def scaled(self, x: float, y: float, z: float) -> Mesh:
         """Stretched along the axes by positive factors."""
         return Mesh(self.vertices * np.array([x, y, z]), self.faces)
@@ -71,6 +82,13 @@ def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
         normals[group] = near @ (faces * angles[group, None])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     return corners.reshape(-1, 3), normals, np.arange(flat.size)
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def _outwards(vertices: Floats, faces: Sequence[tuple[int, int, int]] | Indices) -> Mesh:

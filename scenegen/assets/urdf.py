@@ -1,4 +1,5 @@
-"""The outline of a URDF file: what the robot description's shapes cover of the table, all joints at zero.
+"""The outline of a URDF file: what the robot description's shapes cover of the table, all joints at zero; and that of
+a mesh file alone.
 
 Collision shapes count, and the visual ones of links that have none. The format: http://wiki.ros.org/urdf/XML.
 """
@@ -78,6 +79,21 @@ def outline(data: bytes, read_mesh: Callable[[str], bytes]) -> tuple[Footprint, 
         raise UrdfError(str(error)) from None
 
 
+def mesh_outline(name: str, data: bytes) -> tuple[Footprint, float]:
+    """Footprint and height (metres) of a mesh file, .obj or .stl by the ending of `name`, whose unit is the metre and
+    whose z axis points up. As in `outline`, the footprint is the convex hull of what it covers, and the object stands
+    with its lowest point on the table. Raises UrdfError."""
+    shadow = Shadow()
+    try:
+        shadow.points(np.eye(3), np.zeros(3), vertices(name, data))
+        footprint = shadow.footprint()
+    except (MeshError, OutlineError) as error:
+        raise UrdfError(str(error)) from None
+    height = round(shadow.top - shadow.bottom, 9)
+    _check_sizes(footprint, height, "for a mesh in millimetres write a URDF with scale")
+    return footprint, height
+
+
 def _outline(robot: Element, meshes: _Meshes) -> tuple[Footprint, float]:
     if robot.tag != "robot":
         raise UrdfError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
@@ -89,13 +105,13 @@ def _outline(robot: Element, meshes: _Meshes) -> tuple[Footprint, float]:
         raise UrdfError("no link of it has a shape")
     footprint = shadow.footprint()
     height = round(shadow.top - shadow.bottom, 9)
-    _check_sizes(footprint, height)
+    _check_sizes(footprint, height, "for meshes in millimetres write scale")
     return footprint, height
 
 
-def _check_sizes(footprint: Footprint, height: float) -> None:
+def _check_sizes(footprint: Footprint, height: float, hint: str) -> None:
     if max(*footprint.extent, height) > LARGEST:
-        help_ = 'for meshes in millimetres write scale="0.001 0.001 0.001"'
+        help_ = f'{hint}="0.001 0.001 0.001"'
         raise UrdfError(f"it is larger than {LARGEST:,.0f} m; {help_}")
     least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
     if min(least, height) < SMALLEST:

@@ -16,10 +16,10 @@ def plate(color: RGB) -> tuple[Part, ...]:
         72,
     )  # fmt: skip
     ink = mix(color, (0.20, 0.36, 0.62), 0.70)
-    well = revolve([(0.0, 0.006), (0.0755, 0.006), (0.0755, 0.0074), (0.0, 0.0074)], 72)
+    well = revolve([(0.0, 0.006), (0.0755, 0.006), (0.0758, 0.0069), (0.0735, 0.0074), (0.0, 0.0074)], 72)
     line = revolve([(0.1085, 0.016), (0.1130, 0.016), (0.1130, 0.0198), (0.1085, 0.0185)], 72)
     mark = revolve([(0.0925, 0.011), (0.1050, 0.014), (0.1050, 0.0176), (0.0925, 0.0139)], 8, start=-0.10, sweep=0.20)
-    return Part(body, color), Part(well, mix(color, (0.80, 0.84, 0.88), 0.55)), Part(line, ink), Part(mark, ink)
+    return Part(body, color), Part(well, mix(color, (0.84, 0.86, 0.88), 0.45)), Part(line, ink), Part(mark, ink)
 
 
 def bowl(color: RGB) -> tuple[Part, ...]:

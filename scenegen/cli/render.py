@@ -1,8 +1,9 @@
-"""`scenegen render`: pictures of scenes."""
+"""`scenegen render`: pictures and figures of scenes."""
 
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,9 +16,41 @@ if TYPE_CHECKING:
 def render(
     scenes: Annotated[Path, typer.Argument(help="A scenes file.", metavar="SCENES", show_default=False)],
     out: Annotated[Path, typer.Option("--out", help="The folder for the pictures.", metavar="DIR", show_default=False)],
+    view: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--view",
+            help="top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.",
+            metavar="VIEW",
+        ),
+    ] = None,
     size: Annotated[
         str, typer.Option("--size", help="Width and height of a picture in pixels.", metavar="WxH")
     ] = "640x480",
+    transparent: Annotated[
+        bool, typer.Option("--transparent", help="Leave out the ground below the table.", show_default=False)
+    ] = False,
+    depth: Annotated[
+        bool, typer.Option("--depth", help="Also write the depth of every pixel (PNG and NPZ).", show_default=False)
+    ] = False,
+    masks: Annotated[
+        bool, typer.Option("--masks", help="Also write what every pixel shows (PNG and NPZ).", show_default=False)
+    ] = False,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--figure",
+            help="A figure instead of pictures: sheet, sweep, gif, heatmap or topview; more than one may be given.",
+            metavar="FIGURE",
+        ),
+    ] = None,
+    label: Annotated[
+        str | None,
+        typer.Option("--label", help="The label that sweep, gif and topview are about; default: the first."),
+    ] = None,
+    renderer: Annotated[
+        str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
+    ] = "software",
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
@@ -26,16 +59,44 @@ def render(
 
     \b
       scenegen render scenes.json --out pictures
-      scenegen render scenes.json --out pictures --size 1280x960
+      scenegen render scenes.json --out pictures --view front --size 1280x960
+      scenegen render scenes.json --out dataset --view front --depth --masks
+      scenegen render scenes.json --out figures --figure sweep --figure heatmap
 
-    Needs no display and no GPU. Pictures are numbered in scene order: scene_0001_top.png, scene_0001_perspective.png.
+    Needs no display and no GPU. Pictures are numbered in scene order: scene_0001_top.png,
+    scene_0001_perspective.png. cameras.json holds intrinsics and extrinsics, and what the numbers in masks stand for.
+
+    \b
+    Figures:
+      sheet    all scenes with their phi: contact_sheet.png
+      sweep    one layout from hard to solved: sweep.png
+      gif      the same, animated: sweep.gif
+      heatmap  where each object goes: heatmap.png
+      topview  what decides phi, as a dimension: scene_0001_topview.svg
     """
     from scenegen.api.scenes import check_count, read_scenes
 
-    width, height = parse_size(size)
+    shape = parse_size(size)
     found = read_scenes(scenes)
     check_count(found)
-    draw(found, out, (width, height), workers)
+    views = tuple(view) if view else ("top", "perspective")
+    if figure:
+        _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
+        _figures(found, out, tuple(figure), view[0] if view else "perspective", shape, label, workers)
+        return
+    if label is not None:
+        raise _only("--label", "goes with --figure sweep, gif or topview")
+    draw(
+        found,
+        out,
+        shape,
+        workers,
+        views=views,
+        transparent=transparent,
+        depth=depth,
+        masks=masks,
+        renderer=renderer,
+    )
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -49,19 +110,97 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def draw(scenes: SceneSet, out: Path, size: tuple[int, int] = (640, 480), workers: int | None = None) -> None:
-    """Draw with a progress bar, and say where the pictures are."""
-    from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
+def draw(
+    scenes: SceneSet,
+    out: Path,
+    size: tuple[int, int] = (640, 480),
+    workers: int | None = None,
+    *,
+    views: tuple[str, ...] = ("top", "perspective"),
+    transparent: bool = False,
+    depth: bool = False,
+    masks: bool = False,
+    renderer: str = "software",
+) -> None:
+    """Draw with a progress bar, and say where the pictures are and how fast they came."""
     from scenegen.cli.output import print_error, progress_bar
-    from scenegen.errors import quoted
 
+    started = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task("drawing", total=len(scenes))
         drawn = scenes.render(
-            out, size=size, workers=workers, progress=lambda done, total: bar.update(task, completed=done)
+            out,
+            views=views,
+            size=size,
+            transparent=transparent,
+            depth=depth,
+            masks=masks,
+            renderer=renderer,
+            workers=workers,
+            progress=lambda done, total: bar.update(task, completed=done),
         )
+    took = time.perf_counter() - started
+    _note_unknown(scenes)
+    speed = f"{len(scenes) / took:.3g} scenes/s"
+    print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
+
+
+def _figures(
+    scenes: SceneSet,
+    out: Path,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int],
+    label: str | None,
+    workers: int | None,
+) -> None:
+    from scenegen.api.figures import figures
+    from scenegen.cli.output import print_error, progress_bar
+
+    with progress_bar() as bar:
+        task = bar.add_task("drawing", total=None)
+        made = figures(
+            scenes,
+            out,
+            kinds,
+            view=view,
+            size=size,
+            label=label,
+            workers=workers,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    _note_unknown(scenes)
+    if len(made) > 4:
+        print_error(f"drew {len(made)} figures in {out}")
+    else:
+        print_error(f"drew {', '.join(map(str, made))}")
+
+
+def _note_unknown(scenes: SceneSet) -> None:
+    """Names that the library does not know are drawn as blocks: say so, and what it does know."""
+    from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
+    from scenegen.cli.output import print_error
+    from scenegen.errors import quoted
+
     shown = {*ASSETS, *PLAIN} - {UNKNOWN}
     unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]
     if unknown:
-        print_error(f"note: no picture for {quoted(unknown)}: drawn as blocks; there are {', '.join(sorted(ASSETS))}")
-    print_error(f"drew {len(drawn.pictures)} pictures in {out}; contact sheet: {drawn.sheet}")
+        print_error(f"note: no picture for {quoted(unknown)}: drawn as blocks; `scenegen assets` lists what there is")
+
+
+def _refuse_with_figures(
+    *, transparent: bool, depth: bool, masks: bool, renderer: str, views: list[str] | None
+) -> None:
+    for option, given in (("--transparent", transparent), ("--depth", depth), ("--masks", masks)):
+        if given:
+            raise _only(option, "goes with pictures, not with --figure")
+    if renderer != "software":
+        raise _only("--renderer", "goes with pictures, not with --figure")
+    if views is not None and len(views) > 1:
+        raise _only("--view", "may be given once with --figure")
+
+
+def _only(option: str, rule: str) -> Exception:
+    from scenegen.errors import Diagnostic, RequestError
+
+    return RequestError(Diagnostic(f"{option} {rule}", help="see `scenegen render --help`"))

@@ -17,29 +17,19 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenegen.errors import DataError, Diagnostic, OutputError, quoted
+from scenegen.errors import DataError, Diagnostic, quoted
 from scenegen.formats.blocks import BLOCK, Block, Reading, check_numbers, regrouped
+from scenegen.formats.columns import PHI, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import HELP, dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
-from scenegen.scene.workspace import AXES
 
 KEY = b"scenegen"  # of the header in the file's metadata
-PHI = "phi."
-
-
-def columns(objects: Sequence[str], labels: Sequence[str]) -> list[str]:
-    """The names of the columns, in their order: the 3N coordinates, then phi."""
-    return [f"{name}.{axis}" for name in objects for axis in AXES] + [f"{PHI}{label}" for label in labels]
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """Scenes block by block. Raises OutputError where an object `phi` and a label `x` would share a column."""
     names = columns([one.name for one in header.objects], labels)
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        title = f"two columns of the Parquet file would be called `{twice}`"
-        raise OutputError(Diagnostic(title, help="rename the object `phi`, or write .jsonl"))
     fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
     schema = pa.schema(fields, metadata={KEY: dump_header(header).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}

@@ -26,6 +26,9 @@ FORMATS: dict[str, str] = {
     ".parquet": "scenegen.formats.parquet",
 }
 
+# Of simulators' files (see `simulators`): `sample` knows them in order to say where they come from.
+ENDINGS: dict[str, str] = {".xml": "mjcf", ".sdf": "sdf", ".world": "sdf"}
+
 EXTRAS = {"pyarrow": "parquet"}  # libraries that come with an extra of scenegen only
 
 
@@ -36,6 +39,9 @@ def format_of(path: Path) -> Any:
     if module is None:
         shown = f"the ending `{path.suffix}`" if path.suffix else "no ending"
         help_ = suggest(path.suffix, FORMATS, f"use {', '.join(FORMATS)}")
+        if path.suffix.lower() in ENDINGS:
+            scenes = path.with_suffix(".json")
+            help_ = f"sample to {scenes.name}, then: scenegen export {scenes} --out {path}"
         raise RequestError(Diagnostic(f"{path} has {shown}: not a format of scene files", help=help_))
     try:
         return importlib.import_module(module)

@@ -1,7 +1,7 @@
 """The canonical text of a spec, which scene and model files carry: all it needs, in one piece.
 
-Imports are replaced by what they import, and the outline of a URDF file stands beside its path: the text means the same
-wherever it is read again.
+Imports are replaced by what they import, and the outline of a URDF or mesh file stands beside its path: the text
+means the same wherever it is read again.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from scenegen.errors import Source
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_module
+from scenegen.lang.resolve import FILES
 from scenegen.lang.scope import Scope
 from scenegen.primitives.footprint import Box, Circle, Footprint
 
@@ -27,11 +28,11 @@ def canonical(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, sha
 
 
 def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape]) -> ast.Objects:
-    """The statement with every URDF's outline written out."""
+    """The statement with every file's outline written out."""
     declarations = []
     for one in statement.declarations:
         call = one.shape
-        if isinstance(call, ast.Call) and call.function.id == "urdf":
+        if isinstance(call, ast.Call) and call.function.id in FILES:
             place = scope.arrays.get(one.name.id, (scope.objects.get(one.name.id, 0),))[0]
             looks = shapes[place]
             arguments = (ast.Argument(None, ast.Text(looks.path)), ast.Argument(None, _outline(looks)))

@@ -11,7 +11,7 @@ from scenegen.errors import Diagnostic, Source, Span, SpecError, suggest
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
-from scenegen.lang.resolve import SHAPES, bind
+from scenegen.lang.resolve import FILES, SHAPES, bind
 from scenegen.lang.scope import Thing
 from scenegen.lang.select import whole_number
 from scenegen.lang.spec import Pose
@@ -79,8 +79,8 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
         help_ = suggest(written, SHAPES, f"write the name of an asset, or {usages}")
         raise SpecError(Diagnostic("this is no shape", here, "expected what the object looks like", help_))
     kind = expr.function.id
-    if kind == "urdf":
-        file: Shape = yield _urdf(lowering, expr, source, project)
+    if kind in FILES:
+        file: Shape = yield _file(lowering, expr, source, project)
         return file
     given: Arguments = yield arguments(lowering, expr, source)
 
@@ -97,29 +97,33 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
     return Shape(kind, footprint, measure("height"))
 
 
-def _urdf(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
+def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
     """A file's outline; where the outline stands beside the path, the file is not read."""
-    from scenegen.assets.urdf import UrdfError, outline
+    from scenegen.assets.urdf import UrdfError, mesh_outline, outline
 
-    given = bind(call, SIGNATURES["urdf"], source)
+    kind = call.function.id
+    given = bind(call, SIGNATURES[kind], source)
     if isinstance(given, Diagnostic):
         raise SpecError(given)
     path = given["path"]
     here = path.span(source)
     if not isinstance(path, ast.Text):
-        raise SpecError(Diagnostic("a file is named in double quotes", here, "", 'write urdf("tray.urdf")'))
+        raise SpecError(Diagnostic("a file is named in double quotes", here, "", f"write {SIGNATURES[kind].usage}"))
     if "shape" in given:
         stated: Shape = yield _shape(lowering, given["shape"], source, project)
         if stated.path or stated.asset not in SHAPES:
-            help_ = f'write urdf("{path.value}", box(length, width, height))'
+            help_ = f'write {kind}("{path.value}", box(length, width, height))'
             raise SpecError(Diagnostic("this is no outline", given["shape"].span(source), "", help_))
-        return Shape("urdf", stated.footprint, stated.height, path.value)
-    data = project.read(path.value, here, "a URDF file")
+        return Shape(kind, stated.footprint, stated.height, path.value)
+    data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
     try:
-        footprint, height = outline(data, lambda mesh: project.read_beside(path.value, mesh, here))
+        if kind == "mesh":
+            footprint, height = mesh_outline(path.value, data)
+        else:
+            footprint, height = outline(data, lambda mesh: project.read_beside(path.value, mesh, here))
     except UrdfError as error:
         raise SpecError(Diagnostic(f"{path.value} is of no use: {error}", here)) from None
-    return Shape("urdf", footprint, height, path.value)
+    return Shape(kind, footprint, height, path.value)
 
 
 def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...]:

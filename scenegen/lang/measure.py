@@ -26,6 +26,7 @@ SIGNATURES = {
     "cylinder": Signature("cylinder", ("radius", "height"), 2, usage="cylinder(radius, height)"),
     "prism": Signature("prism", ("corners", "height"), 2, usage="prism([(x, y), ...], height)"),
     "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
+    "mesh": Signature("mesh", ("path", "shape"), 1, usage='mesh("file.obj")'),
     "rect": Signature("rect", ("left", "bottom", "right", "top"), 4, usage="rect(left, bottom, right, top)"),
     "circle": Signature("circle", ("center", "radius"), 2, usage="circle((x, y), radius)"),
     "polygon": Signature("polygon", ("corners",), 1, usage="polygon([(x, y), ...])"),

@@ -15,7 +15,8 @@ from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
-SHAPES = ("box", "cylinder", "prism", "urdf")  # what an object can be
+SHAPES = ("box", "cylinder", "prism", "urdf", "mesh")  # what an object can be
+FILES = ("urdf", "mesh")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
 AREAS = ("rect", "circle", "polygon")  # what a region can be
@@ -61,9 +62,9 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
         if isinstance(one.shape, ast.Call):
-            urdf = one.shape.function.id == "urdf"
+            file = one.shape.function.id in FILES
             for argument in one.shape.arguments:
-                if not (urdf and isinstance(argument.value, ast.Name)):
+                if not (file and isinstance(argument.value, ast.Name)):
                     yield from _shape_argument(argument, scope, source)
         if one.pose is not None:
             yield from _expression(one.pose, set(), scope, source, True)

@@ -51,6 +51,7 @@ _SHAPES = {
     "cylinder": "an upright cylinder",
     "prism": "an upright prism over a convex polygon",
     "urdf": "a robot description file; its outline is the hull of its collision shapes",
+    "mesh": "a mesh file, .obj or .stl in metres; its outline is its convex hull",
     "rect": "a rectangle, by the coordinates of its sides",
     "circle": "a disc",
     "polygon": "a convex polygon, by its corners",

@@ -13,10 +13,10 @@ from itertools import pairwise
 
 from scenegen.assets import Shape
 from scenegen.assets.outline import simplified
+from scenegen.assets.physics import DENSITY
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import Point, centroid, signed_area
 
-DENSITY = 500.0  # kg/m^3, of wood and of tableware that is half air
 SIDES = 32  # of the prisms that stand for round things
 MOST = 64  # corners of an outline; one with more is replaced by one drawn round it
 

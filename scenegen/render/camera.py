@@ -15,11 +15,13 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-VIEWS = ("top", "perspective")
+VIEWS = ("top", "perspective", "front", "three-quarter")
+USUAL = ("top", "perspective")  # what is drawn where nothing else is asked for
 
-FIELD = math.radians(32.0)  # height of the perspective picture, as an angle
-SLOPE = math.radians(50.0)  # how far the perspective camera looks down from the horizontal
-ROOM = {"top": 0.955, "perspective": 0.955}  # share of the picture that what is framed may fill
+FIELD = math.radians(32.0)  # height of a picture in perspective, as an angle
+# Where cameras in perspective stand: degrees to the right of the viewer's side, and down from the horizontal.
+PLACES = {"perspective": (0.0, 50.0), "front": (0.0, 24.0), "three-quarter": (38.0, 36.0)}
+ROOM = 0.955  # share of the picture that what is framed may fill
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +43,26 @@ class Camera:
     def orthographic(self) -> bool:
         return bool(self.projection[3, 3] == 1.0)
 
+    def intrinsics(self) -> dict[str, float]:
+        """Focal lengths and principal point in pixels (u = fx x / z + cx, v = fy y / z + cy, for the axes of
+        `extrinsics`); without perspective, pixels per metre (u = fx x + cx)."""
+        width, height = self.size
+        fx, fy = (float(self.projection[axis, axis]) * self.size[axis] / 2.0 for axis in (0, 1))
+        return {"fx": fx, "fy": fy, "cx": width / 2.0, "cy": height / 2.0}
+
+    def extrinsics(self) -> Floats:
+        """(4, 4): from the world to the camera's frame, whose x points to the right, y down and z ahead (OpenCV's)."""
+        return np.asarray(np.diag([1.0, -1.0, -1.0, 1.0]) @ self.view)
+
     def resized(self, size: tuple[int, int]) -> Camera:
         """The same view with another number of pixels."""
         return Camera(self.view, self.projection, size)
+
+    def centred(self) -> Camera:
+        """The camera whose pixels, sampled at their lower left corners, show this one's pixels at their centres."""
+        shift = np.eye(4)
+        shift[:2, 3] = -1.0 / self.size[0], -1.0 / self.size[1]
+        return Camera(self.view, shift @ self.projection, self.size)
 
     def rays(self, columns: npt.ArrayLike, rows: npt.ArrayLike) -> tuple[Floats, Floats]:
         """Origins and directions, (..., 3) each, of the lines seen at pixels; depth 1 is one direction further on."""
@@ -60,9 +79,32 @@ class Camera:
     def depth(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Distance along the view direction, in metres, of pybullet's depth buffer, which it fills by the formula for
         perspective whatever the projection is."""
-        scale, offset = float(self.projection[2, 2]), float(self.projection[2, 3])
-        near, far = (scale - 1.0) / offset, (scale + 1.0) / offset  # reciprocals of the planes
+        near, far = self._planes()
         return np.asarray(1.0 / (near - buffer * np.float32(near - far)), dtype=np.float32)
+
+    def for_card(self) -> Floats:
+        """The projection for a graphics card, whose depth without perspective is what it should be, linear, and which
+        samples pixels in their middle."""
+        projection = self.projection.copy()
+        if self.orthographic:
+            near, far = (1.0 / plane for plane in self._planes())
+            projection[2, 2:] = -2.0 / (far - near), -(far + near) / (far - near)
+        shift = np.eye(4)
+        shift[:2, 3] = 1.0 / self.size[0], 1.0 / self.size[1]
+        return np.asarray(shift @ projection)
+
+    def from_card(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """A card's depth buffer as the software renderer would have filled it."""
+        if not self.orthographic:
+            return buffer
+        near, far = self._planes()
+        depth = 1.0 / near + buffer * np.float32(1.0 / far - 1.0 / near)
+        return np.asarray((near - 1.0 / depth) / (near - far), dtype=np.float32)
+
+    def _planes(self) -> tuple[float, float]:
+        """Reciprocals of the distances, in metres, of what is nearest and farthest in the picture."""
+        scale, offset = float(self.projection[2, 2]), float(self.projection[2, 3])
+        return (scale - 1.0) / offset, (scale + 1.0) / offset
 
 
 def _orthographic(half_width: float, half_height: float, near: float, far: float) -> Floats:
@@ -116,11 +158,13 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
     low, high = points.min(axis=0), points.max(axis=0)
     if view == "top":
         centre = (low[:2] + high[:2]) / 2.0
-        half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / ROOM[view]
+        half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / ROOM
         reach = np.array([half * aspect, half])
         return downwards(list(centre - reach), list(centre + reach), size, (0.0, 0.0))
-    forward = np.array([0.0, math.cos(SLOPE), -math.sin(SLOPE)])
-    right = np.array([1.0, 0.0, 0.0])
+    turn, slope = (math.radians(angle) for angle in PLACES[view])
+    right = np.array([math.cos(turn), math.sin(turn), 0.0])
+    level = np.array([-math.sin(turn), math.cos(turn), 0.0])
+    forward = math.cos(slope) * level - np.array([0.0, 0.0, math.sin(slope)])
     up = np.cross(right, forward)
     tan_y = math.tan(FIELD / 2.0)
     tan_x = tan_y * aspect
@@ -132,8 +176,8 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
         above, below = float((along - tangent * ahead).max()), float((-along - tangent * ahead).max())
         return -(above + below) / (2.0 * tangent), (above - below) / 2.0
 
-    back_x, at_x = fit(right, tan_x * ROOM[view])
-    back_y, at_y = fit(up, tan_y * ROOM[view])
+    back_x, at_x = fit(right, tan_x * ROOM)
+    back_y, at_y = fit(up, tan_y * ROOM)
     back = min(back_x, back_y)
     eye = at_x * right + at_y * up + back * forward
     near, far = float(ahead.min()) - back, float(ahead.max()) - back

@@ -19,9 +19,9 @@ OPAQUE, EDGE = 0.50, 0.85  # how much of the wood the cloth and its border hide
 def cover(stage: Stage, x: Floats, y: Floats, wood: Floats) -> Floats:
     """(h, w, 3): factors of the table's own colour where the table is seen at (x, y) (h, w), in metres.
 
-    `wood` (h, w) are the factors of the bare table. Regions that overlap show through each other, later ones on top.
+    `wood` (h, w, 3) are the factors of the bare table. Regions that overlap show through each other, later ones on top.
     """
-    tint = np.repeat(wood[..., None], 3, axis=2)
+    tint = wood.copy()
     pixel = np.maximum(np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0)))
     flat, sizes, columns, rows = tint.reshape(-1, 3), pixel.ravel(), x.ravel(), y.ravel()
     for patch in stage.patches:

@@ -11,12 +11,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.render.ambient import Ambient
 from scenegen.render.camera import Camera, Floats, downwards
 from scenegen.render.cloth import cover
+from scenegen.render.picture import GROUND, TABLE, Image, Mask, Picture, Rows, Shot
 from scenegen.render.stage import Stage
-
-Image = npt.NDArray[np.float32]
-Picture = npt.NDArray[np.uint8]
+from scenegen.render.wood import wood
 
 TOWARDS = (-0.36, -0.28, 1.0)  # direction of the light: from the left, from behind the viewer
 SLIDE = (-TOWARDS[0], -TOWARDS[1])  # how far a shadow lies from what casts it, per metre of height
@@ -24,12 +24,15 @@ MAP = 1024  # pixels along a side of the light's depth buffer
 PAD = 24  # pixels round it in which nothing stands, more than a shadow's edge is wide
 SOFT = 0.013  # metres; radius of a shadow's blurred edge
 TAPS = 16
-DARKEST = (0.31, 0.30, 0.28)  # share of red, green and blue that a full shadow takes away
+RAMP = 0.03  # metres above a point of a thing within which what is there comes to hide the light
+DARKEST = (0.34, 0.33, 0.30)  # share of red, green and blue that a full shadow takes away
+HIDDEN = (0.62, 0.64, 0.66)  # and a fully hidden sky
+ON_THINGS = 0.55  # of the hidden sky that counts on things: their own walls hide half of it
 FAINT = 0.5  # how much of that is left on the ground below the table
 EMPTY = 0.9999  # the depth buffer's value, but for rounding, where nothing was drawn
 GROUND_BELOW = 3.0  # thicknesses of the table top
-GROUND = (0.905, 0.915, 0.925)
-GROUND_FAR = (0.83, 0.85, 0.87)
+FLOOR = (0.935, 0.932, 0.925)
+FLOOR_FAR = (0.865, 0.872, 0.880)
 
 
 def light_camera(stage: Stage) -> Camera:
@@ -47,83 +50,143 @@ class Lighting:
     """Lights the pictures of one camera. The table and the ground never move: they are drawn and lit once, here.
 
     `factor` is how many pixels of a raw picture make one of the result, along each side. `colors`, `buffer` and
-    `light_buffer` are the raw picture and the camera's and the light's depth buffers of the bare table.
+    `light_buffer` are the raw picture and the camera's and the light's depth buffers of the bare table. `transparent`
+    leaves the ground out.
     """
 
     def __init__(
-        self, stage: Stage, camera: Camera, factor: int, colors: Picture, buffer: Image, light_buffer: Image
+        self,
+        stage: Stage,
+        camera: Camera,
+        factor: int,
+        colors: Picture,
+        buffer: Image,
+        light_buffer: Image,
+        *,
+        transparent: bool = False,
     ) -> None:
         self.factor = factor
+        self.camera = camera
+        self.transparent = transparent
         raw = camera.resized((camera.size[0] * factor, camera.size[1] * factor))
         columns, rows = np.meshgrid(np.arange(raw.size[0], dtype=np.float64), np.arange(raw.size[1], dtype=np.float64))
-        # pybullet samples a pixel at its lower left corner.
-        origin, direction = raw.rays(columns, rows + 1.0)
+        # pybullet samples a pixel at its lower left corner; `centred` makes up for that where nothing is averaged.
+        away = 0.0 if factor > 1 else 0.5
+        origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY
-        ground = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / direction[..., 2]
-        depth = np.where(bare, ground, raw.depth(buffer)).astype(np.float32)
+        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / direction[..., 2]
+        depth = np.where(bare, below, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)
-        wood = _wood(stage, at[..., 0], at[..., 1])
-        tint = np.where(top[..., None], cover(stage, at[..., 0], at[..., 1], wood), 1.0)
+        tint = np.where(top[..., None], cover(stage, at[..., 0], at[..., 1], wood(stage, at[..., 0], at[..., 1])), 1.0)
 
-        every = (slice(None, None, factor), slice(None, None, factor))
-        self.camera = camera
+        # Of four raw pixels, the upper right one is sampled in the middle of the four.
+        self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))
         self.light = light_camera(stage)
         matrix = self.light.projection @ self.light.view
         pixels = np.array([MAP / 2.0, -MAP / 2.0])
-        self.start = ((origin[every] @ matrix[:2, :3].T + matrix[:2, 3] + (1.0, -1.0)) * pixels).astype(np.float32)
-        self.step = ((direction[every] @ matrix[:2, :3].T) * pixels).astype(np.float32)
-        self.origin_z, self.direction_z = (part[..., 2][every].astype(np.float32) for part in (origin, direction))
+        start = (origin[every] @ matrix[:2, :3].T + matrix[:2, 3] + (1.0, -1.0)) * pixels
+        step = (direction[every] @ matrix[:2, :3].T) * pixels
+        self.start, self.step = (part.reshape(-1, 2).astype(np.float32) for part in (start, step))
+        self.origin_z, self.direction_z = (
+            part[every][..., 2].ravel().astype(np.float32) for part in (origin, direction)
+        )
         self.texel = 2.0 / float(matrix[0, 0]) / MAP
         self.taps = _disc(min(max(SOFT / self.texel, 1.2), PAD - 2.0))
         self.depth = depth[every]
+        self.mask = np.where(bare[every], GROUND, TABLE).astype(np.uint16)
+        self.ambient = Ambient(stage, origin[every], direction[every])
 
-        under = np.where(bare[every], FAINT * self._hidden(self.depth, bare[every], light_buffer), 0.0)
-        self.reach = np.where(bare[every], FAINT - under, 1.0).astype(np.float32)  # of the shadows of things
-        dim = _dim(under.astype(np.float32)).repeat(factor, axis=0).repeat(factor, axis=1)
-        backdrop = np.where(bare[..., None], _backdrop(raw.size[1]), colors * tint)
+        hidden = self._hidden(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
+        ground = bare[every].ravel()
+        under = np.where(ground, FAINT * hidden, 0.0).astype(np.float32)
+        self.reach = np.where(ground, FAINT - under, 1.0).astype(np.float32)  # of the shadows of things
+        self.sky = np.where(ground, 0.0, 1.0).astype(np.float32)
+        dim = _dim(under, np.zeros_like(under)).reshape(*self.depth.shape, 3)
+        dim = dim.repeat(factor, axis=0).repeat(factor, axis=1)
+        floor = np.zeros(3) if transparent else _backdrop(raw.size[1])
+        backdrop = np.where(bare[..., None], floor, colors * tint)
         self.backdrop = np.clip(backdrop * dim + 0.5, 0.0, 255.0).astype(np.uint8)
+        self.bare = bare
 
-    def __call__(self, colors: Picture, buffer: Image, light_buffer: Image) -> Picture:
-        """The finished picture (h, w, 3) from the raw one (h f, w f, 3), its depth buffer and the light's, all of the
-        things alone: nothing of the table or the ground can hide them."""
+    def __call__(self, colors: Picture, buffer: Image, seen: Mask, light_buffer: Image, landscape: Image) -> Shot:
+        """The finished picture (h, w) from the raw one (h f, w f, 3), its depth buffer, what is `seen` in it (as in
+        masks), the light's depth buffer and that of the `landscape`, all of the things alone: nothing of the table or
+        the ground can hide them.
+
+        Things and what is behind them are lit apart and then put together: where they meet within a pixel, neither
+        gets the other's shadow.
+        """
         things = buffer < EMPTY
-        image = _shrink(np.where(things[..., None], colors, self.backdrop), self.factor)
-        here = things[:: self.factor, :: self.factor]
-        depth = np.where(here, self.camera.depth(buffer[:: self.factor, :: self.factor]), self.depth)
-        shadow = self._hidden(depth, ~here, light_buffer) * np.where(here, np.float32(1.0), self.reach)
-        return np.asarray(np.clip(image * _dim(shadow) + 0.5, 0.0, 255.0), dtype=np.uint8)
+        share = _shrink(things[..., None].astype(np.uint8), self.factor)
+        front = np.flatnonzero(share > 0.0)
+        nearest = _nearest(buffer, self.factor).ravel()[front]
+        around = self.ambient.landscape(landscape)
+        heights = self._heights(light_buffer)
+        every = slice(None)
+        behind = _shrink(np.where(things[..., None], np.uint8(0), self.backdrop), self.factor)
+        shadow = self._hidden(heights, self.depth.ravel(), every, True) * self.reach
+        sky = self.ambient.hidden(around, self.depth.ravel(), every) * self.sky
+        lit = behind * _dim(shadow, sky).reshape(behind.shape)
+        depth = self.camera.depth(nearest)
+        shadow = self._hidden(heights, depth, front, False)
+        sky = self.ambient.hidden(around, depth, front) * np.float32(ON_THINGS)
+        ahead = _shrink(np.where(things[..., None], colors, np.uint8(0)), self.factor)
+        lit.reshape(-1, 3)[front] += ahead.reshape(-1, 3)[front] * _dim(shadow, sky)
+        here = things[self.every]
+        middle = np.where(here, self.camera.depth(buffer[self.every]), self.depth)
+        mask = np.where(here, seen[self.every], self.mask).astype(np.uint16)
+        return Shot(self._finished(lit, things), middle.astype(np.float32), mask)
 
-    def _hidden(self, depth: Image, level: npt.NDArray[np.bool_], light_buffer: Image) -> Image:
-        """How much of the disc that softens a shadow's edge is hidden from the light, 0 to 1, per pixel."""
-        heights = np.pad(self.light_height - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
+    def _finished(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
+        """Bytes, with how much hides the ground where that is left out: black has been mixed in for it."""
+        if not self.transparent:
+            return np.asarray(np.clip(lit + 0.5, 0.0, 255.0), dtype=np.uint8)
+        solid = np.where(things | ~self.bare, np.uint8(255), np.uint8(0))
+        alpha = _shrink(solid[..., None], self.factor)
+        pure = lit * 255.0 / np.maximum(alpha, 1.0)
+        return np.asarray(np.clip(np.concatenate([pure, alpha], axis=2) + 0.5, 0.0, 255.0), dtype=np.uint8)
+
+    def _heights(self, light_buffer: Image) -> Image:
+        """(MAP + 2 PAD, MAP + 2 PAD): what stands how high along the light's rays, in metres."""
+        eye = np.float32(-self.light.view[2, 3])
+        return np.pad(eye - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
+
+    def _hidden(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
+        """(P,): how much of the disc that softens a shadow's edge is hidden from the light, 0 to 1, at depths (P,) of
+        the pixels `where`; `level` says that these are of the table or the ground."""
         stride = heights.shape[1]
-        z = self.origin_z + depth * self.direction_z
-        at = self.start + depth[..., None] * self.step
+        z = self.origin_z[where] + depth * self.direction_z[where]
+        at = self.start[where] + depth[:, None] * self.step[where]
         np.clip(at, 0, MAP - 1, out=at)
         cell = at.astype(np.int32) + PAD
-        index = cell[..., 1] * stride + cell[..., 0]
-        # A wall would shade itself within the blur: on things, only what is clearly higher counts.
-        above = z + np.where(level, np.float32(0.0012 + 0.1 * self.texel), 0.004 + np.clip(z, 0.0, 0.03))
+        index = cell[:, 1] * stride + cell[:, 0]
+        # A wall would shade itself within the blur: on things, only what is clearly higher counts, and by degrees.
+        above = z + (np.float32(0.0012 + 0.1 * self.texel) if level else 0.004 + np.clip(z, 0.0, 0.02))
         flat = heights.ravel()
         hidden = np.zeros(index.shape, dtype=np.float32)
         for dx, dy in self.taps:
-            hidden += flat.take(index + (dy * stride + dx)) > above
+            there = flat.take(index + (dy * stride + dx))
+            hidden += there > above if level else np.clip((there - above) * np.float32(1.0 / RAMP), 0.0, 1.0)
         return np.asarray(hidden / len(self.taps), dtype=np.float32)
 
-    @property
-    def light_height(self) -> np.float32:
-        """Height of the light's eye above the table, in metres."""
-        return np.float32(-self.light.view[2, 3])
+
+def _dim(shadow: Image, sky: Image) -> Image:
+    """(P, 3): what is left of the light where these shares of it and of the sky are hidden."""
+    left = 1.0 - shadow[:, None] * np.array(DARKEST, dtype=np.float32)
+    return np.asarray(left * (1.0 - sky[:, None] * np.array(HIDDEN, dtype=np.float32)), dtype=np.float32)
 
 
-def _dim(shadow: Image) -> Image:
-    return np.asarray(1.0 - shadow[..., None] * np.array(DARKEST, dtype=np.float32), dtype=np.float32)
+def _nearest(buffer: Image, factor: int) -> Image:
+    """The least of squares of `factor` pixels."""
+    parts = [buffer[row::factor, column::factor] for row in range(factor) for column in range(factor)]
+    return np.asarray(np.minimum.reduce(parts))
 
 
 def _shrink(picture: Picture, factor: int) -> Image:
     """The means of squares of `factor` pixels."""
-    total = np.zeros((picture.shape[0] // factor, picture.shape[1] // factor, 3), dtype=np.uint16)
+    height, width, channels = picture.shape
+    total = np.zeros((height // factor, width // factor, channels), dtype=np.uint16)
     for row in range(factor):
         for column in range(factor):
             total += picture[row::factor, column::factor]
@@ -137,32 +200,7 @@ def _disc(radius: float) -> list[tuple[int, int]]:
     return [(round(r * math.cos(a)), round(r * math.sin(a))) for r, a in spread]
 
 
-def _wood(stage: Stage, x: Floats, y: Floats) -> Floats:
-    """How light the table is at (x, y): planks along x, faint grain, and the edge of the workspace as a thin line."""
-    side = stage.side
-    pixel_x = np.abs(np.gradient(x, axis=1))
-    pixel_y = np.abs(np.gradient(y, axis=0))
-    plank = side / 7.0
-    lane = (y - stage.table[1]) / plank
-    number = np.floor(lane)
-    tone = 1.0 + 0.022 * np.sin(number * 12.9898 + 1.3) * np.cos(number * 4.1)
-    across = (np.abs(lane - np.round(lane))) * plank
-    seam = np.clip(1.0 - across / np.maximum(0.0022 * side, pixel_y), 0.0, 1.0)
-    u, v = x / side, y / side
-    grain = np.sin(v * 260.0 + 3.0 * np.sin(u * 5.0 + number * 2.1) + 1.5 * np.sin(u * 13.0 + number))
-    grain = grain * (0.5 + 0.5 * np.sin(u * 3.1 + number * 5.7 + v * 9.0))
-    fine = np.clip(1.5 - pixel_y / side * 160.0, 0.0, 1.0)
-    light = tone * (1.0 + 0.012 * grain * fine) - 0.055 * seam
-    x0, y0, x1, y1 = stage.workspace
-    dx, dy = np.maximum(x0 - x, x - x1), np.maximum(y0 - y, y - y1)
-    outside = np.maximum(dx, dy)
-    half = np.maximum(0.0022 * side, 0.75 * np.maximum(pixel_x, pixel_y))
-    line = np.clip(1.0 - np.abs(outside) / half, 0.0, 1.0)
-    light = light - 0.035 * (outside > 0.0) - 0.20 * line
-    return np.asarray(light)
-
-
 def _backdrop(height: int) -> Floats:
     """(height, 1, 3): the ground's colour per row, a little darker far away."""
     far = np.linspace(1.0, 0.0, height)[:, None, None]
-    return np.asarray((far * np.array(GROUND_FAR) + (1.0 - far) * np.array(GROUND)) * 255.0)
+    return np.asarray((far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR)) * 255.0)

@@ -5,7 +5,10 @@ Bodies are made once and moved from scene to scene; pictures are drawn larger an
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +18,13 @@ import pybullet
 from scenegen.assets import parts_of
 from scenegen.assets.mesh import Mesh, box, shaded
 from scenegen.assets.palette import RGB
+from scenegen.render.ambient import landscape_camera
 from scenegen.render.camera import Camera, frame
-from scenegen.render.light import TOWARDS, Image, Lighting, Picture, light_camera
+from scenegen.render.light import TOWARDS, Lighting, light_camera
+from scenegen.render.picture import FIRST, Image, Picture, Shot
 from scenegen.render.stage import WOOD, Stage
+
+Bodies = npt.NDArray[np.int32]
 
 LARGEST = 4096  # pixels along a side that pybullet is asked for
 SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularCoeff": 0.03}
@@ -26,28 +33,42 @@ SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularC
 class Painter:
     """Draws scenes of one stage. Holds a connection to pybullet: use it as a context manager."""
 
-    def __init__(self, stage: Stage, views: tuple[str, ...], size: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        stage: Stage,
+        views: tuple[str, ...],
+        size: tuple[int, int],
+        *,
+        transparent: bool = False,
+        renderer: str = "software",
+    ) -> None:
         self.factor = 2 if 2 * max(size) <= LARGEST else 1
-        self._light = light_camera(stage)
+        self._light, self._landscape = light_camera(stage), landscape_camera(stage)
         self._lighting: dict[str, Lighting] = {}
-        with _Studio() as bare:
+        with _Studio(renderer) as bare:
             x0, y0, x1, y1 = stage.table
             slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
             bare.add(slab.moved((x0 + x1) / 2.0, (y0 + y1) / 2.0, -stage.thickness), WOOD)
-            _, light = bare.shoot(self._light)
+            _, light, _ = bare.shoot(self._light)
             for view in views:
                 camera = frame(view, stage.corners(), size)
-                colors, depth = bare.shoot(self._raw(camera))
-                self._lighting[view] = Lighting(stage, camera, self.factor, colors, depth, light)
+                colors, depth, _ = bare.shoot(self._raw(camera))
+                self._lighting[view] = Lighting(
+                    stage, camera, self.factor, colors, depth, light, transparent=transparent
+                )
         # Far outside every picture, yet near enough for the renderer's single precision.
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
-        self._low, self._high = (x0 - far, y0 - far, -math.tau), (x1 + far, y1 + far, math.tau)
-        self._studio = _Studio()
+        self._low, self._high = (x0 - far, y0 - far, -math.tau, 0.0), (x1 + far, y1 + far, math.tau, far)
+        self._studio = _Studio(renderer)
         self._things: list[list[int]] = []
         for thing in stage.things:
             parts = parts_of(thing.shape, thing.color)
             self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
+        owners = [(body, number) for number, bodies in enumerate(self._things, FIRST) for body in bodies]
+        self._owner = np.zeros(1 + max((body for body, _ in owners), default=0), dtype=np.uint16)
+        for body, number in owners:
+            self._owner[body] = number
 
     def __enter__(self) -> Painter:
         return self
@@ -55,26 +76,42 @@ class Painter:
     def __exit__(self, *_: object) -> None:
         self._studio.close()
 
-    def paint(self, poses: npt.NDArray[np.float64]) -> dict[str, Picture]:
-        """View -> picture (height, width, 3), of a scene with poses (objects, 3)."""
-        for bodies, (x, y, theta) in zip(self._things, np.clip(poses, self._low, self._high), strict=True):
+    def paint(self, places: npt.NDArray[np.float64]) -> dict[str, Shot]:
+        """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on."""
+        for bodies, (x, y, theta, z) in zip(self._things, np.clip(places, self._low, self._high), strict=True):
             for body in bodies:
-                self._studio.place(body, float(x), float(y), float(theta))
-        _, light = self._studio.shoot(self._light)
-        return {
-            view: lighting(*self._studio.shoot(self._raw(lighting.camera)), light)
-            for view, lighting in self._lighting.items()
-        }
+                self._studio.place(body, (float(x), float(y), float(z)), float(theta))
+        _, light, _ = self._studio.shoot(self._light)
+        _, landscape, _ = self._studio.shoot(self._landscape)
+        shots = {}
+        for view, lighting in self._lighting.items():
+            colors, depth, seen = self._studio.shoot(self._raw(lighting.camera))
+            shots[view] = lighting(colors, depth, self._owner[np.maximum(seen, 0)], light, landscape)
+        return shots
+
+    def camera(self, view: str) -> Camera:
+        """That of a view."""
+        return self._lighting[view].camera
 
     def _raw(self, camera: Camera) -> Camera:
-        return camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
+        raw = camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
+        return raw if self.factor > 1 else raw.centred()
 
 
 class _Studio:
     """One world of pybullet, without physics and without a window."""
 
-    def __init__(self) -> None:
+    def __init__(self, renderer: str) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
+        self._plugin: int | None = None
+        self._renderer = pybullet.ER_TINY_RENDERER
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        if renderer == "egl":
+            library = importlib.util.find_spec("eglRenderer")
+            assert library is not None and library.origin is not None
+            self._plugin = pybullet.loadPlugin(library.origin, "_eglRendererPlugin", physicsClientId=self._client)
+            self._renderer = pybullet.ER_BULLET_HARDWARE_OPENGL
+            self._folder = tempfile.TemporaryDirectory(prefix="scenegen.")
 
     def __enter__(self) -> _Studio:
         return self
@@ -83,16 +120,17 @@ class _Studio:
         self.close()
 
     def close(self) -> None:
+        if self._plugin is not None:
+            pybullet.unloadPlugin(self._plugin, physicsClientId=self._client)
         pybullet.disconnect(physicsClientId=self._client)
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def add(self, mesh: Mesh, color: RGB) -> int:
         """A body of this form and colour; returns its number."""
-        vertices, normals, indices = shaded(mesh)
         shape: Any = pybullet.createVisualShape(
             pybullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            normals=normals.tolist(),
-            indices=indices.tolist(),
+            **self._form(mesh),
             rgbaColor=(*color, 1.0),
             specularColor=(0.0, 0.0, 0.0),
             physicsClientId=self._client,
@@ -100,24 +138,39 @@ class _Studio:
         body: int = pybullet.createMultiBody(0.0, -1, shape, physicsClientId=self._client)
         return body
 
-    def place(self, body: int, x: float, y: float, theta: float) -> None:
-        turn = (0.0, 0.0, math.sin(theta / 2.0), math.cos(theta / 2.0))
-        pybullet.resetBasePositionAndOrientation(body, (x, y, 0.0), turn, physicsClientId=self._client)
+    def _form(self, mesh: Mesh) -> dict[str, Any]:
+        """A mesh as pybullet takes it; the card's renderer knows no meshes in memory."""
+        vertices, normals, indices = shaded(mesh)
+        if self._folder is None:
+            return {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}
+        path = Path(self._folder.name) / f"{len(list(Path(self._folder.name).iterdir()))}.obj"
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices]
+        lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals]
+        corners = indices.reshape(-1, 3) + 1
+        lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in corners]
+        path.write_text("\n".join(lines) + "\n")
+        return {"fileName": str(path)}
 
-    def shoot(self, camera: Camera) -> tuple[Picture, Image]:
-        """Colours (height, width, 3) and pybullet's depth buffer (height, width)."""
+    def place(self, body: int, at: tuple[float, float, float], theta: float) -> None:
+        turn = (0.0, 0.0, math.sin(theta / 2.0), math.cos(theta / 2.0))
+        pybullet.resetBasePositionAndOrientation(body, at, turn, physicsClientId=self._client)
+
+    def shoot(self, camera: Camera) -> tuple[Picture, Image, Bodies]:
+        """Colours (height, width, 3), pybullet's depth buffer and numbers of bodies (height, width), -1: none."""
         width, height = camera.size
-        _, _, colors, depth, _ = pybullet.getCameraImage(
+        _, _, colors, depth, bodies = pybullet.getCameraImage(
             width,
             height,
             camera.view.T.ravel().tolist(),
-            camera.projection.T.ravel().tolist(),
+            (camera.projection if self._plugin is None else camera.for_card()).T.ravel().tolist(),
             lightDirection=TOWARDS,
             shadow=0,
-            flags=pybullet.ER_NO_SEGMENTATION_MASK,
-            renderer=pybullet.ER_TINY_RENDERER,
+            renderer=self._renderer,
             physicsClientId=self._client,
             **SHADING,
         )
         picture = np.asarray(colors, dtype=np.uint8).reshape(height, width, 4)[..., :3]
-        return picture, np.asarray(depth, dtype=np.float32).reshape(height, width)
+        buffer = np.asarray(depth, dtype=np.float32).reshape(height, width)
+        if self._plugin is not None:
+            buffer = camera.from_card(buffer)
+        return picture, buffer, np.asarray(bodies, dtype=np.int32).reshape(height, width)

@@ -8,27 +8,31 @@ from collections.abc import Generator
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.render.files import Wanted
 from scenegen.render.process import Process
-from scenegen.render.stage import Stage
+from scenegen.render.stage import Stage, places_of
 from scenegen.render.worker import LENGTH
 
 
 def draw(
-    stage: Stage, poses: npt.NDArray[np.float64], views: tuple[str, ...], size: tuple[int, int], workers: int
-) -> Generator[dict[str, bytes], None, None]:
-    """View -> PNG file of every scene, in order; `poses` is (scenes, objects, 3). The same bytes for any `workers`.
+    stage: Stage, poses: npt.NDArray[np.float64], wanted: Wanted, workers: int
+) -> Generator[dict[tuple[str, str], bytes], None, None]:
+    """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3). The same bytes for any
+    `workers`.
 
     Close the generator to end the processes early. Raises ScenegenError where one of them fails.
     """
-    common = {"stage": dataclasses.asdict(stage), "views": views, "size": size}
+    common = {"stage": dataclasses.asdict(stage), "wanted": dataclasses.asdict(wanted)}
+    places = places_of(stage, poses)
+    names = [(view, ending) for view in wanted.views for ending in wanted.endings]
     crew: list[Process] = []
     try:
         for number in range(workers):
-            job = {**common, "poses": poses[number::workers].tolist()}
+            job = {**common, "places": places[number::workers].tolist()}
             crew.append(Process("scenegen.render.worker", job, "draws", "a smaller size or fewer workers"))
-        for scene in range(len(poses)):
+        for scene in range(len(places)):
             worker = crew[scene % workers]
-            yield {view: worker.read(LENGTH.unpack(worker.read(LENGTH.size))[0]) for view in views}
+            yield {name: worker.read(LENGTH.unpack(worker.read(LENGTH.size))[0]) for name in names}
     finally:
         for worker in crew:
             worker.end()

@@ -1,4 +1,4 @@
-"""Scene files -> PNG pictures and a contact sheet, without a display."""
+"""Scene files -> pictures and a contact sheet, without a display."""
 
 from __future__ import annotations
 
@@ -12,75 +12,95 @@ from pathlib import Path
 
 from PIL import Image
 
-from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, quoted, suggest
+from scenegen.errors import DataError, Diagnostic, OutputError
 from scenegen.formats.files import ensure_folder, output_error, write_whole
-from scenegen.render.camera import VIEWS
+from scenegen.render.camera import USUAL
+from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
 from scenegen.render.process import cores
-from scenegen.render.sheet import SHOWN, contact_sheet, thumbnail_size
+from scenegen.render.request import check_renderer, check_request
+from scenegen.render.rig import cameras_json
+from scenegen.render.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.render.stage import poses_of, stage_of
 from scenegen.scene.data import SceneFile
 
-SHEET = "contact_sheet.png"
-SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
+SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
+FACES = ("perspective", "three-quarter", "front", "top")  # the view that a contact sheet shows: the first there is
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """What was written: the pictures in scene order (all views of the first scene first), and the contact sheet."""
+    """What was written: the pictures in scene order (all views of the first scene first), the contact sheet, the
+    cameras, and beside each picture its depth and its mask, where they were asked for."""
 
     pictures: tuple[Path, ...]
     sheet: Path
+    cameras: Path
+    beside: tuple[Path, ...] = ()
 
 
 def render_scenes(
     file: SceneFile,
     out: Path,
     *,
-    views: tuple[str, ...] = VIEWS,
+    views: tuple[str, ...] = USUAL,
     size: tuple[int, int] = (640, 480),
+    transparent: bool = False,
+    depth: bool = False,
+    masks: bool = False,
+    renderer: str = "software",
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rendered:
     """Draw every scene of a file into the folder `out` (made if its parent is there).
 
-    Files are scene_0001_top.png, scene_0001_perspective.png, ..., contact_sheet.png. `views` are of "top" (straight
-    down, x to the right, y up) and "perspective" (from the viewer's side, -y, looking towards +y); `size` is (width,
-    height) in pixels; `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is
-    called with scenes done and scenes in all. Files appear whole, and those of this call are removed if it fails.
+    Files are scene_0001_top.png, scene_0001_perspective.png, ..., contact_sheet.png and cameras.json (see `rig`).
+    `views` are of "top" (straight down, x to the right, y up), "perspective" and "front" (from the viewer's side, -y,
+    looking towards +y, from high and from low) and "three-quarter" (from the right of it). `size` is (width, height) in
+    pixels. `transparent` leaves the ground below the table out. With `depth`, scene_0001_top_depth.png holds tenths of
+    millimetres in 16 bits; with `masks`, scene_0001_top_mask.png holds the number of what each pixel shows, as
+    cameras.json lists them; both also as arrays `depth` (float32, metres) and `mask` (uint16) in scene_0001_top.npz.
+    An object that the library does not know is a block with its name beside it, written on pictures without either.
+    `renderer` is "software", which draws the same everywhere, or "egl", which wants a graphics card.
+
+    `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
+    done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
     Raises RequestError for a wrong view, size or number of workers, DataError for a file without scenes, OutputError
     where something cannot be written.
     """
     views = tuple(dict.fromkeys(views))
-    _check_request(views, size, workers)
+    check_request(views, size, workers)
+    check_renderer(renderer)
+    wanted = Wanted(views, size, transparent, depth, masks, renderer)
     if not file.scenes:
         raise DataError(Diagnostic("there are no scenes to draw", help="the file's list `scenes` is empty"))
     stage, poses = stage_of(file), poses_of(file)
     total = len(file.scenes)
     digits = max(4, len(str(total)))
-    shown_view = "perspective" if "perspective" in views else views[0]
+    shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
     names: list[str] = []
+    beside: list[str] = []
     made = not out.exists()
     ensure_folder(out)
     # Pictures wait in a folder of their own until all are there: a run that fails leaves earlier pictures alone.
     waiting = Path(tempfile.mkdtemp(dir=out, prefix=".pictures.", suffix=".part"))
     try:
-        with contextlib.closing(draw(stage, poses, views, size, min(workers or cores(), total))) as scenes:
-            for number, pictures in enumerate(scenes, start=1):
-                for view in views:
-                    name = f"scene_{number:0{digits}d}_{view}.png"
-                    _write(waiting / name, pictures[view], out / name)
-                    names.append(name)
+        with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), total))) as scenes:
+            for number, files in enumerate(scenes, start=1):
+                for (view, ending), data in files.items():
+                    name = f"scene_{number:0{digits}d}_{view}{ending}"
+                    _write(waiting / name, data, out / name)
+                    (names if ending == ".png" else beside).append(name)
                 if number <= SHOWN:
-                    with Image.open(io.BytesIO(pictures[shown_view])) as picture:
-                        thumbnails.append(picture.resize(small, Image.Resampling.LANCZOS))
+                    thumbnails.append(_small(files[shown_view, ".png"], small))
                 if progress is not None:
                     progress(number, total)
         _write(waiting / SHEET, contact_sheet(file, thumbnails), out / SHEET)
-        for name in (*names, SHEET):
+        _write(waiting / CAMERAS, cameras_json(file, stage, wanted), out / CAMERAS)
+        for name in (*names, *beside, SHEET, CAMERAS):
             _move(waiting / name, out / name)
     except BaseException:
         shutil.rmtree(waiting, ignore_errors=True)
@@ -89,7 +109,19 @@ def render_scenes(
                 out.rmdir()
         raise
     waiting.rmdir()
-    return Rendered(tuple(out / name for name in names), out / SHEET)
+    paths, more = (tuple(out / name for name in some) for some in (names, beside))
+    return Rendered(paths, out / SHEET, out / CAMERAS, more)
+
+
+def _small(data: bytes, size: tuple[int, int]) -> Image.Image:
+    """A picture for the contact sheet, on its paper."""
+    with Image.open(io.BytesIO(data)) as picture:
+        small = picture.resize(size, Image.Resampling.LANCZOS)
+    if small.mode != "RGBA":
+        return small
+    sheet = Image.new("RGB", size, PAPER)
+    sheet.paste(small, mask=small)
+    return sheet
 
 
 def _write(path: Path, data: bytes, destination: Path) -> None:
@@ -107,17 +139,3 @@ def _move(path: Path, destination: Path) -> None:
         path.replace(destination)
     except OSError as error:
         raise output_error(destination, error) from error
-
-
-def _check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:
-    if not views:
-        raise RequestError(Diagnostic("no view was asked for", help=f"the views are {quoted(VIEWS)}"))
-    for view in views:
-        if view not in VIEWS:
-            help_line = suggest(view, VIEWS, f"the views are {quoted(VIEWS)}")
-            raise RequestError(Diagnostic(f"unknown view `{view}`", help=help_line))
-    if not all(SMALLEST <= side <= LARGEST for side in size):
-        help_line = f"width and height are from {SMALLEST} to {LARGEST} pixels each"
-        raise RequestError(Diagnostic(f"a picture cannot be {size[0]} x {size[1]} pixels", help=help_line))
-    if workers is not None and workers < 1:
-        raise RequestError(Diagnostic(f"{workers} workers cannot draw", help="ask for 1 or more"))

@@ -2,9 +2,9 @@
 
 A scene settles if no object's centre of mass gets more than 1 cm from where it started and none turns by more than 5
 degrees, about any axis, at any of the 30 moments of the second at which it is looked at. The objects are prisms of
-footprint x height (see `bodies`) that start at rest on what they stand on (see `support`), on an endless table, under
-gravity and friction, without bounce. Fixed objects cannot be moved. The poses that are judged are handed out unchanged,
-not those after the second: phi was verified for them.
+footprint x height (see `bodies`) that start at rest on what they stand on (see `assets.support`), on an endless table,
+under gravity and friction, without bounce. Fixed objects cannot be moved. The poses that are judged are handed out
+unchanged, not those after the second: phi was verified for them.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.assets import Shape
+from scenegen.assets.support import base_heights
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.render.bodies import body_of
 from scenegen.render.dropper import COUNT
 from scenegen.render.motion import within
 from scenegen.render.process import Process, cores
-from scenegen.render.support import levels
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -82,7 +82,7 @@ class Settler:
 
     def settle(self, poses: Floats) -> Settled:
         """What becomes of scenes (scenes, objects, 3). Raises ScenegenError where a process fails."""
-        places = np.concatenate([poses, levels(self._shapes, poses)[..., None]], axis=2)
+        places = np.concatenate([poses, base_heights(self._shapes, poses, solid=True)[..., None]], axis=2)
         motions = np.empty((*poses.shape[:2], 2))
         wanted = max(1, min(self._workers, len(poses)))
         while len(self._crew) < wanted and len(poses):

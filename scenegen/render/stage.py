@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import TypeAdapter
 
-from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of
+from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
 from scenegen.assets.palette import RGB, mix, stable
 from scenegen.assets.plain import DRAWN
+from scenegen.assets.support import base_heights
 from scenegen.errors import DataError, Diagnostic
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.scene.data import Pose, SceneFile, footprint_of
@@ -24,16 +25,17 @@ MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
 RIM = 0.015  # of the table round what reaches beyond that, likewise
 BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
 TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
-WOOD: RGB = (0.87, 0.77, 0.64)
+WOOD: RGB = (0.83, 0.72, 0.58)
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object: what it looks like and its main colour."""
+    """An object: what it looks like, its main colour, and what is written beside it, if anything."""
 
     shape: Shape
     color: RGB
+    label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,14 +131,26 @@ def stage_of(file: SceneFile) -> Stage:
         for item, asset in zip(file.objects, known, strict=True)
     ]
     colors = colors_of([(item.name, asset) for item, asset in zip(file.objects, known, strict=True)])
-    things = tuple(Thing(shape, color) for shape, color in zip(shapes, colors, strict=True))
+    # A block that stands for something the library does not know says what.
+    labels = [
+        item.name if asset == UNKNOWN and not has_picture(item.name) else ""
+        for item, asset in zip(file.objects, known, strict=True)
+    ]
+    things = tuple(map(Thing, shapes, colors, labels))
     patches = _patches(file)
     poses = poses_of(file)
     standing = [(shape.footprint, poses[:, k]) for k, shape in enumerate(shapes)] if len(poses) else []
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
     table = _table(workspace, standing + lying)
-    tallest = max((shape.height for shape in shapes), default=0.0)
+    tops = base_heights(shapes, poses) + np.array([shape.height for shape in shapes])
+    tallest = float(tops.max(initial=0.0))
     return Stage(workspace, (table[0], table[1], table[2], table[3]), min(tallest, TALLEST * side), things, patches)
+
+
+def places_of(stage: Stage, poses: Floats) -> Floats:
+    """(scenes, objects, 4): x, y, theta and what each object stands on, for poses (scenes, objects, 3)."""
+    heights = base_heights([thing.shape for thing in stage.things], poses)
+    return np.concatenate([poses, heights[..., None]], axis=2)
 
 
 def _patches(file: SceneFile) -> tuple[Patch, ...]:

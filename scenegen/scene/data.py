@@ -69,7 +69,7 @@ FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Fie
 
 class ShapeData(_Strict):
     """What an object looks like: footprint and height in metres, and an entry of the asset library, or one of `box`,
-    `cylinder`, `prism` and `urdf`; `path` is the file of a `urdf` as the spec names it."""
+    `cylinder`, `prism`, `urdf` and `mesh`; `path` is the file of the last two as the spec names it."""
 
     asset: str
     footprint: FootprintData

@@ -48,6 +48,7 @@ for number in range(2):
 """
     subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True, timeout=60)
     assert sorted(path.name for path in (tmp_path / "out1").iterdir()) == [
+        "cameras.json",
         "contact_sheet.png",
         "scene_0001_perspective.png",
         "scene_0001_top.png",

@@ -5,16 +5,22 @@ import os
 
 import pytest
 
-from scenegen.formats import files
+from scenegen.formats import files, simulators
 from scenegen.render import scenes as pictures
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],
     "train": ["train", "good.spec", "--model", "gan", "--recipe", "paper", "--epochs", "1", "--scenes", "64", "--out"],
     "render": ["render", "s.json", "--size", "32x32", "--workers", "1", "--out"],
+    "export": ["export", "s.json", "--to", "mjcf", "--out"],
 }
-DIFFERENT = {"sample": ["--seed", "5"], "train": ["--seed", "5"], "render": ["--size", "40x40"]}
-ENDING = {"sample": ".json", "train": ".safetensors", "render": ""}
+DIFFERENT = {
+    "sample": ["--seed", "5"],
+    "train": ["--seed", "5"],
+    "render": ["--size", "40x40"],
+    "export": ["--to", "sdf"],
+}
+ENDING = {"sample": ".json", "train": ".safetensors", "render": "", "export": ""}
 
 
 @pytest.fixture
@@ -34,6 +40,7 @@ def no_work(monkeypatch):
     monkeypatch.setattr("scenegen.sampling.auto.choose", started)
     monkeypatch.setattr("scenegen.training.loop._run", started)
     monkeypatch.setattr(pictures, "draw", started)
+    monkeypatch.setattr(simulators, "world_of", started)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -78,7 +85,7 @@ def test_read_only(command, code, refused, here, scenes, no_work, monkeypatch, g
         return really(path, flags, *rest, **named)
 
     monkeypatch.setattr(os, "open", refuse)
-    target = "shelf" if command == "render" else f"shelf/x{ENDING[command]}"
+    target = "shelf" if not ENDING[command] else f"shelf/x{ENDING[command]}"
     golden(f"cli/errors/output_{command}_{errno.errorcode[code].lower()}.txt", refused(*COMMANDS[command], target))
 
 

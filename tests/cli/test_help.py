@@ -2,8 +2,8 @@
 
 import pytest
 
-COMMANDS = ["check", "fmt", "range", "train", "info", "sample", "eval", "render", "lsp"]
-SERVING = ["lsp"]  # alone it is no question for help: an editor starts it so
+COMMANDS = "check fmt range train info sample eval render export assets experiment lsp".split()
+ALONE = ["assets", "lsp"]  # these say or do something without an argument
 
 
 def test_every_command_has_its_golden():
@@ -35,7 +35,7 @@ def test_examples_fit_a_narrow_terminal(command, scenegen, monkeypatch):
     assert examples and set(examples) <= {line.rstrip() for line in narrow.splitlines()}
 
 
-@pytest.mark.parametrize("command", ["", *(one for one in COMMANDS if one not in SERVING)])
+@pytest.mark.parametrize("command", ["", *(one for one in COMMANDS if one not in ALONE)])
 def test_a_bare_command_shows_its_help_to_people_not_to_pipes(command, scenegen):
     outcome = scenegen(*command.split())
     assert (outcome.status, outcome.out) == (2, "")

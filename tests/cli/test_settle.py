@@ -7,7 +7,7 @@ import numpy as np
 from scenegen.assets import shape_of
 from scenegen.render.settle import settle_scenes
 
-OVERLAPPING = "object mug, book\ntask: leftOf(mug, book) & closeTo(mug, book, 20 cm)\n"
+OVERLAPPING = "object mug, crackerbox\ntask: leftOf(mug, crackerbox) & closeTo(mug, crackerbox, 15 cm)\n"
 
 
 def test_what_is_handed_out_settles(scenegen, here):
@@ -20,8 +20,8 @@ def test_what_is_handed_out_settles(scenegen, here):
     kept = {}
     for name in ("any", "still"):
         data = json.loads((here / f"{name}.json").read_text())
-        poses = [[list(scene["poses"][one].values()) for one in ("mug", "book")] for scene in data["scenes"]]
-        kept[name] = settle_scenes([shape_of("mug"), shape_of("book")], np.array(poses), workers=1).kept
+        poses = [[list(scene["poses"][one].values()) for one in ("mug", "crackerbox")] for scene in data["scenes"]]
+        kept[name] = settle_scenes([shape_of("mug"), shape_of("crackerbox")], np.array(poses), workers=1).kept
         assert data["sampler"].get("settled", False) == (name == "still")
     assert kept["still"].all() and not kept["any"].all()
 

@@ -1,4 +1,4 @@
-"""Rigid bodies of footprints: mass, centre and inertia against sampling, and what objects stand on against shapely."""
+"""Rigid bodies of footprints: mass, centre and inertia against sampling."""
 
 import math
 
@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import affinity
-from shapely.geometry import Point, box
 from shapely.geometry import Polygon as Region
 
 from scenegen.assets import Shape
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.render.bodies import DENSITY, SIDES, body_of
-from scenegen.render.support import levels
 
 WEDGE = Polygon(((0.0, 0.0), (0.3, 0.0), (0.25, 0.1), (0.05, 0.03)))
 
@@ -84,46 +81,3 @@ def test_a_round_body_stays_inside_its_footprint():
 def test_fixed_bodies_have_no_mass():
     body = body_of(Shape("box", Box(0.2, 0.1), 0.3), fixed=True)
     assert (body.mass, body.inertia) == (0.0, (0.0, 0.0, 0.0))
-
-
-SHAPES = (
-    Shape("box", Box(0.5, 0.4), 0.03),
-    Shape("cylinder", Circle(0.12), 0.02),
-    Shape("box", Box(0.1, 0.05), 0.07),
-    Shape("prism", WEDGE, 0.11),
-    Shape("cylinder", Circle(0.02), 0.2),
-)
-
-
-def _region(footprint, x, y, theta):
-    match footprint:
-        case Circle(radius):
-            flat = Point(0, 0).buffer(radius, quad_segs=64)
-        case Box(length, width):
-            flat = box(-length / 2, -width / 2, length / 2, width / 2)
-        case _:
-            flat = Region(footprint.vertices)
-    return affinity.translate(affinity.rotate(flat, theta, origin=(0, 0), use_radians=True), x, y)
-
-
-def test_objects_stand_on_the_highest_that_holds_them():
-    """Against shapely, over random scenes: containment is a partial order, heights follow by recursion."""
-    poses = np.random.default_rng(3).uniform((0, 0, 0), (0.4, 0.4, 2 * math.pi), size=(300, len(SHAPES), 3))
-    found = levels(SHAPES, poses)
-    stood = 0
-    for scene, heights in zip(poses, found, strict=True):
-        regions = [_region(shape.footprint, *pose) for shape, pose in zip(SHAPES, scene.tolist(), strict=True)]
-
-        def height(k, regions=regions):
-            below = [m for m in range(len(SHAPES)) if m != k and regions[m].contains(regions[k])]
-            return max((height(m) + SHAPES[m].height for m in below), default=0.0)
-
-        expected = [height(k) for k in range(len(SHAPES))]
-        stood += sum(1 for one in expected if one > 0)
-        assert heights == pytest.approx(expected)
-    assert stood > 100
-
-
-def test_equals_never_stand_on_each_other():
-    twin = Shape("box", Box(0.1, 0.1), 0.1)
-    assert levels((twin, twin), np.full((1, 2, 3), 0.5)).tolist() == [[0.0, 0.0]]

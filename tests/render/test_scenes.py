@@ -25,7 +25,9 @@ def test_names_order_sizes_and_progress(tmp_path):
     names = [f"scene_{number:04d}_{view}.png" for number in (1, 2, 3) for view in ("top", "perspective")]
     assert [path.name for path in done.pictures] == names
     assert done.sheet == tmp_path / "out" / "contact_sheet.png"
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted([*names, "contact_sheet.png"])
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
+        [*names, "cameras.json", "contact_sheet.png"]
+    )
     for path in done.pictures:
         with Image.open(path) as picture:
             assert (picture.size, picture.mode, picture.format) == (SIZE, "RGB", "PNG")
@@ -78,7 +80,7 @@ def test_poses_beyond_all_measure_are_drawn_without_harm(tmp_path):
     [
         ({"views": ("Top",)}, "did you mean `top`?"),
         ({"views": ("perspectve",)}, "did you mean `perspective`?"),
-        ({"views": ("zzz",)}, "`top` and `perspective`"),
+        ({"views": ("zzz",)}, "`perspective`, `front` and `three-quarter`"),
         ({"views": ()}, "no view"),
         ({"size": (15, 480)}, "16 to 4096"),
         ({"size": (640, 4097)}, "16 to 4096"),

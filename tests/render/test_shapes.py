@@ -12,8 +12,8 @@ from scenegen.assets import Shape
 from scenegen.formats.scenes_json import dump
 from scenegen.formats.scenes_json import load as read
 from scenegen.primitives import Box, Circle, Polygon
-from scenegen.render import VIEWS, render_scenes
-from scenegen.render.camera import frame
+from scenegen.render import render_scenes
+from scenegen.render.camera import USUAL, frame
 from scenegen.render.stage import stage_of
 from scenegen.scene.data import Pose, RegionData, footprint_data
 
@@ -34,7 +34,7 @@ def drawn(file, folder, size=SIZE):
     render_scenes(file, folder, size=size, workers=1)
     stage = stage_of(file)
     pictures = {}
-    for view in VIEWS:
+    for view in USUAL:
         with Image.open(folder / f"scene_0001_{view}.png") as picture:
             pictures[view] = np.asarray(picture).astype(float), frame(view, stage.corners(), size)
     return pictures
@@ -111,7 +111,7 @@ def test_regions_lie_on_the_table_under_the_things(tmp_path):
         "corner": [(0.58, 0.62), (0.58, 0.75), (0.53, 0.61)],
         "": [(0.28, 0.2), (0.5, 0.33), (0.28, 0.68), (0.7, 0.62), (0.54, 0.76), (0.9, 0.9)],
     }
-    for view in VIEWS:
+    for view in USUAL:
         (before, camera), (after, again) = bare[view], with_regions[view]
         assert np.array_equal(camera.view, again.view)
         tones = {}
@@ -143,7 +143,7 @@ def test_the_table_and_the_picture_hold_all_of_every_thing(tmp_path):
     corners += [(0.0, -0.2), (0.2, 1.2)]
     for u, v in corners:
         assert x0 < u < x1 and y0 < v < y1
-    for view in VIEWS:
+    for view in USUAL:
         pixels = frame(view, stage.corners(), SIZE).project([(u, v, 0.0) for u, v in corners])
         assert (pixels > 0).all() and (pixels < SIZE).all()
 

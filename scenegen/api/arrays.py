@@ -1,0 +1,53 @@
+"""Sets of scenes as the arrays and tables of other libraries. Each is imported when it is asked for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.formats.columns import columns
+
+if TYPE_CHECKING:
+    import pandas
+    import torch
+
+    from scenegen.api.scenes import SceneSet
+
+Array = npt.NDArray[np.float64]
+
+
+def to_numpy(scenes: SceneSet) -> tuple[Array, Array]:
+    """Poses (n, N, 3) and phi (n, L), both float64 and copies: what is done to them leaves the scenes alone."""
+    phi = np.empty((len(scenes), len(scenes.phi)))
+    for column, values in enumerate(scenes.phi.values()):
+        phi[:, column] = values
+    return scenes.poses.copy(), phi
+
+
+def to_torch(
+    scenes: SceneSet, dtype: torch.dtype | None, device: torch.device | str | None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """The same as tensors."""
+    import torch
+
+    poses, phi = (torch.from_numpy(array) for array in to_numpy(scenes))
+    return poses.to(device, dtype), phi.to(device, dtype)
+
+
+def to_pandas(scenes: SceneSet) -> pandas.DataFrame:
+    """One row per scene, the columns of the Parquet files: `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`.
+
+    Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        title = "a data frame needs pandas, which is not installed"
+        raise RequestError(Diagnostic(title, help="pip install pandas")) from error
+    names = columns(scenes.objects, tuple(scenes.phi))
+    poses, phi = to_numpy(scenes)
+    table = np.concatenate([poses.reshape(len(scenes), 3 * len(scenes.objects)), phi], axis=1)
+    return pandas.DataFrame(table, columns=names)

@@ -1,0 +1,147 @@
+"""Figures of a set of scenes: contact sheet, sweep from hard to solved, heat map, top views with what decides phi."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from scenegen.api.scenes import SceneSet, rows_of
+from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.lang.check import check_text
+from scenegen.lang.core import Atom
+from scenegen.lang.interpret import deciding_atom, evaluate
+
+Progress = Callable[[int, int], None]
+
+FIGURES = ("sheet", "sweep", "gif", "heatmap", "topview")
+SHOWN = 6  # scenes of a strip
+FRAMES = 36  # scenes of an animation
+
+
+def figures(
+    scenes: SceneSet,
+    out: str | Path,
+    kinds: tuple[str, ...],
+    *,
+    view: str = "perspective",
+    size: tuple[int, int] = (640, 480),
+    label: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[Path, ...]:
+    """Make figures in the folder `out` (made if its parent is there); the paths of their files.
+
+    `kinds` are of "sheet" (contact_sheet.png), "sweep" (sweep.png: one layout from hard to solved, as a strip), "gif"
+    (the same as sweep.gif), "heatmap" (heatmap.png: where each object goes) and "topview" (scene_0001_topview.svg, ...:
+    names, headings, and the atom that decides phi of `label`, the first one if left out, as a dimension line). `view`
+    and `size` are those of the pictures that sheet, sweep and gif are put together from.
+
+    Raises RequestError for what cannot be drawn, DataError where the scenes' spec is of no use, OutputError.
+    """
+    from scenegen.render.request import check_request
+
+    for kind in kinds:
+        if kind not in FIGURES:
+            help_ = suggest(kind, FIGURES, f"the figures are {quoted(FIGURES)}")
+            raise RequestError(Diagnostic(f"unknown figure `{kind}`", help=help_))
+    check_request((view,), size, workers)
+    if not len(scenes):
+        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+    made: dict[str, bytes] = {}
+    if "sheet" in kinds:
+        made["contact_sheet.png"] = _sheet(scenes, view, size, workers, progress)
+    if "sweep" in kinds or "gif" in kinds:
+        made |= _sweep(scenes, kinds, view, size, label, workers, progress)
+    if "heatmap" in kinds:
+        from scenegen.render.heatmap import heatmap
+
+        made["heatmap.png"] = heatmap(scenes.file())
+    if "topview" in kinds:
+        made |= _topviews(scenes, label)
+    folder = Path(out)
+    ensure_folder(folder)
+    for name, data in made.items():
+        write_whole(folder / name, data)
+    return tuple(folder / name for name in made)
+
+
+def _sheet(scenes: SceneSet, view: str, size: tuple[int, int], workers: int | None, progress: Progress | None) -> bytes:
+    from PIL import Image
+
+    from scenegen.render.sheet import SHOWN as MOST
+    from scenegen.render.sheet import contact_sheet, thumbnail_size
+    from scenegen.render.thumbs import pictures
+
+    file = scenes.file()
+    first = file.model_copy(update={"scenes": file.scenes[:MOST]})
+    small = thumbnail_size(size, len(scenes))
+    drawn = pictures(first, view, size, workers=workers, progress=progress)
+    return contact_sheet(file, [picture.resize(small, Image.Resampling.LANCZOS) for picture in drawn])
+
+
+def _sweep(
+    scenes: SceneSet,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int],
+    label: str | None,
+    workers: int | None,
+    progress: Progress | None,
+) -> dict[str, bytes]:
+    from PIL import Image
+
+    from scenegen.api.sweep import sweep
+    from scenegen.render.strip import animation, strip
+    from scenegen.render.thumbs import pictures
+
+    frames, chosen = sweep(scenes, label, FRAMES)
+    phi = [float(value) for value in frames.phi[chosen]]
+    picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
+    file = frames.file()
+    if "gif" not in kinds:
+        file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
+        phi, picked = [phi[place] for place in picked], list(range(len(picked)))
+    drawn = list(pictures(file, view, size, workers=workers, progress=progress))
+    made = {}
+    if "sweep" in kinds:
+        small = round(size[0] * 0.5), round(size[1] * 0.5)
+        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        made["sweep.png"] = strip(shown, [phi[place] for place in picked], chosen, scenes.header.spec.title)
+    if "gif" in kinds:
+        made["sweep.gif"] = animation(drawn, phi, chosen)
+    return made
+
+
+def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
+    from scenegen.api.sweep import chosen_label
+    from scenegen.render.dimensions import dimensions, short
+    from scenegen.render.topview import Thing, View, topview
+
+    spec = check_text(scenes.header.spec.source, "the spec of these scenes")
+    chosen = chosen_label(spec.labels, label)
+    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
+    digits = max(4, len(str(len(scenes))))
+    made = {}
+    for number, rows in enumerate(rows_of(spec, scenes).T, start=1):
+        values = evaluate(spec.core, rows.tolist())
+        node = deciding_atom(spec.core, chosen, values)
+        atom = spec.core.nodes[node]
+        assert isinstance(atom, Atom)
+        phi = values[spec.core.labels[chosen]]
+        things = [
+            Thing(name, shape.footprint, (float(x), float(y), float(theta)))
+            for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, rows.reshape(-1, 3), strict=True)
+        ]
+        view = View(
+            [*zones, *things],
+            x=spec.workspace.x,
+            y=spec.workspace.y,
+            marks=dimensions(spec.core, node, rows.tolist()),
+            caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
+            good=phi >= 0.0,
+        )
+        made[f"scene_{number:0{digits}d}_topview.svg"] = topview(view, width=480).encode()
+    return made

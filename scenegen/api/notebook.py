@@ -1,0 +1,79 @@
+"""What notebooks show of scenes: a small contact sheet, and what was asked for beside what came out.
+
+Drawing starts when a notebook asks for it; a set keeps its sheet, so that it is drawn once however often it is shown.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenegen.errors import ScenegenError
+from scenegen.scene.data import SceneFile
+
+if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
+
+SHOWN = 8  # scenes of a sheet
+SIZE = (320, 240)  # pixels of one of its pictures
+LARGE = (640, 480)  # of the picture of a single scene
+
+
+def sheet(file: SceneFile) -> bytes | None:
+    """The contact sheet of a scene file as PNG, None for one without scenes. Raises DataError."""
+    return _drawn(file, SIZE, sheet=True) if file.scenes else None
+
+
+def picture(file: SceneFile) -> bytes | None:
+    """A file's first scene in perspective, as PNG; None where it cannot be drawn: notebooks then show its `repr`."""
+    try:
+        return _drawn(file, LARGE, sheet=False)
+    except ScenegenError:
+        return None
+
+
+def _drawn(file: SceneFile, size: tuple[int, int], *, sheet: bool) -> bytes:
+    from scenegen.render import render_scenes
+
+    with tempfile.TemporaryDirectory() as folder:
+        drawn = render_scenes(file, Path(folder), views=("perspective",), size=size)
+        return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
+
+
+def page(scenes: SceneSet) -> str:
+    """A set of scenes as HTML, on its own: the picture is part of the text. Nothing in a scene file is trusted."""
+    try:
+        drawn = scenes._repr_png_()
+    except ScenegenError as error:
+        drawn, said = None, f"<pre>{html.escape(str(error))}</pre>"
+    else:
+        said = ""
+    parts = [f"<p>{_heading(scenes)}</p>", _table(scenes), said]
+    if drawn is not None:
+        data = base64.b64encode(drawn).decode()
+        parts.append(f'<img alt="contact sheet" style="max-width: 100%" src="data:image/png;base64,{data}">')
+    if len(scenes) > SHOWN:
+        parts.append(f"<p>the first {SHOWN} of {len(scenes):,} scenes</p>")
+    return "<div>" + "".join(parts) + "</div>"
+
+
+def _heading(scenes: SceneSet) -> str:
+    title = scenes.header.spec.title
+    count = f"{len(scenes):,} scene{'s' * (len(scenes) != 1)} of {html.escape(scenes.names())}"
+    return f"<b>{html.escape(title)}</b><br>{count}" if title else f"<b>{count}</b>"
+
+
+def _table(scenes: SceneSet) -> str:
+    if not len(scenes):
+        return ""
+    rows = ["<tr><th>label</th><th>asked phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
+    for label, values in scenes.phi.items():
+        low, high = scenes.header.request.phi.get(label, (None, None))
+        ends = ["" if end is None else f"{end:g}" for end in (low, high)]
+        asked = ":".join(ends) if any(ends) else "any"
+        cells = [html.escape(label), asked, *(f"{v:+.4f}" for v in (values.min(), values.mean(), values.max()))]
+        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    return f"<table>{''.join(rows)}</table>"

@@ -1,0 +1,41 @@
+"""One scene of a set, with what it takes to draw it and to load it into a simulator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from scenegen.scene.data import Pose, SceneData, SceneFile
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """`poses` maps each object to where it stands (x and y in metres, theta in radians), `phi` each label to its value;
+    `header` is the scene file it is of, without scenes. Two scenes are equal if poses and phi are."""
+
+    poses: Mapping[str, Pose]
+    phi: Mapping[str, float]
+    header: SceneFile = field(repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        places = (
+            f"{name} ({pose.x:.3f}, {pose.y:.3f}, {math.degrees(pose.theta):.0f} deg)"
+            for name, pose in self.poses.items()
+        )
+        phi = (f"{label} {value:.3g}" for label, value in self.phi.items())
+        return f"<Scene: {', '.join(places)}; phi {', '.join(phi)}>"
+
+    def data(self) -> SceneData:
+        """The scene as files hold it."""
+        return SceneData(poses=dict(self.poses), phi=dict(self.phi))
+
+    def file(self) -> SceneFile:
+        """A scene file with this scene alone."""
+        return self.header.model_copy(update={"scenes": [self.data()]})
+
+    def _repr_png_(self) -> bytes | None:
+        """For notebooks: the scene in perspective."""
+        from scenegen.api.notebook import picture
+
+        return picture(self.file())

@@ -1,0 +1,32 @@
+"""Scenes in simulators that are running."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scenegen.formats.lines import block_of
+from scenegen.formats.setting import world_of
+
+if TYPE_CHECKING:
+    from scenegen.api.scene import Scene
+
+
+def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[str, int]:
+    """Add a scene, such as `scenes[3]`, to a running PyBullet: objects with mass, inertia, friction and collision
+    shapes, on a table unless `table` is false; no floor, no gravity, no camera.
+
+        client = pybullet.connect(pybullet.DIRECT)
+        bodies = scenegen.load_pybullet(scenes[3], client)
+        where, turn = pybullet.getBasePositionAndOrientation(bodies["mug"], client)
+
+    `client` is what `pybullet.connect` returned, or a BulletClient. Returns the number of each object's body. PyBullet
+    speaks of a body's centre of mass: an object's own frame, in the middle of its footprint at its lowest point, lies
+    by its local inertial position (`getDynamicsInfo(...)[3]`) below that. The table's top is z = 0.
+
+    Raises RequestError where the client is not connected, DataError where an object stands beyond any table.
+    """
+    from scenegen.render.load import load
+
+    names = [one.name for one in scene.header.objects]
+    world = world_of(scene.header, block_of([scene.data()], names, tuple(scene.phi)))
+    return load(world, getattr(client, "_client", client), table=table)

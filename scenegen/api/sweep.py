@@ -1,0 +1,104 @@
+"""One layout from hard to solved: scenes that follow one another by the shortest moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from scenegen.api.scenes import Array, SceneSet, make_header, rows_of
+from scenegen.api.spec import Spec, parse
+from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.lang.core import REQUIRE, gated
+from scenegen.lang.interpret import phi as score
+from scenegen.primitives import NUMPY
+from scenegen.robustness import Robustness
+from scenegen.sampling.refine import refine
+from scenegen.scene.data import RequestData
+
+HARD = -0.25  # phi that a hard scene has at most, if it can be so low
+DRAWN = 512  # scenes among which one is looked for where the set has none that hard
+DONE = 0.05  # phi that a sweep reaches at the least, if it can be so high
+NEAR = 0.002  # how far from its target the phi of a scene may be
+MARGIN = 1e-4  # by which requirements are kept
+
+
+def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple[SceneSet, str]:
+    """Scenes in which one layout goes from hard to solved, and the label that this is about.
+
+    It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
+    Objects are moved by Newton steps along the gradient of phi, each scene from the one before it, up to what the set
+    reaches at most, or to `DONE`; what the spec requires holds on the way. `label` is by default the first one. Fewer
+    than `frames` scenes come back where some phi cannot be had. Raises RequestError for an unknown label and for a set
+    without scenes.
+    """
+    if not len(scenes):
+        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+    spec = parse(scenes.header.spec.source, "the spec of these scenes")
+    chosen = chosen_label(spec.labels, label)
+    core = gated(spec.checked.core)
+    start = _start(spec, rows_of(spec.checked, scenes), chosen)
+    here = float(np.min(score(core, list(start), NUMPY)[chosen]))
+    reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else DONE
+    solved = min(max(DONE, reached), 0.98 * spec.bounds()[chosen][1])
+    targets = np.linspace(here, max(solved, here), frames)
+    rows = np.concatenate([start, *_walk(spec, start, list(core.labels).index(chosen), targets[1:])], axis=1)
+    phi = score(core, list(rows), NUMPY)
+    header = make_header(
+        spec.checked, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
+    )
+    poses = np.ascontiguousarray(rows.T).reshape(rows.shape[1], -1, 3)
+    values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
+    return SceneSet(poses, values, header), chosen
+
+
+def _start(spec: Spec, rows: Array, label: str) -> Array:
+    """(3N, 1): a hard scene."""
+    core = gated(spec.checked.core)
+    low, high = spec.workspace.box(len(spec.objects))
+    drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
+    for index, pose in spec.checked.fixed.items():
+        drawn[3 * index : 3 * index + 3] = np.array(pose)[:, None]
+    for some in (rows, drawn):
+        phi = {name: np.broadcast_to(value, some.shape[1]) for name, value in score(core, list(some), NUMPY).items()}
+        allowed = phi.get(REQUIRE, np.zeros(some.shape[1])) >= 0.0
+        hard = np.flatnonzero(allowed & (phi[label] <= HARD))
+        if len(hard):
+            # Of those that are hard enough, the easiest: the way from there is the shortest to follow.
+            return np.ascontiguousarray(some[:, hard[np.argmax(phi[label][hard])], None])
+    return np.ascontiguousarray(rows[:, np.argmin(score(core, list(rows), NUMPY)[label]), None])
+
+
+def chosen_label(labels: Sequence[str], label: str | None) -> str:
+    """The label asked for, or the first. Raises RequestError for one that the spec does not have."""
+    if label is None:
+        return labels[0]
+    if label not in labels:
+        help_ = suggest(label, labels, f"the labels are {quoted(labels)}")
+        raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=help_))
+    return label
+
+
+def _walk(spec: Spec, start: Array, place: int, targets: Array) -> list[Array]:
+    """Scenes (3N, 1) at each target in turn, as far as they can be had."""
+    core = gated(spec.checked.core)
+    robustness = Robustness(core)
+    low = torch.full((len(core.labels), 1), -torch.inf, dtype=torch.float64)
+    high, aim = torch.full_like(low, torch.inf), torch.zeros_like(low)
+    if len(core.labels) > len(spec.labels):  # the requirement is the last
+        low[-1], aim[-1] = 0.0, MARGIN
+    held = None
+    if spec.checked.fixed:
+        indices = torch.tensor([3 * index + axis for index in spec.checked.fixed for axis in range(3)])
+        held = indices, torch.from_numpy(start[indices.numpy(), 0].copy())
+    found: list[Array] = []
+    rows = torch.from_numpy(start.copy())
+    for target in targets:
+        low[place], high[place], aim[place] = float(target) - NEAR, float(target) + NEAR, float(target)
+        moved = refine(robustness, spec.workspace, rows, aim, low, high, held)
+        value = robustness.rows(moved)
+        if bool(((value >= low) & (value <= high)).all()):
+            rows = moved.detach()
+            found.append(rows.numpy().copy())
+    return found

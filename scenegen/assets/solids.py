@@ -1,0 +1,95 @@
+"""The convex pieces that library objects collide with, where the prism over the footprint would be too coarse.
+
+They follow the pictures' meshes to a few millimetres; what is thin or soft (cutlery, napkins) stays a prism. All stand
+flat on the table, so that what rolls in life rests in a simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+from scenegen.assets.hollow import Crate, Hollow, Vessel
+from scenegen.assets.mesh import Mesh, box, loft
+
+SIDES = 20  # of solid round pieces
+DOME = ((0.0, 0.95), (0.18, 1.0), (0.6, 0.85), (1.0, 0.35))  # a mouse, in half its length, width and height
+
+HOLLOWS: dict[str, Hollow] = {
+    "plate": Vessel(
+        (
+            (0.0, 0.070, 0.0),
+            (0.007, 0.088, 0.0),
+            (0.007, 0.088, 0.076),
+            (0.0125, 0.105, 0.092),
+            (0.022, 0.125, 0.120),
+        )
+    ),
+    "bowl": Vessel(
+        ((0.0, 0.034, 0.0), (0.010, 0.046, 0.0), (0.010, 0.046, 0.030), (0.021, 0.061, 0.052), (0.060, 0.080, 0.076))
+    ),
+    "mug": Vessel(((0.0, 0.036, 0.0), (0.010, 0.038, 0.0), (0.010, 0.038, 0.0305), (0.095, 0.038, 0.033))),
+    "cup": Vessel(
+        (
+            (0.0, 0.022, 0.0),
+            (0.010, 0.0245, 0.0),
+            (0.010, 0.0245, 0.018),
+            (0.035, 0.036, 0.030),
+            (0.075, 0.0425, 0.038),
+        )
+    ),
+    "tray": Crate(0.400, 0.300, 0.045, 0.011, 0.010),
+    "carton": Crate(0.300, 0.220, 0.160, 0.005, 0.005),
+    "glass": Vessel(((0.0, 0.0275, 0.0), (0.008, 0.029, 0.0), (0.008, 0.029, 0.026), (0.125, 0.035, 0.032))),
+}
+
+
+def _round(*rows: tuple[float, float]) -> tuple[Mesh, ...]:
+    """Frusta through (z, radius), from the bottom up."""
+    turns = [math.tau * k / SIDES for k in range(SIDES)]
+    rings = [[[radius * math.cos(turn), radius * math.sin(turn), z] for turn in turns] for z, radius in rows]
+    return tuple(loft([below, above]) for below, above in pairwise(rings))
+
+
+def _handle(inner: float, outer: float, low: float, high: float) -> tuple[Mesh, ...]:
+    """The ear of a mug: three bars from the wall at x = `inner` to x = `outer`."""
+    thick, wide = 0.008, 0.013
+    bar = box(outer - inner, wide, thick).moved(x=(inner + outer) / 2.0)
+    upright = box(thick, wide, high - low).moved(x=outer - thick / 2.0, z=low)
+    return upright, bar.moved(z=low), bar.moved(z=high - thick)
+
+
+def _teapot() -> tuple[Mesh, ...]:
+    body = _round((0.0, 0.042), (0.022, 0.060), (0.048, 0.066), (0.094, 0.056), (0.114, 0.036), (0.150, 0.010))
+    spout, grip = box(0.050, 0.020, 0.052).moved(x=0.085, z=0.052), box(0.046, 0.014, 0.068).moved(x=-0.087, z=0.030)
+    return *(piece.moved(x=-0.002) for piece in body), spout, grip
+
+
+def _laptop() -> tuple[Mesh, ...]:
+    """The deck, and the lid that leans back."""
+    lid = [
+        [[x, -0.165, z], [x + 0.0085, -0.165, z], [x + 0.0085, 0.165, z], [x, 0.165, z]]
+        for x, z in ((-0.078, 0.0), (-0.156, 0.224))
+    ]
+    return box(0.234, 0.330, 0.0195).moved(x=0.039), loft(lid)
+
+
+SOLIDS: dict[str, Callable[[], tuple[Mesh, ...]]] = {
+    "plate": HOLLOWS["plate"].pieces,
+    "bowl": HOLLOWS["bowl"].pieces,
+    "mug": lambda: (*HOLLOWS["mug"].pieces(), *_handle(0.037, 0.0615, 0.020, 0.078)),
+    "cup": lambda: (*HOLLOWS["cup"].pieces(), *_handle(0.036, 0.0595, 0.026, 0.064)),
+    "glass": HOLLOWS["glass"].pieces,
+    "tray": HOLLOWS["tray"].pieces,
+    "carton": HOLLOWS["carton"].pieces,
+    "bottle": lambda: _round((0.0, 0.032), (0.004, 0.036), (0.130, 0.036), (0.168, 0.0155), (0.230, 0.0145)),
+    "can": lambda: _round((0.0, 0.027), (0.006, 0.033), (0.107, 0.033), (0.115, 0.0275)),
+    "jar": lambda: _round((0.0, 0.036), (0.004, 0.040), (0.088, 0.040), (0.098, 0.0365), (0.120, 0.0365)),
+    "apple": lambda: _round((0.0, 0.016), (0.012, 0.030), (0.036, 0.037), (0.052, 0.033), (0.072, 0.016)),
+    "orange": lambda: _round((0.0, 0.016), (0.014, 0.033), (0.037, 0.040), (0.060, 0.033), (0.080, 0.014)),
+    "teapot": _teapot,
+    "laptop": _laptop,
+    "mouse": lambda: tuple(part.scaled(0.0575, 0.031, 0.038) for part in _round(*DOME)),
+    "stapler": lambda: (box(0.150, 0.038, 0.010), box(0.149, 0.033, 0.048).moved(z=0.010)),
+}

@@ -1,0 +1,75 @@
+"""What objects stand on: the table, or another object that carries their middle.
+
+Heights are no part of a scene (its poses are x, y, theta); this is how they are read from it, for pictures, for files
+of simulators and for settling alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.assets.library import Shape
+from scenegen.assets.physics import rooms_of
+from scenegen.primitives import NUMPY, POINT, PRIMITIVES, Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import area, centroid
+
+Floats = npt.NDArray[np.float64]
+
+
+def base_heights(shapes: Sequence[Shape], poses: Floats, *, solid: bool = False) -> Floats:
+    """(scenes, objects): how high above the table the lowest point of each object is, in metres.
+
+    `poses` is (scenes, objects, 3). An object is carried where the middle of its footprint lies inside the footprint of
+    another, so that it does not tip over an edge; it then stands on the highest of those. Of two objects the one with
+    the larger footprint carries, of two equal ones the one that comes first: nothing stands on itself, and towers are
+    allowed. In a hollow (see `physics.rooms_of`) an object stands as deep as its footprint fits; `solid` fills hollows
+    up, for bodies that have none.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
+        return _heights(shapes, poses, solid)
+
+
+def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
+    inside = PRIMITIVES["room"].evaluate
+    areas = [_area(shape.footprint) for shape in shapes]
+    order = sorted(range(len(shapes)), key=lambda k: (-areas[k], k))  # what may carry an object comes before it
+    heights = np.zeros(poses.shape[:2])
+    for place, upper in enumerate(order):
+        footprint, pose = shapes[upper].footprint, poses[:, upper].T
+        middle = _middle(footprint, poses[:, upper])
+        for lower in order[:place]:
+            below = poses[:, lower].T
+            carried = inside(NUMPY, POINT, shapes[lower].footprint, *middle, *below) > 0.0
+            if not carried.any():
+                continue
+            floor = np.full(len(poses), shapes[lower].height)
+            for room, height in () if solid else reversed(rooms_of(shapes[lower])):  # from the rim downwards
+                held = inside(NUMPY, footprint, room, *pose, *below) >= 0.0
+                floor = np.where(held, height, floor)
+            top = np.where(carried, heights[:, lower] + floor, 0.0)
+            heights[:, upper] = np.maximum(heights[:, upper], top)
+    return heights
+
+
+def _area(footprint: Footprint) -> float:
+    match footprint:
+        case Circle(radius):
+            return math.pi * radius * radius
+        case Box(length, width):
+            return length * width
+        case _:
+            return area(footprint)
+
+
+def _middle(footprint: Footprint, poses: Floats) -> tuple[Floats, Floats, Floats]:
+    """Where the centroid of a footprint is at poses (P, 3): x, y and, of no meaning for a point, the heading."""
+    x, y, theta = poses.T
+    if not isinstance(footprint, Polygon):
+        return x, y, theta
+    u, v = centroid(footprint)
+    cos, sin = np.cos(theta), np.sin(theta)
+    return x + cos * u - sin * v, y + sin * u + cos * v, theta

@@ -1,0 +1,111 @@
+"""`scenegen assets`: what there is in the library, as a table and as pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from scenegen.assets.library import Asset
+
+
+def assets(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Names of objects; all of the library if left out.", metavar="NAME", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="A folder for pictures of them.", metavar="DIR", show_default=False)
+    ] = None,
+    size: Annotated[
+        str, typer.Option("--size", help="Width and height of a picture in pixels.", metavar="WxH")
+    ] = "320x240",
+    json_: Annotated[bool, typer.Option("--json", help="The table as JSON.", show_default=False)] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
+    ] = None,
+) -> None:
+    """List the objects of the library: their sizes, masses and friction.
+
+    \b
+      scenegen assets
+      scenegen assets mug cracker_box
+      scenegen assets --out pictures
+
+    The name of an object in a spec picks its asset: `object mug, fork[3], plate_2`. Lengths are metres, length is along
+    the heading; masses are kilograms. With --out, every asset is drawn, and all on contact_sheet.png.
+    """
+    from scenegen.cli.output import print_error
+
+    found = _found(names or [])
+    if json_:
+        print(json.dumps([_row(asset) for asset in found], indent=2))
+    else:
+        print(_table(found))
+    if out is not None:
+        made = _draw(found, out, size, workers)
+        print_error(f"drew {len(made)} pictures in {out}; contact sheet: {made[-1]}")
+
+
+def _found(names: list[str]) -> list[Asset]:
+    """The assets that these names pick. Raises RequestError for one that the library does not know."""
+    from scenegen.assets import ASSETS, asset_of, has_picture
+    from scenegen.errors import Diagnostic, RequestError, suggest
+
+    for name in names:
+        if not has_picture(name):
+            help_ = suggest(name, ASSETS, f"the library has {', '.join(sorted(ASSETS))}")
+            raise RequestError(Diagnostic(f"the library has no `{name}`", help=help_))
+    return list(dict.fromkeys(map(asset_of, names))) if names else sorted(ASSETS.values(), key=lambda one: one.name)
+
+
+def _row(asset: Asset) -> dict[str, Any]:
+    from scenegen.assets.library import shape_of
+    from scenegen.assets.physics import rooms_of
+    from scenegen.scene.data import footprint_data
+
+    return {
+        "name": asset.name,
+        "footprint": footprint_data(asset.footprint).model_dump(),
+        "height": asset.height,
+        "mass": asset.mass,
+        "friction": asset.friction,
+        "color": list(asset.color),
+        "hollow": bool(rooms_of(shape_of(asset.name))),
+    }
+
+
+def _table(found: list[Asset]) -> str:
+    from scenegen.primitives import Circle
+
+    rows = [("name", "footprint", "height", "mass", "friction", "")]
+    for asset in found:
+        length, width = asset.footprint.extent
+        size = f"radius {length / 2:g}" if isinstance(asset.footprint, Circle) else f"{length:g} x {width:g}"
+        hollow = "hollow" if _row(asset)["hollow"] else ""
+        rows.append((asset.name, size, f"{asset.height:g}", f"{asset.mass:g}", f"{asset.friction:g}", hollow))
+    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    lines = []
+    for row in rows:
+        cells = [row[k].ljust(widths[k]) if k in (0, 1, 5) else row[k].rjust(widths[k]) for k in range(6)]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def _draw(found: list[Asset], out: Path, size: str, workers: int | None) -> list[Path]:
+    from scenegen.cli.render import parse_size
+    from scenegen.formats.files import ensure_folder, write_whole
+    from scenegen.render.gallery import gallery, library_sheet
+    from scenegen.render.request import check_request
+
+    shape = parse_size(size)
+    check_request(("perspective",), shape, workers)
+    ensure_folder(out)
+    pictures = gallery([asset.name for asset in found], shape, workers)
+    files = {f"{name}.png": data for name, data in pictures.items()} | {"contact_sheet.png": library_sheet(pictures)}
+    for name, data in files.items():
+        write_whole(out / name, data)
+    return [out / name for name in files]

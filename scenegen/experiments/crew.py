@@ -1,0 +1,95 @@
+"""Trainings on several processes: whoever is free takes the next one."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from scenegen.errors import DataError, Diagnostic, ScenegenError
+from scenegen.experiments.plan import FOLDER, Plan
+from scenegen.experiments.problems import Problem
+from scenegen.experiments.trainings import Job, Trained, kept, perform
+from scenegen.experiments.variants import VARIANTS
+from scenegen.experiments.worker import ANSWER
+from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.render.process import Process
+
+
+def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
+    """Every variant by name, a training per seed: what is kept already, and the rest trained now. Raises
+    ScenegenError."""
+    folder = plan.out / FOLDER
+    ensure_folder(folder)
+    write_whole(folder / ".gitignore", b"*\n")
+    jobs = [
+        Job(problem.key, place, seed, plan.quick, str(folder)) for place in range(len(VARIANTS)) for seed in plan.seeds
+    ]
+    files = {job.path: job for job in reversed(jobs)}  # one training for all variants that share a file
+    missing = [job for job in jobs if job is files[job.path] and kept(job) is None]
+    if len(missing) < len(files):
+        plan.tell(f"{problem.title}: {len(files) - len(missing)} of {len(files)} models are there from an earlier run")
+    if missing:
+        _train(missing, plan)
+    return {
+        variant.name: [_whole(job) for job in jobs if job.variant == place] for place, variant in enumerate(VARIANTS)
+    }
+
+
+def _whole(job: Job) -> Trained:
+    found = kept(job)
+    if found is None:
+        raise DataError(Diagnostic(f"{job.path} was changed while it was in use", help="run the experiment again"))
+    return found
+
+
+def _train(jobs: Sequence[Job], plan: Plan) -> None:
+    began, done, lock = time.monotonic(), 0, threading.Lock()
+
+    def told(job: Job, seconds: float) -> None:
+        nonlocal done
+        with lock:
+            done += 1
+            left = (time.monotonic() - began) / done * (len(jobs) - done) / 60.0
+            more = f"; {len(jobs) - done} to go, about {left:.0f} min" if done < len(jobs) else ""
+            plan.tell(f"{job}: trained in {seconds:.0f} CPU seconds{more}")
+
+    if min(plan.workers, len(jobs)) == 1:
+        for job in jobs:
+            told(job, perform(job))
+    else:
+        _share(jobs, min(plan.workers, len(jobs)), told)
+
+
+def _share(jobs: Sequence[Job], workers: int, told: Callable[[Job, float], None]) -> None:
+    waiting = iter(jobs)
+    lock = threading.Lock()
+    failures: list[ScenegenError] = []
+    crew = [Process("scenegen.experiments.worker", {}, "trains models", "fewer --workers") for _ in range(workers)]
+
+    def serve(process: Process) -> None:
+        while not failures:
+            with lock:
+                job = next(waiting, None)
+            if job is None:
+                return
+            process.send(json.dumps(dataclasses.asdict(job)).encode() + b"\n")
+            try:
+                told(job, ANSWER.unpack(process.read(ANSWER.size))[0])
+            except ScenegenError as error:
+                failures.append(error)
+
+    threads = [threading.Thread(target=serve, args=(process,), daemon=True) for process in crew]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            while thread.is_alive():  # a join without an end would not let Ctrl-C through everywhere
+                thread.join(1.0)
+    finally:
+        for process in crew:
+            process.end()
+    if failures:
+        raise failures[0]

@@ -1,0 +1,53 @@
+"""The table of experiments. A new one is one module and one line here."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, RequestError, suggest
+
+if TYPE_CHECKING:
+    from scenegen.experiments.plan import Plan
+    from scenegen.experiments.report import Report
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Where an experiment's function is, what it shows, and about how long it takes on two cores with three seeds."""
+
+    function: str
+    about: str
+    time: str
+
+    def run(self, plan: Plan) -> Report:
+        """Carry it out. Raises ScenegenError for whatever stands in its way."""
+        module, _, name = self.function.partition(":")
+        found: Report = getattr(importlib.import_module(module), name)(plan)
+        return found
+
+
+# Text, not functions: `scenegen experiment --help` lists them without importing torch.
+EXPERIMENTS: dict[str, Entry] = {
+    "semantics": Entry("scenegen.experiments.semantics:run", "phi while a mug moves round a plate", "10 seconds"),
+    "exp1": Entry("scenegen.experiments.exp1:run", "a mug to the upper left of a plate, two labels", "30 minutes"),
+    "exp2": Entry("scenegen.experiments.exp2:run", "a table set for one, rare", "30 minutes"),
+    "exp3": Entry("scenegen.experiments.exp3:run", "3, 5 and 7 blocks in order", "90 minutes"),
+    "rejection": Entry("scenegen.experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
+    # its networks are those of exp1 and exp2
+    "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),
+}
+
+
+def chosen(name: str) -> dict[str, Entry]:
+    """The experiments that a name stands for, in the order of the table. Raises RequestError for an unknown one."""
+    if name == ALL:
+        return EXPERIMENTS
+    if name not in EXPERIMENTS:
+        known = [*EXPERIMENTS, ALL]
+        help_ = suggest(name, known, f"the experiments are {', '.join(known)}")
+        raise RequestError(Diagnostic(f"unknown experiment `{name}`", help=help_))
+    return {name: EXPERIMENTS[name]}

@@ -1,0 +1,114 @@
+"""Trainings that are kept: a model file whose card says what is asked for is not trained again.
+
+Beside the model stands a record of what the card does not hold, written last: a training that was broken off is begun
+anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+
+from scenegen.api.train import Model, load_model, train
+from scenegen.errors import DataError
+from scenegen.experiments.plan import FULL, QUICK
+from scenegen.experiments.problems import PROBLEMS
+from scenegen.experiments.variants import VARIANTS, Variant
+from scenegen.formats.files import write_whole
+from scenegen.models.table import parse_hyper
+from scenegen.training.config import TrainConfig
+from scenegen.training.state import state_path
+
+
+class Record(BaseModel):
+    """The SHA-256 of a finished model file, and the CPU seconds that its training took, data included."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    model: str
+    cpu_seconds: FiniteFloat
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A training: the key of a problem, the place of a variant in VARIANTS, a seed."""
+
+    problem: str
+    variant: int
+    seed: int
+    quick: bool
+    folder: str
+
+    @property
+    def what(self) -> Variant:
+        return VARIANTS[self.variant]
+
+    @property
+    def path(self) -> Path:
+        """The model file; variants that differ in their steps share it."""
+        size = "quick-" if self.quick else ""
+        return Path(self.folder) / f"{size}{self.problem}-{self.what.family}-{self.what.recipe}-{self.seed}.safetensors"
+
+    @property
+    def config(self) -> TrainConfig:
+        return self.what.config(PROBLEMS[self.problem], QUICK if self.quick else FULL, self.seed)
+
+    def __str__(self) -> str:
+        return f"{PROBLEMS[self.problem].title}: {self.what.name}, seed {self.seed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """A model, the size of its file, and what its training cost."""
+
+    model: Model
+    size: int
+    cpu_seconds: float
+
+
+def kept(job: Job) -> Trained | None:
+    """What an earlier run left, if it is whole and was trained on this spec, by this recipe, with these settings."""
+    config = job.config
+    try:
+        record = Record.model_validate_json(_record(job.path).read_bytes())
+        data = job.path.read_bytes()
+        model = load_model(job.path, PROBLEMS[job.problem].load())
+    except (OSError, ValidationError, DataError):
+        return None
+    card = model.trained.card
+    settings = parse_hyper(config.model, config.hyper, config.recipe).model_dump()
+    same = dict(card.training) == asdict(config) and dict(card.hyper) == settings and record.model == _digest(data)
+    if not same:
+        return None
+    if job.what.steps is not None:
+        sampler: Any = model.trained.model
+        sampler.steps = job.what.steps
+    return Trained(model, len(data), record.cpu_seconds)
+
+
+def perform(job: Job) -> float:
+    """Train, and keep the model with its record; returns CPU seconds. Raises ScenegenError."""
+    spec, settings = PROBLEMS[job.problem].load(), asdict(job.config)
+    _record(job.path).unlink(missing_ok=True)
+    began = time.process_time()
+    train(spec, out=job.path, **settings)
+    seconds = time.process_time() - began
+    with contextlib.suppress(OSError):
+        state_path(job.path).unlink()  # a finished training is not resumed
+    record = Record(model=_digest(job.path.read_bytes()), cpu_seconds=seconds)
+    write_whole(_record(job.path), record.model_dump_json(indent=1).encode())
+    return seconds
+
+
+def _record(path: Path) -> Path:
+    return path.with_suffix(".json")
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

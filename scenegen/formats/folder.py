@@ -1,0 +1,51 @@
+"""Several files that appear together or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from scenegen.errors import OutputError
+from scenegen.formats.files import ensure_folder, output_error, reported, write_whole
+
+
+@contextlib.contextmanager
+def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
+    """put(name, data): files below `folder` (made if its parent is there) that appear, in the order in which they were
+    put, when the block ends without an error. A name may have a folder of its own, as in `meshes/mug.obj`.
+
+    Raises OutputError and leaves nothing behind.
+    """
+    made = not folder.exists()
+    ensure_folder(folder)
+    names: list[str] = []
+    with reported(folder):
+        waiting = Path(tempfile.mkdtemp(dir=folder, prefix=".export.", suffix=".part"))
+
+    def put(name: str, data: bytes) -> None:
+        with reported(folder / name):
+            (waiting / name).parent.mkdir(exist_ok=True)
+        try:
+            write_whole(waiting / name, data)
+        except OutputError as error:  # what cannot be written is the file's destination
+            if isinstance(error.__cause__, OSError):
+                raise output_error(folder / name, error.__cause__) from error
+            raise
+        names.append(name)
+
+    try:
+        yield put
+        for name in names:
+            with reported(folder / name):
+                (folder / name).parent.mkdir(exist_ok=True)
+                (waiting / name).replace(folder / name)
+    except BaseException:
+        shutil.rmtree(waiting, ignore_errors=True)
+        if made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    shutil.rmtree(waiting, ignore_errors=True)

@@ -1,0 +1,147 @@
+"""A scene file as a world for simulators: forms, masses, colours and heights of its objects, and their table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
+from scenegen.assets.mesh import Floats
+from scenegen.assets.palette import RGB, mix, stable
+from scenegen.assets.physics import collision_of, friction_of, mass_of
+from scenegen.assets.support import base_heights
+from scenegen.errors import DataError, Diagnostic
+from scenegen.formats.blocks import Block
+from scenegen.formats.inertia import inertia
+from scenegen.formats.world import LEAST_MASS, WOOD, Body, Form, Patch, World, piece_of
+from scenegen.formats.xml import check_names, printable
+from scenegen.lang.check import check_text
+from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.scene.data import RegionData, SceneFile, footprint_of
+
+MARGIN = 0.07  # metres of table beyond what is on it
+LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
+BEYOND = 1e6  # metres from the origin, likewise
+FARTHEST = 100.0  # metres from the workspace that a table reaches at most
+LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
+SHEET = 0.0004  # metres: the thickness of the first region
+DRAWN = 32  # corners of a round region
+
+
+def world_of(header: SceneFile, scenes: Block) -> World:
+    """The world of a scene file's header and (some of) its scenes.
+
+    Raises DataError where an object stands beyond any table, SpecError where the header's spec is damaged.
+    """
+    names = [one.name for one in header.objects]
+    check_names(names)
+    _check_sizes(header)
+    shapes = [_shape(one.shape.asset, one.shape.height, footprint_of(one.shape.footprint)) for one in header.objects]
+    spec = check_text(header.spec.source, "the spec of the scenes")
+    fixed = {spec.objects[index] for index in spec.fixed}
+    colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    forms = _forms(names, shapes)
+    bodies = tuple(
+        Body(
+            name,
+            forms[shape],
+            tuple(part.color for part in parts_of(shape, color)),
+            max(mass_of(shape), LEAST_MASS),
+            friction_of(shape),
+            name in fixed,
+        )
+        for name, shape, color in zip(names, shapes, colors, strict=True)
+    )
+    places = np.ascontiguousarray(scenes.rows.T).reshape(scenes.count, len(names), 3)
+    table = _table(header, shapes, names, places)
+    heights = base_heights(shapes, places)
+    poses = np.concatenate([places[..., :2], heights[..., None], np.remainder(places[..., 2:], math.tau)], axis=-1)
+    return World(printable(header.spec.title), bodies, _patches(header.regions), table, poses)
+
+
+def _check_sizes(header: SceneFile) -> None:
+    """Refuse what no spec can say, since files may hold any number: numbers beyond all measure, shapes without a
+    volume. Raises DataError."""
+    places = [*header.workspace.x, *header.workspace.y]
+    places += [value for region in header.regions for value in (region.pose.x, region.pose.y)]
+    if max(map(abs, places)) > BEYOND:
+        title = f"the workspace or a region is {max(map(abs, places)):.3g} m away"
+        raise DataError(Diagnostic(title, help=f"{BEYOND:,.0f} m are the most"))
+    sizes: list[tuple[str, tuple[float, ...]]] = []
+    sizes += [(one.name, (*footprint_of(one.shape.footprint).extent, one.shape.height)) for one in header.objects]
+    sizes += [(region.name, footprint_of(region.footprint).extent) for region in header.regions]
+    for name, lengths in sizes:
+        if not (min(lengths) >= SMALLEST and max(lengths) <= LARGEST):
+            title = f"`{name}` has a size of {min(lengths) if min(lengths) < SMALLEST else max(lengths):.3g} m"
+            help_ = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
+            raise DataError(Diagnostic(title, help=help_))
+
+
+def _shape(asset: str, height: float, footprint: Footprint) -> Shape:
+    return Shape(asset if asset in ASSETS or asset in PLAIN else UNKNOWN, footprint, height)
+
+
+def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
+    forms: dict[Shape, Form] = {}
+    for name, shape in zip(names, shapes, strict=True):
+        if shape not in forms:
+            same = sum(other.asset == shape.asset for other in forms)
+            solids = collision_of(shape)
+            pieces = tuple(piece_of(solid) for solid in solids)
+            parts = tuple(part.mesh for part in parts_of(shape, WOOD))
+            try:
+                mass = inertia(solids)
+            except ValueError:
+                raise DataError(Diagnostic(f"`{name}` has no volume", help="give it a wider outline")) from None
+            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
+    return forms
+
+
+def _patches(regions: Sequence[RegionData]) -> tuple[Patch, ...]:
+    patches: list[Patch] = []
+    used: list[RGB] = []
+    for region in regions:
+        used.append(stable(region.name, used))
+        cos, sin = math.cos(region.pose.theta), math.sin(region.pose.theta)
+        corners = tuple(
+            (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
+            for u, v in _outline(footprint_of(region.footprint))
+        )
+        patches.append(Patch(corners, mix(used[-1], LINEN, 0.35), SHEET * (1.0 + 0.25 * len(patches))))
+    return tuple(patches)
+
+
+def _outline(footprint: Footprint) -> Sequence[tuple[float, float]]:
+    match footprint:
+        case Circle(radius):
+            turns = [k * math.tau / DRAWN for k in range(DRAWN)]
+            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+        case Box(length, width):
+            x, y = length / 2.0, width / 2.0
+            return [(-x, -y), (x, -y), (x, y), (-x, y)]
+        case Polygon(vertices):
+            return vertices
+
+
+def _table(
+    header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats
+) -> tuple[float, float, float, float]:
+    """The workspace, grown to hold all that stands on it. Raises DataError where that is too far."""
+    (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
+    if not (x1 > x0 and y1 > y0):
+        raise DataError(Diagnostic("the workspace is empty", help="give its x and y as [lowest, highest] in metres"))
+    least, most = np.array([x0, y0]), np.array([x1, y1])
+    for shape, name, place in zip(shapes, names, np.moveaxis(places, 1, 0), strict=True):
+        if not len(place):
+            continue
+        away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
+        if away.max() > FARTHEST:
+            title = f"`{name}` stands {away.max():.3g} m off the workspace in scene {int(away.argmax()) + 1}"
+            raise DataError(Diagnostic(title, help=f"no table is that large: {FARTHEST:g} m are the most"))
+        reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
+        least = np.minimum(least, place[:, :2].min(axis=0) - reach)
+        most = np.maximum(most, place[:, :2].max(axis=0) + reach)
+    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    return left, front, right, back

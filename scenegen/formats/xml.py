@@ -1,0 +1,57 @@
+"""XML for simulators: elements, numbers that read back bit for bit, names that XML can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree import ElementTree
+
+from scenegen.errors import DataError, Diagnostic
+
+Element = ElementTree.Element
+
+
+def node(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
+    """A new last child of `parent`; a trailing underscore keeps an attribute apart from a word of Python's."""
+    child = ElementTree.SubElement(parent, tag, {name.rstrip("_"): value for name, value in attributes.items()})
+    child.text = text
+    return child
+
+
+def numbers(*values: float) -> str:
+    """The shortest digits that read back as the same floats, with spaces between."""
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)
+
+
+def short(values: Iterable[float]) -> str:
+    """Numbers to nine digits: what meshes and colours need."""
+    return " ".join(f"{value + 0.0:.9g}" for value in values)
+
+
+def document(root: Element) -> bytes:
+    """The bytes of a file, indented."""
+    ElementTree.indent(root)
+    data: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return data + b"\n"
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Refuse names with characters that XML has no way to write, and those that simulators keep for themselves. Raises
+    DataError."""
+    for name in names:
+        why = ""
+        if not name or any(not _allowed(ord(letter)) for letter in name):
+            why = "cannot be written as a name in XML"
+        elif name == "world" or "::" in name or (name.startswith("__") and name.endswith("__")):
+            why = "is a name that simulators keep for themselves"
+        if why:
+            raise DataError(Diagnostic(f"an object's name {why}: {name!a}", help="rename it in the spec"))
+
+
+def printable(text: str) -> str:
+    """The text without characters that XML has no way to write."""
+    return "".join(letter for letter in text if _allowed(ord(letter)))
+
+
+def _allowed(code: int) -> bool:
+    """Of XML 1.0's characters; tabs and line breaks would not survive in an attribute."""
+    return 0x20 <= code <= 0xD7FF or 0xE000 <= code <= 0xFFFD or 0x10000 <= code <= 0x10FFFF

@@ -1,0 +1,39 @@
+"""Names written on pictures, beside the blocks that stand for objects which the library does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from scenegen.render.camera import Camera, Floats
+from scenegen.render.picture import Picture
+from scenegen.render.stage import Stage
+
+INK, PAPER = (38, 40, 44), (255, 255, 255)
+LEAST, SHARE = 10, 32  # pixels of type at least, and how many lines a picture is high
+
+
+def write_names(color: Picture, stage: Stage, camera: Camera, places: Floats) -> Picture:
+    """A picture (h, w, 3 or 4) with the label of every thing that has one, above it; places are (objects, 4)."""
+    labels = [(thing, place) for thing, place in zip(stage.things, places, strict=True) if thing.label]
+    if not labels:
+        return color
+    image = Image.fromarray(color)
+    draw = ImageDraw.Draw(image)
+    size = max(LEAST, camera.size[1] // SHARE)
+    font = ImageFont.load_default(size=size)
+    for thing, (x, y, _, z) in labels:
+        top = (x, y, z + thing.shape.height)
+        reach = max(thing.shape.footprint.extent) / 2.0
+        at, beyond = camera.project([top, (x, y + reach, top[2])])
+        if not _seen([at, beyond], camera.size):
+            continue
+        spot = float(at[0]), float(min(at[1], beyond[1])) - 0.25 * size
+        draw.text(spot, thing.label, INK, font, anchor="ms", stroke_width=max(1, size // 6), stroke_fill=PAPER)
+    return np.asarray(image)
+
+
+def _seen(points: Sequence[Floats], size: tuple[int, int]) -> bool:
+    return all(bool((point >= 0.0).all() and (point < size).all()) for point in points)

@@ -1,0 +1,35 @@
+"""What can be asked of the renderer."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.render.camera import VIEWS
+from scenegen.render.files import RENDERERS
+
+SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
+
+
+def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:
+    """Raises RequestError for views, a size in pixels, or a number of processes that cannot be."""
+    if not views:
+        raise RequestError(Diagnostic("no view was asked for", help=f"the views are {quoted(VIEWS)}"))
+    for view in views:
+        if view not in VIEWS:
+            help_line = suggest(view, VIEWS, f"the views are {quoted(VIEWS)}")
+            raise RequestError(Diagnostic(f"unknown view `{view}`", help=help_line))
+    if not all(SMALLEST <= side <= LARGEST for side in size):
+        help_line = f"width and height are from {SMALLEST} to {LARGEST} pixels each"
+        raise RequestError(Diagnostic(f"a picture cannot be {size[0]} x {size[1]} pixels", help=help_line))
+    if workers is not None and workers < 1:
+        raise RequestError(Diagnostic(f"{workers} workers cannot draw", help="ask for 1 or more"))
+
+
+def check_renderer(renderer: str) -> None:
+    """Raises RequestError for a renderer that is not known, or not there."""
+    if renderer not in RENDERERS:
+        help_line = suggest(renderer, RENDERERS, f"the renderers are {quoted(RENDERERS)}")
+        raise RequestError(Diagnostic(f"unknown renderer `{renderer}`", help=help_line))
+    if renderer == "egl" and importlib.util.find_spec("eglRenderer") is None:
+        raise RequestError(Diagnostic("this pybullet has no EGL renderer", help="leave `--renderer egl` out"))

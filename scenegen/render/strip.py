@@ -1,0 +1,80 @@
+"""A layout on its way from hard to solved: as a strip of pictures, and as an animation."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from PIL import Image, ImageDraw, ImageFont
+
+from scenegen.render.sheet import INK, PAPER, QUIET, WARM
+
+COOL = (36, 120, 88)
+EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, room below a picture
+BAR = 6  # height of the bar that shows phi
+TEXT, TITLE = 20, 22  # sizes of type
+HELD = 1400  # milliseconds that an animation rests on its last picture
+STEP = 90  # milliseconds that it shows the others
+
+
+def strip(frames: Sequence[Image.Image], phi: Sequence[float], label: str, title: str) -> bytes:
+    """The frames side by side as a PNG file, each with its phi below and a bar that runs from the lowest phi of all to
+    the highest, red as long as the formula is violated."""
+    width, height = frames[0].size
+    head = TITLE + 24 if title else 0
+    sheet = Image.new(
+        "RGB",
+        (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT),
+        PAPER,
+    )
+    draw = ImageDraw.Draw(sheet)
+    if title:
+        draw.text((EDGE, EDGE), title, INK, ImageFont.load_default(size=TITLE))
+    for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
+        x, y = EDGE + number * (width + GAP), EDGE + head
+        sheet.paste(frame, (x, y))
+        _below(draw, (x, y + height), width, value, phi, label)
+    out = io.BytesIO()
+    sheet.save(out, format="PNG", compress_level=7)
+    return out.getvalue()
+
+
+def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str) -> bytes:
+    """The frames one after the other as a GIF file that runs for ever and rests on the last."""
+    width, height = frames[0].size
+    shown = []
+    for frame, value in zip(frames, phi, strict=True):
+        page = Image.new("RGB", (width, height + FOOT), PAPER)
+        page.paste(frame, (0, 0))
+        _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label)
+        shown.append(page)
+    # One palette for all, of the first and the last picture: colours that jump from frame to frame look like errors.
+    both = Image.new("RGB", (width, 2 * (height + FOOT)))
+    both.paste(shown[0], (0, 0))
+    both.paste(shown[-1], (0, height + FOOT))
+    palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT, kmeans=3)  # small things keep their colours
+    pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
+    out = io.BytesIO()
+    times = [STEP] * (len(pages) - 1) + [HELD]
+    pages[0].save(out, format="GIF", save_all=True, append_images=pages[1:], duration=times, loop=0, optimize=True)
+    return out.getvalue()
+
+
+def _below(
+    draw: ImageDraw.ImageDraw, at: tuple[int, int], width: int, value: float, phi: Sequence[float], label: str
+) -> None:
+    """phi in figures and as a bar, below a picture."""
+    x, y = at
+    low, high = min(*phi, 0.0), max(*phi, 0.0)
+    color = COOL if value >= 0.0 else WARM
+    draw.rectangle((x, y + 8, x + width - 1, y + 8 + BAR), fill=(228, 228, 226))
+    share = (value - low) / (high - low) if high > low else 1.0
+    draw.rectangle((x, y + 8, x + max(2, round(share * (width - 1))), y + 8 + BAR), fill=color)
+    zero = x + round((0.0 - low) / (high - low) * (width - 1)) if high > low else x
+    draw.line((zero, y + 5, zero, y + 11 + BAR), fill=INK, width=2)
+    font = ImageFont.load_default(size=TEXT)
+    words = f"{label} "
+    draw.text((x, y + 20), words, QUIET, font)
+    # Two decimals: the value may be a hair below zero, which must not read as solved.
+    figure = f"{value:+.2f}" if abs(value) >= 0.005 else f"{value:+.3f}"
+    draw.text((x + font.getlength(words), y + 20), figure, color, font)

@@ -1,0 +1,34 @@
+"""Pictures in memory, for figures that are put together from them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable, Iterator
+
+from PIL import Image
+
+from scenegen.render.files import Wanted
+from scenegen.render.pool import draw
+from scenegen.render.process import cores
+from scenegen.render.stage import poses_of, stage_of
+from scenegen.scene.data import SceneFile
+
+
+def pictures(
+    file: SceneFile,
+    view: str,
+    size: tuple[int, int],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Image.Image]:
+    """The pictures of a file's scenes, one after the other, from one view. Raises as `render_scenes` does."""
+    stage, total = stage_of(file), len(file.scenes)
+    wanted = Wanted((view,), size)
+    with contextlib.closing(draw(stage, poses_of(file), wanted, min(workers or cores(), total))) as scenes:
+        for number, files in enumerate(scenes, start=1):
+            with Image.open(io.BytesIO(files[view, ".png"])) as picture:
+                yield picture.convert("RGB")
+            if progress is not None:
+                progress(number, total)

@@ -1,0 +1,73 @@
+"""Every experiment, with tiny settings: the files are there, and hold what they should."""
+
+import json
+
+import pytest
+from PIL import Image
+
+from scenegen.experiments.run import run
+from scenegen.experiments.variants import VARIANTS
+
+FIGURES = {
+    "semantics": ["semantics_fig3.png"],
+    "exp1": ["exp1_fig6.png", "exp1_fig7.png"],
+    "exp2": ["exp2_fig1.png", "exp2_fig8.png"],
+    "exp3": ["exp3_fig9_3.png", "exp3_fig9_5.png", "exp3_fig9_7.png"],
+    "rejection": [],
+    "space": [],
+}
+
+
+@pytest.fixture
+def carry_out(tmp_path):
+    def call(name):
+        out = tmp_path / "reports"
+        run(name, out, seeds=1, workers=1, quick=True)
+        return out
+
+    return call
+
+
+def check(out, name):
+    report = json.loads((out / f"{name}.json").read_text())
+    assert report["experiment"] == name and report["quick"] is True and report["figures"] == FIGURES[name]
+    text = (out / f"{name}.md").read_text()
+    assert "The figures mean nothing" in text and "nan" not in text.split()
+    for figure in FIGURES[name]:
+        assert f"({figure})" in text
+        with Image.open(out / figure) as picture:
+            assert picture.format == "PNG" and min(picture.size) >= 36
+    return report
+
+
+def test_experiment_1(carry_out):
+    out = carry_out("exp1")
+    report = check(out, "exp1")
+    [comparison] = report["comparison"]
+    rows = {row["name"]: row["runs"][0] for row in comparison["rows"]}
+    for variant in VARIANTS:
+        one = rows[variant.name]
+        assert {"error:task", "error:safe", "coverage", "near", "speed", "bytes", "cpu"} <= set(one)
+        assert one["handed"] == 0.0 or one["handed_in_range"] == 1.0
+    exact = rows["exact sampler (the spec alone)"]
+    assert exact["handed_in_range"] == 1.0 and exact["handed_coverage"] > 0.8 and exact["within"] == 1.0
+    assert rows["published weights, GAN"]["coverage"] == 0.09
+    assert len(report["fig6"]) == 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "exp1"])
+def test_the_others(carry_out, name):
+    check(carry_out(name), name)
+
+
+@pytest.mark.slow
+def test_all_again_trains_nothing(tmp_path):
+    told: list[str] = []
+    run("all", tmp_path / "reports", seeds=1, workers=2, quick=True, tell=told.append)
+    for name in FIGURES:
+        check(tmp_path / "reports", name)
+    assert any("trained in" in line for line in told)
+    told.clear()
+    run("all", tmp_path / "reports", seeds=1, workers=2, quick=True, tell=told.append)
+    assert not any("trained in" in line for line in told)

@@ -1,0 +1,90 @@
+"""Reports: figures for people, every digit in JSON, and tables held by a golden file."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from scenegen.experiments.bench import Row
+from scenegen.experiments.compare import Comparison
+from scenegen.experiments.plan import Plan
+from scenegen.experiments.problems import ORDERINGS, PROBLEMS
+from scenegen.experiments.report import Report, picture, short, spread, table, write
+from scenegen.experiments.samplers import EXACT
+from scenegen.experiments.tables import best, data, tables
+
+
+@pytest.mark.parametrize(
+    "values, digits, text",
+    [([], 2, "-"), ([0.5], 2, "0.50"), ([0.1, 0.2, 0.6], 2, "0.30 [0.10, 0.60]"), ([0.501, 0.502], 2, "0.50")],
+)
+def test_spread(values, digits, text):
+    assert spread(values, digits) == text
+
+
+@pytest.mark.parametrize("value, text", [(433, "433"), (16_500, "16.5k"), (1.2e6, "1.2M"), (3e9, "3G"), (0.5, "0.5")])
+def test_short(value, text):
+    assert short(value) == text
+
+
+def made(name, family, recipe, error, coverage, share=0.25):
+    """A row of two seeds, a little apart."""
+    runs = []
+    for off in (0.0, 0.002):
+        run = {"mean:sorted": -error, "std:sorted": 0.01, "error:sorted": error + off, "within": 0.9}
+        run |= {"coverage": coverage - off, "near": 0.1, "near_truth": 0.12, "handed": 1.0, "handed_in_range": 1.0}
+        run |= {"handed_coverage": 0.93, "handed_speed": 20_000.0, "speed": 150_000.0, "bytes": 5e5, "cpu": 100.0}
+        run |= {f"raw:{which}": share for which in ORDERINGS}
+        runs.append(run)
+    return Row(name, tuple(runs), family, recipe)
+
+
+def comparison():
+    problem = PROBLEMS["exp3_7"]
+    known = Row("published weights, GAN", ({"error:sorted": 0.1, "coverage": 0.12, "speed": 270e3},), "gan")
+    rows = (
+        known,
+        made("good", "gan", "default", 0.01, 0.9),
+        made("collapsed", "gan", "default", 0.01, 0.1, share=0.1),
+        made("inaccurate", "flow", "default", 0.2, 0.9),
+        made("the paper's", "gan", "paper", 0.1, 0.3),
+        Row(EXACT, ({"error:sorted": 0.006, "handed_coverage": 0.97, "bytes": 98.0},)),
+    )
+    return Comparison(problem, problem.load(), rows, {}, {}, {}, np.empty((21, 0)))
+
+
+def test_tables(golden):
+    golden("experiments/tables.md", "\n\n".join(tables(comparison())) + "\n")
+
+
+def test_the_best_model_is_the_least_short_of_both_bars():
+    """In shares of the bars: good 0.73 and 0.94, collapsed 0.73 and 8.5, inaccurate 13.4 and 0.94."""
+    found = comparison()
+    assert best(found).name == "good"
+    worse = dataclasses.replace(found, rows=tuple(row for row in found.rows if row.name != "good"))
+    assert best(worse).name == "collapsed"
+
+
+def test_data_has_every_digit():
+    found = data(comparison())
+    assert found["rows"][1]["runs"][1]["error:sorted"] == 0.01 + 0.002
+    assert [row["recipe"] for row in found["rows"]] == ["", "default", "default", "default", "paper", ""]
+
+
+def test_a_report_is_written(tmp_path):
+    words = "words " * 60
+    blocks = ["## Part", words.strip(), table(["", "a"], [["b", "1" * 200]]), picture("x.png", "Fig. 1", "Blue.")]
+    report = Report("thing", "A thing", blocks, {"answer": 0.1 + 0.2}, {"x.png": b"png"})
+    names = write(Plan(tmp_path, (0, 1), True, 1, print), report)
+    assert names == ["x.png", "thing.json", "thing.md"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    found = json.loads((tmp_path / "thing.json").read_text())
+    assert (
+        found["answer"] == 0.1 + 0.2 and found["quick"] and found["seeds"] == [0, 1] and found["figures"] == ["x.png"]
+    )
+    lines = (tmp_path / "thing.md").read_text().splitlines()
+    assert lines[0] == "# A thing" and "figures mean nothing" in lines[2]
+    assert "![Fig. 1](x.png)" in lines and "*Fig. 1. Blue.*" in lines
+    assert all(len(line) < 120 or line.startswith("|") for line in lines)
+    assert "scenegen experiment thing --quick" in lines[4]

@@ -1,0 +1,34 @@
+"""The table of experiments: every entry loads, and is told to people."""
+
+import importlib
+import inspect
+
+import pytest
+
+from scenegen.cli import experiment as command
+from scenegen.errors import RequestError
+from scenegen.experiments.table import ALL, EXPERIMENTS, chosen
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_entry_is_a_function_of_a_plan(name):
+    module, _, function = EXPERIMENTS[name].function.partition(":")
+    assert list(inspect.signature(getattr(importlib.import_module(module), function)).parameters) == ["plan"]
+
+
+def test_the_help_tells_each_with_its_time():
+    lines = [" ".join(line.split()) for line in (command.experiment.__doc__ or "").splitlines()]
+    for name, entry in EXPERIMENTS.items():
+        assert f"{name} {entry.time} {entry.about}" in lines
+
+
+def test_one_by_name_or_all():
+    assert list(chosen("exp1")) == ["exp1"]
+    assert chosen(ALL) == EXPERIMENTS
+
+
+def test_a_misspelt_name_is_answered():
+    with pytest.raises(RequestError) as caught:
+        chosen("semantic")
+    [diagnostic] = caught.value.diagnostics
+    assert diagnostic.title == "unknown experiment `semantic`" and diagnostic.help == "did you mean `semantics`?"

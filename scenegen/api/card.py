@@ -23,8 +23,8 @@ def check_card(model: Path) -> None:
 
 def write_card(model: Model, path: Path) -> list[Path]:
     """Measure a model whose file is `path`, and write its card beside it, each file whole or not at all. Returns what
-    was written: the text, and the picture where there was anything to draw. The same model gives the same card. Raises
-    OutputError."""
+    was written: the text, and the picture where there was anything to draw. The same model gives the same card, except
+    that a slow machine may leave out what is rare. Raises OutputError."""
     text, picture = card_paths(path)
     measured = measure(model)
     written = [text]
@@ -95,7 +95,10 @@ def _figures(measured: Measured, labels: int) -> list[str]:
     if labels > LABELS:
         lines += ["", f"The first {LABELS} of {labels} labels were measured."]
     if measured.missing:
-        lines += ["", f"Not measured, since too few exact scenes were found: {', '.join(measured.missing)}."]
+        lines += [
+            "",
+            f"Not measured, since exact scenes are too rare there to be had in seconds: {', '.join(measured.missing)}.",
+        ]
     return lines
 
 

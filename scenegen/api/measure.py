@@ -8,7 +8,7 @@ combination can be had.
 
 from __future__ import annotations
 
-import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ BAND = 0.0125  # half the width of a band: the paper's tolerance, less where a l
 NARROW = 0.02  # of the label's range
 SEED = 20_231_001  # of the truth and of the model's noise
 LABELS = 8  # that are measured one by one; a spec may have thousands
+PATIENCE, ALL = 3.0, 30.0  # seconds for the truth of one band, and of all: what is too rare for that is left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +63,9 @@ class Measured:
 
 
 def measure(model: Model) -> Measured:
-    """Accuracy and coverage at a handful of values of each label, and calibration over all of its range. Takes seconds,
-    more where scenes are rare. Nothing is refined: this is what the network itself makes."""
+    """Accuracy and coverage at a handful of values of each label, and calibration over all of its range. Takes about a
+    second, half a minute where scenes are rare. Nothing is refined: this is what the network itself makes."""
+    until = time.monotonic() + ALL
     levels: list[Level] = []
     curves: list[Curve] = []
     missing: list[str] = []
@@ -72,12 +74,12 @@ def measure(model: Model) -> Measured:
             half = min(BAND, NARROW * (high - low))
             ends = max(low, value - half), min(high, value + half)
             try:
-                rows, phi = _truth(model, label, ends, 2 * SCENES)
+                rows, phi = _truth(model, label, ends, 2 * SCENES, until)
                 levels.append(_level(model, index, value, rows, phi))
             except RequestError:
                 missing.append(f"{label} near {value:.4g}")
         try:
-            _, phi = _truth(model, label, (low, high), CURVE)
+            _, phi = _truth(model, label, (low, high), CURVE, until)
         except RequestError:
             missing.append(f"{label} over its range")
             continue
@@ -92,15 +94,16 @@ def values(low: float, high: float) -> list[float]:
     return [low + share * (high - low) for share in (0.1, 0.3, 0.5, 0.7, 0.9)] if low < high else []
 
 
-def _truth(model: Model, label: str, ends: tuple[float, float], count: int) -> tuple[Array, Array]:
-    """Exact scenes (3N, n) and their phi (L, n), in random order. Raises RequestError where there are too few."""
+def _truth(model: Model, label: str, ends: tuple[float, float], count: int, until: float) -> tuple[Array, Array]:
+    """Exact scenes (3N, n) and their phi (L, n), in random order. Raises RequestError where there are too few, or they
+    take too long; the clock decides whether a band is measured, never what is measured there."""
     from scenegen.engine.exact import draw
     from scenegen.sampling.problem import Budget, pose
     from scenegen.sampling.request import Range
 
     problem = pose(model.spec.checked, {label: Range(*ends)}, n=count, seed=SEED)
-    found = draw(problem, Budget(math.inf))
-    if found.shortfall is not None and found.count < count // 2:
+    found = draw(problem, Budget(max(0.0, min(PATIENCE, until - time.monotonic()))))
+    if found.shortfall is not None:
         raise RequestError(found.shortfall)
     order = np.random.default_rng(SEED).permutation(found.count)
     return found.rows[:, order], found.phi[:, order]

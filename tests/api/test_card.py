@@ -45,6 +45,8 @@ def model(tmp_path_factory):
 def few(monkeypatch):
     monkeypatch.setattr(measuring, "SCENES", 100)
     monkeypatch.setattr(measuring, "CURVE", 120)
+    monkeypatch.setattr(measuring, "PATIENCE", float("inf"))  # however slow the machine
+    monkeypatch.setattr(measuring, "ALL", float("inf"))
 
 
 def test_values_to_look_at():
@@ -101,6 +103,17 @@ def test_what_is_said_of_a_model(model):
     data = as_json(trained, path)
     assert data["bytes"] == path.stat().st_size and data["scenes_per_second"] > 0
     assert data["training"]["seed"] == 0 and data["labels"][0]["name"] == "task"
+
+
+def test_what_takes_too_long_is_left_out(model, few, monkeypatch):
+    def late(*_):
+        raise scenegen.RequestError(scenegen.Diagnostic("too late"))
+
+    monkeypatch.setattr(measuring, "_truth", late)
+    found = measure(model[0])
+    assert not found.levels and not found.curves
+    assert "task near 0" in found.missing and "near over its range" in found.missing
+    assert "No exact scenes were found" in card_text(*model, found)
 
 
 def test_train_writes_the_card_when_asked(few, tmp_path):

@@ -13,8 +13,9 @@ import math
 import torch
 from torch import Tensor
 
-from scenegen.data.dataset import Dataset, base_draw, labelled
+from scenegen.data.dataset import Dataset, base_draw, held_in_place, labelled
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.lang.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
 from scenegen.robustness import Robustness
@@ -80,8 +81,8 @@ def _search(spec: CheckedSpec, draws: int, generator: torch.Generator) -> Tensor
 
 
 def _perturb(spec: CheckedSpec, hits: Tensor, count: int, noise: float, generator: torch.Generator) -> Tensor:
-    """`count` perturbed hits (3N, count) that satisfy every label and lie in the workspace."""
-    robustness, codec = Robustness(spec.core), Codec(spec.workspace, len(spec.objects))
+    """`count` perturbed hits (3N, count) that satisfy every label and what is required, and lie in the workspace."""
+    robustness, codec = Robustness(gated(spec.core)), Codec(spec.workspace, len(spec.objects))
     source = codec.encode(hits)
     position = torch.ones(source.shape[1], dtype=torch.bool)
     position[2::3] = False
@@ -94,7 +95,7 @@ def _perturb(spec: CheckedSpec, hits: Tensor, count: int, noise: float, generato
         inside = ((moved >= 0.0) & (moved <= 1.0))[:, position].all(dim=1)
         moved[:, ~position] %= 1.0
         # Hits on a knife's edge bear no move at all: they are repeated as they are, so that this ends.
-        rows = codec.decode(moved[inside]) if noise > _LEAST_NOISE else hits[:, pick]
+        rows = held_in_place(spec, codec.decode(moved[inside])) if noise > _LEAST_NOISE else hits[:, pick]
         rows = rows[:, _satisfied(robustness.rows(rows))]
         if rows.shape[1] < tries // 100:
             noise /= 2.0

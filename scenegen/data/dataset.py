@@ -8,9 +8,14 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.lang.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
 from scenegen.robustness import Robustness
+
+_CHUNK = 65_536
+PATIENCE = 1_000_000  # uniform scenes without which, on average, one that meets what is required must not go
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +48,33 @@ class Dataset:
 
 
 def base_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
-    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle."""
+    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, objects that are held in
+    their place, what is required met. Raises RequestError where that is met too rarely for plain draws."""
+    if spec.core.requirement is None:
+        return _free_draw(spec, scenes, generator)
+    judge = Robustness(gated(spec.core))
+    kept, found, tried = [torch.empty(3 * len(spec.objects), 0)], 0, 0
+    while found < scenes:
+        if tried >= PATIENCE and found * PATIENCE < tried:
+            title = f"what is required was met by {found:,} of {tried:,} uniform scenes: too rare for plain draws"
+            raise RequestError(Diagnostic(title, help="train on `--data balanced`"))
+        rows = _free_draw(spec, _CHUNK, generator)
+        kept.append(rows[:, judge.rows(rows)[-1] >= 0.0])
+        found, tried = found + kept[-1].shape[1], tried + _CHUNK
+    return torch.cat(kept, dim=1)[:, :scenes].contiguous()
+
+
+def _free_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
     unit = torch.rand(scenes, 3 * len(spec.objects), generator=generator)
-    return Codec(spec.workspace, len(spec.objects)).decode(unit)
+    return held_in_place(spec, Codec(spec.workspace, len(spec.objects)).decode(unit))
+
+
+def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:
+    """The scenes (3N, B), changed where the spec holds objects in their place."""
+    lowest, highest = spec.box()
+    held = torch.from_numpy((lowest == highest).nonzero()[0])
+    rows[held] = torch.from_numpy(lowest).to(rows)[held, None]
+    return rows
 
 
 def labelled(spec: CheckedSpec, rows: Tensor) -> Dataset:

@@ -150,3 +150,18 @@ def test_a_label_that_cannot_vary_is_told():
     spec = check_text("task: 0 * x(mug) <= 1 & x(mug) <= 2 + 0 * x(mug)", "still.spec")
     with pytest.raises(RequestError, match="phi of `task` is 1 in every scene"):
         balanced(spec, 100, seeded())
+
+
+@pytest.mark.parametrize("name", ["uniform", "boosted"])
+def test_held_objects_and_requirements(name):
+    text = "object mug, plate at (0.5, 0.4, 1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
+    spec = check_text(text, "held.spec")
+    data = dataset_maker(name)(spec, 3000, seeded())
+    assert torch.allclose(data.rows[3:], torch.tensor([0.5, 0.4, 1.0])[:, None].expand(3, 3000))
+    assert (Robustness(gated(spec.core)).rows(data.rows)[-1] >= 0.0).all()
+
+
+def test_a_requirement_that_plain_draws_do_not_meet():
+    spec = check_text("object mug, plate\nrequire closeTo(mug, plate, 0.0001)\ntask: leftOf(mug, plate)", "rare.spec")
+    with pytest.raises(RequestError, match="too rare for plain draws"):
+        uniform(spec, 100, seeded())

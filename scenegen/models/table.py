@@ -18,6 +18,7 @@ MODELS: dict[str, str] = {
     "gan": "scenegen.models.published.gan:GAN",
     "aae": "scenegen.models.published.aae:AAE",
     "energy": "scenegen.models.energy:Energy",
+    "flow": "scenegen.models.flow:Flow",
 }
 PUBLISHED: dict[str, str] = {
     "gan": "scenegen.models.published.gan:GAN",

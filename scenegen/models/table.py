@@ -18,6 +18,7 @@ MODELS: dict[str, str] = {
     "gan": "scenegen.models.gan:GAN",
     "aae": "scenegen.models.aae:AAE",
     "energy": "scenegen.models.energy:Energy",
+    "flow": "scenegen.models.flow:Flow",
 }
 PUBLISHED: dict[str, str] = {
     "gan": "scenegen.models.published.gan:GAN",

@@ -1,0 +1,115 @@
+"""Flow matching that is learnt to be taken in one jump.
+
+For a scene x of the training data, a point z of the base distribution and a time s, the point (1 - s) z + s x lies on a
+straight path between them. The mean direction of all such paths through a point is a velocity field that carries the
+base distribution over into that of the scenes (Lipman et al., "Flow matching for generative modeling", ICLR 2023).
+Following it takes many small steps, because straight paths cross and the field is curved. So the same network learns
+its long jumps as well (the semigroup condition of flow maps; Frans et al., "One step diffusion via shortcut models",
+ICLR 2025; Boffi et al., "How to build a consistency model", 2025): a jump from s to t must land where two jumps, from s
+to a random time between and on to t, land. Losses, all at once from the first step on:
+
+* `velocity`: |goal(x_s, s, s) - x|^2, weighted by 1 / (1 - s)^2, that is the squared error of the velocity;
+* `jumps`: |jump(x_s, s, t) - jump(jump(x_s, s, m), m, t)|^2 with no gradient through the two, weighted alike;
+* `phi`: the inconsistency (scenegen.models.conditioned) of the scenes that jumps to t = 1 arrive at;
+* `branch`: the selector's cross-entropy.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from scenegen.models.base import Hyper
+from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.examples import Examples
+from scenegen.models.flowmap import FlowMap, departure
+from scenegen.models.layout import Layout
+
+JUMPS = 5.0  # weight; more of it brings coverage with one jump nearer to that with many, and costs accuracy
+LEAST = 0.2  # of time left that weights count: later errors would outweigh all else
+
+
+class FlowHyper(Hyper):
+    """`width` and `depth` of the hidden layers; `consistency`: weight of the error of phi; `steps`: jumps that a scene
+    takes when it is made (training does not depend on it)."""
+
+    width: int = Field(default=256, ge=1, le=8192)
+    depth: int = Field(default=4, ge=1, le=64)
+    consistency: float = Field(default=2.5, ge=0.0, le=1e6)
+    steps: int = Field(default=1, ge=1, le=1000)
+
+
+class Flow(ConditionedModel):
+    """See the module's text."""
+
+    hyper_class = FlowHyper
+
+    def __init__(self, layout: Layout, hyper: FlowHyper) -> None:
+        super().__init__(layout, hyper)
+        self.weight = hyper.consistency
+        self.steps = hyper.steps
+        self.flow = FlowMap(layout, hyper.width, hyper.depth)
+
+    def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
+        context = self.flow.context(features, branch)
+        x = departure(len(features), self.layout, generator, features.device)
+        time = torch.linspace(0.0, 1.0, self.steps + 1, device=x.device)[:, None, None].expand(-1, len(x), 1)
+        for start, end in pairwise(time):
+            x = self.flow.jump(x, start, end, context)
+        return x
+
+    def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
+        features = self.view.features(batch.phi)
+        context = self.flow.context(features, batch.branch)
+        x = self.view.encode(batch.x)
+        z = departure(len(x), self.layout, generator, x.device)
+        rest = len(x) // 2  # half as many velocities as jumps do, and save a fifth of the time
+        velocity = self._velocity(z[rest:], x[rest:], context[rest:], generator)
+        jumps, off = self._jumps(z, x, context, batch, generator)
+        surprise = self.selector.loss(features, batch.branch)
+        optimiser = self.optimisers["all"]
+        optimiser.zero_grad()
+        (velocity + JUMPS * jumps + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        losses = {"velocity": velocity, "jumps": jumps, "phi": off, "branch": surprise}
+        return {name: loss.detach() for name, loss in losses.items()}
+
+    def _velocity(self, z: Tensor, x: Tensor, context: Tensor, generator: torch.Generator) -> Tensor:
+        """The error of the velocity at a random time of each path."""
+        time = _uniform(len(x), generator, x.device)
+        goal = self.flow.goal(torch.lerp(z, x, time), time, time, context)
+        return _squared(goal - x, time)
+
+    def _jumps(
+        self, z: Tensor, x: Tensor, context: Tensor, batch: Examples, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor]:
+        """How far long jumps land from where two shorter ones do, and the inconsistency of phi where they arrive.
+
+        Half of the jumps, every second, start at 0, as all do when scenes are made in one; the first half of the
+        batch, which is in random order, jumps to 1.
+        """
+        count = len(x)
+        start, end = torch.stack([_uniform(count, generator, x.device) for _ in range(2)]).sort(dim=0).values
+        start[::2] = 0.0
+        arriving = (count + 1) // 2
+        end[:arriving] = 1.0
+        middle = torch.lerp(start, end, _uniform(count, generator, x.device))
+        x = torch.lerp(z, x, start)
+        with torch.no_grad():
+            wanted = self.flow.jump(self.flow.jump(x, start, middle, context), middle, end, context)
+        landed = self.flow.jump(x, start, end, context)
+        off = self.inconsistency(landed[:arriving], batch.phi[:arriving], batch.branch[:arriving])
+        return _squared(landed - wanted, start), off
+
+
+def _uniform(count: int, generator: torch.Generator, device: torch.device) -> Tensor:
+    """(count, 1) times in [0, 1)."""
+    return torch.rand(count, 1, generator=generator, device=device)
+
+
+def _squared(error: Tensor, time: Tensor) -> Tensor:
+    """Mean squared length of errors (B, C) of goals at times (B, 1), as those of velocities."""
+    return (error / (1.0 - time).clamp_min(LEAST)).square().sum(1).mean()

@@ -35,7 +35,7 @@ def same(path, model):
 
 @pytest.mark.parametrize("name", ["gan", "aae"])
 def test_what_is_written_comes_back(name, tmp_path, exp1, make_model, make_card):
-    model = make_model(name)
+    model = make_model(name, recipe="paper")
     card = make_card(name, model, exp1)
     path = tmp_path / "m.safetensors"
     save_model(path, model, card)

@@ -36,7 +36,7 @@ class AAEHyper(Hyper):
     encoder_depth: int = Field(default=3, ge=1, le=64)
     critic_width: int = Field(default=192, ge=1, le=8192)
     critic_depth: int = Field(default=3, ge=1, le=64)
-    consistency: float = Field(default=5.0, ge=0.0, le=1e6)
+    consistency: float = Field(default=2.0, ge=0.0, le=1e6)
     match: float = Field(default=1.0, ge=0.0, le=1e6)
     penalty: float = Field(default=0.03, ge=0.0, le=1e6)
 

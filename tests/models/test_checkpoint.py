@@ -35,7 +35,7 @@ def same(path, model):
 
 @pytest.mark.parametrize("name", ["gan", "aae"])
 def test_what_is_written_comes_back(name, tmp_path, exp1, make_model, make_card):
-    model = make_model(name)
+    model = make_model(name, recipe="paper")
     card = make_card(name, model, exp1)
     path = tmp_path / "m.safetensors"
     save_model(path, model, card)
@@ -179,7 +179,7 @@ def test_absurd_sizes_cost_nothing(model_file):
 
 def test_a_full_disk_leaves_the_old_model(model_file, exp1, make_model, make_card, monkeypatch):
     path, old = model_file
-    new = make_model("aae", seed=9, latent=4)
+    new = make_model("aae", recipe="paper", seed=9, latent=4)
     real = os.fdopen
 
     def full(*args, **kwargs):

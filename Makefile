@@ -17,7 +17,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
 	@touch $@
 
-demo: $(STAMP)   ## train a GAN and an AAE, sample 16 scenes from each, render them
+demo: $(STAMP)   ## train three models, sample 16 scenes from each, render them
 	$(BIN)/python examples/00_demo.py
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)

@@ -19,7 +19,16 @@ def test_example(example, tmp_path):
 
 
 def test_demo(tmp_path):
-    command = [sys.executable, ROOT / "examples" / "00_demo.py", "--epochs", "1", "--out", tmp_path / "out"]
+    command = [
+        sys.executable,
+        ROOT / "examples" / "00_demo.py",
+        "--epochs",
+        "1",
+        "--scenes",
+        "1000",
+        "--out",
+        tmp_path / "out",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     for name in ("gan", "aae"):

@@ -1,8 +1,7 @@
 """The whole road once, as `make demo` runs it: train a GAN, an AAE and an energy-score generator, sample 16 scenes from
 each, draw them.
 
-Everything lands in the folder demo-out. Fewer scenes and epochs than `scenegen train` takes by default keep it under two
-minutes.
+Everything lands in the folder demo-out. Fewer scenes and epochs than `scenegen train` takes by default keep it short.
 """
 
 import argparse

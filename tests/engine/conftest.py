@@ -1,5 +1,6 @@
 """Jobs must be importable by worker processes, which get this process's search path."""
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -22,4 +23,10 @@ def no_orphans():
 def children():
     if not sys.platform.startswith("linux"):
         return set()
-    return {int(one) for task in Path("/proc/self/task").iterdir() for one in (task / "children").read_text().split()}
+    found = set()
+    for task in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(
+            FileNotFoundError, ProcessLookupError
+        ):  # a thread that has ended since has no children
+            found |= {int(one) for one in (task / "children").read_text().split()}
+    return found

@@ -22,6 +22,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--scenes", type=int, default=60_000)
+    parser.add_argument("-n", type=int, default=16, help="scenes of each model")
     parser.add_argument("--out", type=Path, default=ROOT / "demo-out")
     options = parser.parse_args()
     options.out.mkdir(exist_ok=True)
@@ -38,7 +39,7 @@ def main() -> None:
             model = scenegen.train(
                 spec, name, out=file, epochs=options.epochs, scenes=options.scenes, on_epoch=progress
             )
-        scenes = scenegen.sample(model, PHI, n=16, seed=0)
+        scenes = scenegen.sample(model, PHI, n=options.n, seed=0)
         path = scenes.save(options.out / f"{name}.json")
         with console.status(f"drawing the scenes of the {name}"):
             drawn = scenes.render(options.out / f"{name}-pictures")

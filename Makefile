@@ -22,7 +22,7 @@ demo: $(STAMP)   ## train three models, sample 16 scenes from each, render them
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
 	$(MAKE) --no-print-directory lint
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
 
 test-slow: $(STAMP) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow

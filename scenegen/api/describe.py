@@ -68,18 +68,16 @@ def speed(model: Model) -> float:
 
     import torch
 
+    from scenegen.engine.threads import one_thread
+
     middle = torch.tensor([0.5 * (low + high) for low, high in model.trained.label_ranges.values()])
     wanted, generator = middle[:, None].expand(-1, TRIED), torch.Generator().manual_seed(0)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        took = []
+    took = []
+    with one_thread():
         for _ in range(3):
             began = time.perf_counter()
             model.trained.propose(wanted, generator)
             took.append(time.perf_counter() - began)
-    finally:
-        torch.set_num_threads(threads)
     return TRIED / min(took)
 
 

@@ -25,7 +25,9 @@ from scenegen.sampling.request import MAX_SEED, Range
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
 
-MOST = 4096  # joint cells, and labels that can have them: 16 cells a label for two labels, 8 for three, 4 for six
+MOST = 4096  # joint cells at most: 16 a label for two or three labels, 8 for four, 4 for six, 2 for twelve
+PER_LABEL = 16  # cells of one label at most
+TOGETHER = 12  # labels that are balanced jointly; further ones by themselves alone
 JOINT_SHARE = 0.7  # of the scenes of several labels are balanced jointly, the rest in each label by itself
 POOL = 4  # scenes drawn for each that is kept by joint balancing
 MARGIN = 1e-3  # of the range: its very ends have no volume
@@ -34,7 +36,8 @@ ENOUGH = 0.5  # of the scenes that were asked for
 
 
 def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset:
-    """`scenes` exact scenes, flat in phi: in each label by itself, and as far as possible in all labels together.
+    """`scenes` exact scenes, flat in phi: in each label by itself, and as far as possible in all labels together
+    (the first twelve, where there are more).
 
     What is required holds in all scenes. Raises RequestError where a label cannot vary, or too little is in reach.
     """
@@ -64,9 +67,10 @@ def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Data
 def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Generator) -> Tensor:
     """Which of the scenes with phi (L, M), in random order, to keep: most so that the cells of the labels' product get
     equal shares as far as they have them, the rest as they come. Returns indices (scenes,) in random order."""
-    per = max(2, int(MOST ** (1.0 / len(ends)) + 1e-9)) if len(ends) > 2 else 16
+    together = min(len(ends), TOGETHER)
+    per = min(PER_LABEL, int(MOST ** (1.0 / together) + 1e-9))
     cell = torch.zeros(phi.shape[1], dtype=torch.int64)
-    for values, (low, high) in zip(phi[: max(1, int(math.log(MOST, per)))], ends, strict=False):
+    for values, (low, high) in zip(phi[:together], ends[:together], strict=True):
         cell = cell * per + ((values - low) / (high - low) * per).long().clamp(0, per - 1)
     _, index, counts = torch.unique(cell, return_inverse=True, return_counts=True)
     order = torch.argsort(index, stable=True)

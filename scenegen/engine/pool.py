@@ -21,12 +21,13 @@ import sys
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from typing import IO, Any, TypeVar
 
 import numpy as np
 
+from scenegen.engine.threads import one_thread
 from scenegen.engine.worker import FAILED, FRAME, NUMBER, READY, SIZE, widen
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 
@@ -65,24 +66,9 @@ def run_pieces(job: Callable[[int], T], pieces: Iterable[int], workers: int = 1)
 
 def _here(job: Callable[[int], T], pieces: Iterable[int]) -> Generator[T, None, None]:
     for piece in pieces:
-        with _one_thread():
+        with one_thread():
             result = job(piece)
         yield result
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """As many threads as in a worker: torch splits sums by them, and so rounds otherwise."""
-    torch: Any = sys.modules.get("torch")
-    before = 1 if torch is None else torch.get_num_threads()
-    if before == 1:
-        yield
-        return
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 @dataclass(frozen=True, slots=True)

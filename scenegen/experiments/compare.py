@@ -12,6 +12,7 @@ import torch
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
+from scenegen.engine.threads import one_thread
 from scenegen.errors import RequestError
 from scenegen.experiments.bench import Bench, Row, bench, truth
 from scenegen.experiments.crew import trained
@@ -20,7 +21,7 @@ from scenegen.experiments.measure import Array, Values, accuracy, rows_of, share
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import Problem
 from scenegen.experiments.samplers import exact, no_model, plain
-from scenegen.experiments.speed import model_speed, one_thread
+from scenegen.experiments.speed import model_speed
 from scenegen.experiments.training_data import data_source, training_rows
 from scenegen.experiments.trainings import Trained
 from scenegen.experiments.variants import VARIANTS

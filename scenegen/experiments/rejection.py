@@ -6,12 +6,12 @@ import time
 from typing import Any
 
 from scenegen.api.sample import sample
+from scenegen.engine.threads import one_thread
 from scenegen.experiments.known import HITS
 from scenegen.experiments.plan import Plan
 from scenegen.experiments.problems import BAND, PROBLEMS, Problem
 from scenegen.experiments.report import Report, short, table
 from scenegen.experiments.samplers import CHUNK, plain_rejection
-from scenegen.experiments.speed import one_thread
 
 PAPER = (
     "The paper: rejection needs 700,000 draws in experiment 1 for what the GAN gives from the 20,000 scenes that it was"

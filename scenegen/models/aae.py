@@ -18,11 +18,11 @@ from torch import Tensor, nn
 
 from scenegen.models.adversary import BETAS, Critic, contest
 from scenegen.models.base import Hyper
-from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.conditioned import ConditionedModel, detached
 from scenegen.models.examples import Examples
-from scenegen.models.generator import FIRST_GATE, INSIDE, SLOPE, Generator, noise
+from scenegen.models.generator import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
 from scenegen.models.layout import Layout
-from scenegen.models.mlp import Mlp
+from scenegen.models.mlp import Mlp, one_hot
 
 
 class AAEHyper(Hyper):
@@ -66,8 +66,8 @@ class Encoder(nn.Module):
 
     def forward(self, u: Tensor, z: Tensor, features: Tensor, branch: Tensor) -> Tensor:
         positions, angles = self.positions, self.angles
-        way = u.new_zeros(len(u), self.branches).scatter_(1, branch[:, None], 1.0)
-        shift, own, other = self.body(torch.cat([u, z, features, way], dim=1)).split(
+        told = torch.cat([u, z, features, one_hot(branch, self.branches)], dim=1)
+        shift, own, other = self.body(told).split(
             [positions + 2 * angles, positions + angles, positions + angles], dim=1
         )
         spread = torch.tanh(
@@ -81,12 +81,6 @@ class Encoder(nn.Module):
         heading = own * u[:, positions:] + other * directions(z[:, positions:]) + shift[:, positions:]
         length = (heading[:, :angles].square() + heading[:, angles:].square() + 1e-6).sqrt()
         return torch.cat([spread, heading / length.repeat(1, 2)], dim=1)
-
-
-def directions(turned: Tensor) -> Tensor:
-    """Half turns (B, A) in (-1, 1) -> cosines and sines (B, 2A)."""
-    heading = turned * math.pi
-    return torch.cat([torch.cos(heading), torch.sin(heading)], dim=1)
 
 
 class AAE(ConditionedModel):
@@ -125,13 +119,5 @@ class AAE(ConditionedModel):
         critic, ruling, deceit = contest(self.critic, aim, code, features, branch, self.penalty)
         off = self.inconsistency(self.decoder(prior, features, branch), batch.phi, branch)
         surprise = self.selector.loss(features, branch)
-        optimiser = self.optimisers["all"]
-        optimiser.zero_grad()
-        (apart + ruling + self.match * deceit + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        return {
-            "reconstruction": apart.detach(),
-            "critic": critic.detach(),
-            "phi": off.detach(),
-            "branch": surprise.detach(),
-        }
+        self.descend(apart + ruling + self.match * deceit + self.weight * off + surprise)
+        return detached(reconstruction=apart, critic=critic, phi=off, branch=surprise)

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu, softplus
 
 from scenegen.models.layout import Layout
-from scenegen.models.mlp import Mlp
+from scenegen.models.mlp import Mlp, one_hot
 
 SLOPE = 0.2
 BETAS = (0.5, 0.99)  # of Adam: in a game, momentum overshoots
@@ -40,8 +40,8 @@ class Critic(nn.Module):
         nn.init.uniform_(self.head.weight, -bound, bound, generator=generator)
 
     def forward(self, rows: Tensor, features: Tensor, branch: Tensor) -> Tensor:
-        way = rows.new_zeros(len(rows), self.branches).scatter_(1, branch[:, None], 1.0)
-        hidden = leaky_relu(self.body(torch.cat([rows, features, way], dim=1)), SLOPE)
+        told = torch.cat([rows, features, one_hot(branch, self.branches)], dim=1)
+        hidden = leaky_relu(self.body(told), SLOPE)
         scores: Tensor = self.head(hidden)[:, 0]
         return scores
 

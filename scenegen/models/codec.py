@@ -1,8 +1,8 @@
 """Scenes as the models see them: all coordinates in [0, 1].
 
 A position is its share of the workspace's width or height, theta is in turns, as the published code has it (theta then
-has a seam: 0 and 1 are the same heading, far apart to the network). Storage rows (3N, B) in metres and radians <->
-x (B, 3N), one scene per row.
+has a seam: 0 and 1 are the same heading, far apart to the published networks; scenegen.models.view has none). Storage
+rows (3N, B) in metres and radians <-> x (B, 3N), one scene per row.
 """
 
 from __future__ import annotations

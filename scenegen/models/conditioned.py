@@ -43,14 +43,14 @@ class ConditionedModel(SceneModel):
 
     def start(self, lr: float, judge: Judge) -> None:
         self.judge = judge
-        groups = self.trained()
-        self.optimisers = {
-            name: torch.optim.Adam(group, lr=lr, betas=self.betas, fused=True) for name, group in groups.items()
-        }
+        self.optimisers = {"all": torch.optim.Adam(self.parameters(), lr=lr, betas=self.betas, fused=True)}
 
-    def trained(self) -> dict[str, list[torch.nn.Parameter]]:
-        """The parameters of each optimiser; one for all by default."""
-        return {"all": list(self.parameters())}
+    def descend(self, loss: Tensor) -> None:
+        """One step of Adam down the gradient of a loss ()."""
+        optimiser = self.optimisers["all"]
+        optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
 
     def inconsistency(self, u: Tensor, phi: Tensor, branch: Tensor) -> Tensor:
         """How far phi of made scenes u (B, C) is from what was wanted, and the branch's atom from deciding it: the mean
@@ -71,3 +71,8 @@ class ConditionedModel(SceneModel):
         features = features.expand(n, -1)
         branch = self.selector.draw(features, generator)
         return self.view.scenes(self.make(features, branch, generator), generator)
+
+
+def detached(**losses: Tensor) -> dict[str, Tensor]:
+    """The losses by name, as `update` returns them."""
+    return {name: loss.detach() for name, loss in losses.items()}

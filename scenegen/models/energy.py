@@ -14,7 +14,7 @@ from pydantic import Field
 from torch import Tensor
 
 from scenegen.models.base import Hyper
-from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.conditioned import ConditionedModel, detached
 from scenegen.models.examples import Examples
 from scenegen.models.generator import Generator, noise
 from scenegen.models.layout import Layout
@@ -49,11 +49,8 @@ class Energy(ConditionedModel):
         score = 0.5 * (_distance(x, one) + _distance(x, two) - _distance(one, two)).mean()
         off = self.inconsistency(one, batch.phi, batch.branch)
         surprise = self.selector.loss(features, batch.branch)
-        optimiser = self.optimisers["all"]
-        optimiser.zero_grad()
-        (score + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        return {"energy": score.detach(), "phi": off.detach(), "branch": surprise.detach()}
+        self.descend(score + self.weight * off + surprise)
+        return detached(energy=score, phi=off, branch=surprise)
 
 
 def _distance(a: Tensor, b: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ from pydantic import Field
 from torch import Tensor
 
 from scenegen.models.base import Hyper
-from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.conditioned import ConditionedModel, detached
 from scenegen.models.examples import Examples
 from scenegen.models.flowmap import FlowMap, departure
 from scenegen.models.layout import Layout
@@ -70,12 +70,8 @@ class Flow(ConditionedModel):
         velocity = self._velocity(z[rest:], x[rest:], context[rest:], generator)
         jumps, off = self._jumps(z, x, context, batch, generator)
         surprise = self.selector.loss(features, batch.branch)
-        optimiser = self.optimisers["all"]
-        optimiser.zero_grad()
-        (velocity + JUMPS * jumps + self.weight * off + surprise).backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        losses = {"velocity": velocity, "jumps": jumps, "phi": off, "branch": surprise}
-        return {name: loss.detach() for name, loss in losses.items()}
+        self.descend(velocity + JUMPS * jumps + self.weight * off + surprise)
+        return detached(velocity=velocity, jumps=jumps, phi=off, branch=surprise)
 
     def _velocity(self, z: Tensor, x: Tensor, context: Tensor, generator: torch.Generator) -> Tensor:
         """The error of the velocity at a random time of each path."""

@@ -13,14 +13,12 @@ leaves the box on the way, whatever the number of jumps.
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor, nn
 
-from scenegen.models.generator import FIRST_GATE, INSIDE, SLOPE, noise
+from scenegen.models.generator import FIRST_GATE, INSIDE, SLOPE, directions, noise
 from scenegen.models.layout import Layout
-from scenegen.models.mlp import Mlp
+from scenegen.models.mlp import Mlp, one_hot
 
 SMALLEST = 1e-6  # of what is left of time: keeps 0 / 0 out where rounding puts s at 1
 
@@ -43,8 +41,7 @@ class FlowMap(nn.Module):
 
     def context(self, features: Tensor, branch: Tensor) -> Tensor:
         """Label features (B, 2L) and branch (B,) as the network takes them."""
-        way = features.new_zeros(len(features), self.branches).scatter_(1, branch[:, None], 1.0)
-        return torch.cat([features, way], dim=1)
+        return torch.cat([features, one_hot(branch, self.branches)], dim=1)
 
     def goal(self, x: Tensor, start: Tensor, end: Tensor, context: Tensor) -> Tensor:
         """Where x at `start` heads for on its way to its place at `end`, (B, C)."""
@@ -67,5 +64,5 @@ class FlowMap(nn.Module):
 def departure(count: int, layout: Layout, generator: torch.Generator, device: torch.device) -> Tensor:
     """(count, C) points of the base distribution: positions uniform over their range, angles over the circle."""
     z = noise(count, layout, generator, device)
-    heading = z[:, len(layout.positions) :] * math.pi
-    return torch.cat([z[:, : len(layout.positions)], torch.cos(heading), torch.sin(heading)], dim=1)
+    positions = len(layout.positions)
+    return torch.cat([z[:, :positions], directions(z[:, positions:])], dim=1)

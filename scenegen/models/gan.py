@@ -3,7 +3,7 @@
 The generator (scenegen.models.generator) makes a scene for every true one of the batch, of the same labels and branch;
 the critic says which is which (scenegen.models.adversary). Beside the critic's pull, the inconsistency of phi moves the
 generator, and the selector learns how often each branch occurs. What keeps it from collapsing is measured one by one in
-docs/models_gan_aae.md. Above all the game gets a start: the set of one phi is thin, and to bring scenes onto it the
+docs/models.md. Above all the game gets a start: the set of one phi is thin, and to bring scenes onto it the
 inconsistency at full strength pulls the noise together before the critic has found out how far the set stretches. So
 its weight rises over the first steps, and the penalty on the critic's slope stays light.
 """
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from scenegen.models.adversary import BETAS, Critic, contest
 from scenegen.models.base import Hyper
-from scenegen.models.conditioned import ConditionedModel
+from scenegen.models.conditioned import ConditionedModel, detached
 from scenegen.models.examples import Examples
 from scenegen.models.generator import Generator, noise
 from scenegen.models.layout import Layout
@@ -70,9 +70,6 @@ class GAN(ConditionedModel):
         surprise = self.selector.loss(features, batch.branch)
         self.steps = self.steps + 1
         weight = self.weight * (self.steps / self.ramp).clamp(START, 1.0)
-        optimiser = self.optimisers["all"]
-        optimiser.zero_grad()
         # The three nets share no weights, and `deceit` and `ruling` reach only their own: one backward pass serves all.
-        (ruling + deceit + weight * off + surprise).backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        return {"critic": critic.detach(), "phi": off.detach(), "branch": surprise.detach()}
+        self.descend(ruling + deceit + weight * off + surprise)
+        return detached(critic=critic, phi=off, branch=surprise)

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from scenegen.models.layout import Layout
-from scenegen.models.mlp import Mlp
+from scenegen.models.mlp import Mlp, one_hot
 
 SLOPE = 0.1  # of the LeakyReLU; SiLU took a fifth longer and left twice the error
 INSIDE = 0.999  # keeps atanh finite
@@ -39,9 +39,8 @@ class Generator(nn.Module):
             self.body.linear()[-1].bias[-(self.positions + self.angles) :] = FIRST_GATE
 
     def forward(self, z: Tensor, features: Tensor, branch: Tensor) -> Tensor:
-        count, positions, angles = len(z), self.positions, self.angles
-        way = z.new_zeros(count, self.branches).scatter_(1, branch[:, None], 1.0)
-        shift, gate = self.body(torch.cat([z, features, way], dim=1)).split(
+        positions, angles = self.positions, self.angles
+        shift, gate = self.body(torch.cat([z, features, one_hot(branch, self.branches)], dim=1)).split(
             [positions + 2 * angles, positions + angles], dim=1
         )
         spread = torch.tanh(torch.atanh(z[:, :positions] * INSIDE) * gate[:, :positions] + shift[:, :positions])
@@ -57,3 +56,9 @@ class Generator(nn.Module):
 def noise(count: int, layout: Layout, generator: torch.Generator, device: torch.device) -> Tensor:
     """(count, P + A), uniform in (-1, 1)."""
     return torch.rand(count, layout.noise, generator=generator, device=device).mul_(2.0).sub_(1.0)
+
+
+def directions(turned: Tensor) -> Tensor:
+    """Half turns (B, A) in (-1, 1) -> cosines and sines (B, 2A)."""
+    heading = turned * math.pi
+    return torch.cat([torch.cos(heading), torch.sin(heading)], dim=1)

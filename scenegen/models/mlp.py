@@ -48,6 +48,12 @@ class Mlp(nn.Module):
         return result
 
 
+def one_hot(index: Tensor, count: int) -> Tensor:
+    """(B,) int64 below `count` -> (B, count) float32 of zeros and one one: how networks are told a branch."""
+    zeros = torch.zeros(len(index), count, device=index.device)
+    return zeros.scatter_(1, index[:, None], 1.0)
+
+
 class Trainable:
     """An Mlp whose weights, and gradients, are views of one vector each: `vector` and `vector.grad`.
 

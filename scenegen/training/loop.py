@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
 from scenegen.engine.interrupt import stop_signals
+from scenegen.engine.threads import one_thread
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.files import check_writable
 from scenegen.lang.spec import CheckedSpec
@@ -77,7 +78,7 @@ def train(
     say = on_note or _silent
     with contextlib.ExitStack() as open_things:
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
-        open_things.enter_context(_one_thread())
+        open_things.enter_context(one_thread())
         session = Session(spec, config, make_feed(spec, config), saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
@@ -155,14 +156,3 @@ def _check_device(name: str) -> None:
     device = torch.device(name)
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
         raise RequestError(Diagnostic(f"there is no device `{name}` here", help="write `--device cpu`"))
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """torch on one thread: at batch 32 a second one costs more than it brings, and sums keep their order."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -16,6 +16,7 @@ from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.describe import describe
+from scenegen.lang.functions import function, key_of, list_function
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
 from scenegen.lang.quantify import quantify
@@ -24,10 +25,8 @@ from scenegen.lang.scope import LIST_FUNCTIONS, Declared, Scope
 from scenegen.lang.select import index, member
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
-    AnyValue,
     FormulaValue,
     ListValue,
-    NeighboursValue,
     NumberValue,
     ObjectValue,
     PointValue,
@@ -37,22 +36,14 @@ from scenegen.lang.values import (
 )
 from scenegen.primitives import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
-from scenegen.scene.workspace import AXES, TWO_PI
+from scenegen.scene.workspace import TWO_PI
 
 Environment = Mapping[str, Value]
 
 MAX_WORK = 4_000_000  # expressions to expand: a large body in many rounds of a quantifier may make few nodes
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
-_OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
-
-
-def _key(value: Value) -> object:
-    """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
-    somebody holds the list."""
-    listed = isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple)
-    return id(value.items) if listed else value  # type: ignore[attr-defined]
 
 
 class Lowering:
@@ -69,7 +60,7 @@ class Lowering:
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.steps = 0  # rounds of quantifiers so far
-        self._expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see _key
+        self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self._globals: dict[str, Value] = {}
         self._calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
@@ -254,9 +245,9 @@ class Lowering:
             if divisor == 0.0:
                 raise self.error("division by zero", parts[1], frame)
         units = [number.unit for number in numbers]
-        return self._apply(name, units, [number.node for number in numbers], (), node, frame)
+        return self.apply(name, units, [number.node for number in numbers], (), node, frame)
 
-    def _apply(
+    def apply(
         self,
         name: str,
         units: Sequence[Unit],
@@ -329,14 +320,14 @@ class Lowering:
             expanded: Value = yield self._expand(self.scope.definitions[name], values, node, frame)
             return expanded
         if name in LIST_FUNCTIONS:
-            return self._list_function(name, values["items"], node, frame)
+            return list_function(self, name, values["items"], node, frame)
         given = list(values.values())
         if len(given) > 1 or not isinstance(given[0], ListValue):
-            return self._function(name, given, node, frame)
-        key = (name, _key(given[0]))
-        if key not in self._expansions:  # mean(gaps(items)), in each round
-            self._expansions[key] = (self._function(name, given, node, frame), given)
-        return self._expansions[key][0].moved(self.origin(node, frame))
+            return function(self, name, given, node, frame)
+        key = (name, key_of(given[0]))
+        if key not in self.expansions:  # mean(gaps(items)), in each round
+            self.expansions[key] = (function(self, name, given, node, frame), given)
+        return self.expansions[key][0].moved(self.origin(node, frame))
 
     def _arguments(self, node: ast.Call, frame: Frame) -> list[tuple[str, ast.Expr, str]]:
         """Parameter, argument and the argument's role, for each argument of a call; worked out once per call."""
@@ -354,65 +345,6 @@ class Lowering:
             ]
         return known
 
-    def _list_function(self, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
-        origin = self.origin(node, frame)
-        if isinstance(value, AnyValue):
-            return AnyValue(origin=origin)
-        items = self.kinds.items(value, f"the argument of `{name}`")
-        if name == "consecutive":
-            return NeighboursValue(items, origin=origin)
-        key = (name, _key(value))
-        if key not in self._expansions:  # a quantifier over the gaps may ask for them in each of its rounds
-            pairs = [self._function("gap", [first, second], node, frame) for first, second in pairwise(items)]
-            self._expansions[key] = (ListValue(tuple(pairs), origin=origin), [value])
-        return self._expansions[key][0].moved(origin)
-
-    def _function(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
-        origin = self.origin(node, frame)
-        what = f"an argument of `{name}`"
-        if name in AXES:
-            (value,) = values
-            axis = AXES.index(name)
-            if axis < 2:
-                return NumberValue(self.kinds.place(value, what)[axis], LENGTH, origin=origin)
-            return NumberValue(self.kinds.heading(value, what), ANGLE, origin=origin)
-        primitive = PRIMITIVES[name]
-        if primitive.variadic:
-            values = self._spread(name, values, node, frame)
-        params = primitive.params * len(values) if primitive.variadic else primitive.params
-        units: list[Unit] = []
-        args: list[int] = []
-        shapes: list[Footprint] = []
-        for kind, value in zip(params, values, strict=True):
-            if kind == "number":
-                number = self.kinds.number(value, what)
-                if name in _OF_ANGLES:
-                    self.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
-                units.append(number.unit)
-                args.append(number.node)
-                continue
-            units.append(LENGTH)
-            if kind == "place":
-                args.extend(self.kinds.place(value, what))
-            else:
-                footprint, pose = self.kinds.footprint(value, what)
-                shapes.append(footprint)
-                args.extend(pose)
-        if len(shapes) == 2 and values[0] == values[1] and not isinstance(values[0], AnyValue):
-            help_ = "its two arguments must be different things"
-            raise self.error(f"`{name}` of a thing and itself", node, frame, "the same in every scene", help_)
-        return self._apply(name, units, args, tuple(shapes), node, frame)
-
-    def _spread(self, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
-        """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
-        if len(values) == 1 and isinstance(values[0], NumberValue):
-            help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"
-            raise self.error(f"`{name}` takes two or more arguments", node, frame, "1 given", help_)
-        spread = [item for value in values for item in (value.items if isinstance(value, ListValue) else (value,))]
-        if not spread:
-            raise self.error(f"`{name}` of nothing", node, frame, "this list is empty")
-        return spread
-
     def _expand(self, declared: Declared, values: dict[str, Value], node: ast.Call, frame: Frame) -> Call[Value]:
         definition = declared.statement
         assert isinstance(definition, ast.Definition)
@@ -424,13 +356,13 @@ class Lowering:
                 value = yield self.lower(parameter.default, {}, Frame(declared.source, places))
                 values[parameter.name.id] = value.moved(value.origin)
         ordered = [values[parameter.name.id] for parameter in definition.parameters]
-        key = (definition.name.id, *map(_key, ordered))
-        if key not in self._expansions:
+        key = (definition.name.id, *map(key_of, ordered))
+        if key not in self.expansions:
             text = f"{definition.name.id}({', '.join(map(self.text, ordered))})"
             inside = Frame(declared.source, places, text, definition.body, frame.where)
             expanded: Value = yield self.lower(definition.body, values, inside)
-            self._expansions[key] = (expanded, ordered)
-        return self._expansions[key][0].moved(places[0])
+            self.expansions[key] = (expanded, ordered)
+        return self.expansions[key][0].moved(places[0])
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
 
-from scenegen.errors import DataError, Diagnostic, OutputError
-from scenegen.formats.files import ensure_folder, output_error, write_whole
+from scenegen.errors import DataError, Diagnostic
+from scenegen.formats.folder import whole_files
 from scenegen.render.camera import USUAL
 from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
@@ -83,32 +81,20 @@ def render_scenes(
     thumbnails: list[Image.Image] = []
     names: list[str] = []
     beside: list[str] = []
-    made = not out.exists()
-    ensure_folder(out)
-    # Pictures wait in a folder of their own until all are there: a run that fails leaves earlier pictures alone.
-    waiting = Path(tempfile.mkdtemp(dir=out, prefix=".pictures.", suffix=".part"))
-    try:
+    # A run that fails leaves the pictures of an earlier one alone.
+    with whole_files(out) as put:
         with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), total))) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
                     name = f"scene_{number:0{digits}d}_{view}{ending}"
-                    _write(waiting / name, data, out / name)
+                    put(name, data)
                     (names if ending == ".png" else beside).append(name)
                 if number <= SHOWN:
                     thumbnails.append(_small(files[shown_view, ".png"], small))
                 if progress is not None:
                     progress(number, total)
-        _write(waiting / SHEET, contact_sheet(file, thumbnails), out / SHEET)
-        _write(waiting / CAMERAS, cameras_json(file, stage, wanted), out / CAMERAS)
-        for name in (*names, *beside, SHEET, CAMERAS):
-            _move(waiting / name, out / name)
-    except BaseException:
-        shutil.rmtree(waiting, ignore_errors=True)
-        if made:
-            with contextlib.suppress(OSError):
-                out.rmdir()
-        raise
-    waiting.rmdir()
+        put(SHEET, contact_sheet(file, thumbnails))
+        put(CAMERAS, cameras_json(file, stage, wanted))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 
@@ -122,20 +108,3 @@ def _small(data: bytes, size: tuple[int, int]) -> Image.Image:
     sheet = Image.new("RGB", size, PAPER)
     sheet.paste(small, mask=small)
     return sheet
-
-
-def _write(path: Path, data: bytes, destination: Path) -> None:
-    """Write a picture that waits; if that fails, what cannot be written is its destination."""
-    try:
-        write_whole(path, data)
-    except OutputError as error:
-        if isinstance(error.__cause__, OSError):
-            raise output_error(destination, error.__cause__) from error
-        raise
-
-
-def _move(path: Path, destination: Path) -> None:
-    try:
-        path.replace(destination)
-    except OSError as error:
-        raise output_error(destination, error) from error

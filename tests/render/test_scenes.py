@@ -10,7 +10,8 @@ from PIL import Image
 
 from scenegen.assets import ASSETS
 from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
-from scenegen.render import process, render_scenes, scenes
+from scenegen.formats import folder
+from scenegen.render import process, render_scenes
 
 from .scenefiles import scene_file
 
@@ -114,7 +115,7 @@ def test_a_folder_that_cannot_be_made(tmp_path):
 @pytest.mark.parametrize("after", [3, 6])
 def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
     """`after` = 6 is the contact sheet."""
-    real, written = scenes.write_whole, []
+    real, written = folder.write_whole, []
 
     def full(path, data):
         if len(written) == after:
@@ -122,7 +123,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
         real(path, data)
         written.append(path)
 
-    monkeypatch.setattr(scenes, "write_whole", full)
+    monkeypatch.setattr(folder, "write_whole", full)
     with pytest.raises(OutputError, match="no space"):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE)
     assert len(written) == after

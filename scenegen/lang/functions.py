@@ -1,0 +1,89 @@
+"""Calls of what the language brings along: axes, primitives, and functions over lists."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from scenegen.lang import ast
+from scenegen.lang.blame import Frame
+from scenegen.lang.values import AnyValue, ListValue, NeighboursValue, NumberValue, Value
+from scenegen.primitives import PRIMITIVES, Footprint
+from scenegen.primitives.units import ANGLE, LENGTH, Unit
+from scenegen.scene.workspace import AXES
+
+if TYPE_CHECKING:
+    from scenegen.lang.lower import Lowering
+
+_OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
+
+
+def key_of(value: Value) -> object:
+    """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
+    somebody holds the list."""
+    listed = isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple)
+    return id(value.items) if listed else value  # type: ignore[attr-defined]
+
+
+def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
+    """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    if isinstance(value, AnyValue):
+        return AnyValue(origin=origin)
+    items = lowering.kinds.items(value, f"the argument of `{name}`")
+    if name == "consecutive":
+        return NeighboursValue(items, origin=origin)
+    key = (name, key_of(value))
+    if key not in lowering.expansions:  # a quantifier over the gaps may ask for them in each of its rounds
+        pairs = [function(lowering, "gap", [first, second], node, frame) for first, second in pairwise(items)]
+        lowering.expansions[key] = (ListValue(tuple(pairs), origin=origin), [value])
+    return lowering.expansions[key][0].moved(origin)
+
+
+def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+    """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    what = f"an argument of `{name}`"
+    if name in AXES:
+        (value,) = values
+        axis = AXES.index(name)
+        if axis < 2:
+            return NumberValue(lowering.kinds.place(value, what)[axis], LENGTH, origin=origin)
+        return NumberValue(lowering.kinds.heading(value, what), ANGLE, origin=origin)
+    primitive = PRIMITIVES[name]
+    if primitive.variadic:
+        values = _spread(lowering, name, values, node, frame)
+    params = primitive.params * len(values) if primitive.variadic else primitive.params
+    units: list[Unit] = []
+    args: list[int] = []
+    shapes: list[Footprint] = []
+    for kind, value in zip(params, values, strict=True):
+        if kind == "number":
+            number = lowering.kinds.number(value, what)
+            if name in _OF_ANGLES:
+                lowering.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
+            units.append(number.unit)
+            args.append(number.node)
+            continue
+        units.append(LENGTH)
+        if kind == "place":
+            args.extend(lowering.kinds.place(value, what))
+        else:
+            footprint, pose = lowering.kinds.footprint(value, what)
+            shapes.append(footprint)
+            args.extend(pose)
+    if len(shapes) == 2 and values[0] == values[1] and not isinstance(values[0], AnyValue):
+        help_ = "its two arguments must be different things"
+        raise lowering.error(f"`{name}` of a thing and itself", node, frame, "the same in every scene", help_)
+    return lowering.apply(name, units, args, tuple(shapes), node, frame)
+
+
+def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
+    """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
+    if len(values) == 1 and isinstance(values[0], NumberValue):
+        help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"
+        raise lowering.error(f"`{name}` takes two or more arguments", node, frame, "1 given", help_)
+    spread = [item for value in values for item in (value.items if isinstance(value, ListValue) else (value,))]
+    if not spread:
+        raise lowering.error(f"`{name}` of nothing", node, frame, "this list is empty")
+    return spread

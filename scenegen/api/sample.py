@@ -114,10 +114,13 @@ def _from_model(asked: Ask, model: Model, raw: bool, progress: Progress | None) 
         return model.trained.propose(phi[: len(model.spec.labels)], generator)
 
     if raw:
-        return unrefined(asked.problem, propose, model.name)
-    sampled = guided(asked.problem, propose, model.name, asked.budget, progress)
-    verify(asked.problem, sampled.rows, sampled.phi)
-    return sampled
+        sampled = unrefined(asked.problem, propose, model.name)
+    else:
+        sampled = guided(asked.problem, propose, model.name, asked.budget, progress)
+        verify(asked.problem, sampled.rows, sampled.phi)
+    if model.trained.steps is None:
+        return sampled
+    return dataclasses.replace(sampled, info={**sampled.info, "steps": model.trained.steps})
 
 
 def _hand_out(asked: Ask, sampled: Sampled, keep_partial: bool) -> SceneSet:

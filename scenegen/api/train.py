@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,13 @@ class Model:
     def name(self) -> str:
         """What kind of model it is, e.g. "gan"."""
         return self.trained.name
+
+    def in_steps(self, steps: int) -> Model:
+        """The same model, taking `steps` evaluations of its network for a scene: for a flow, which is trained once and
+        taken in any number. Raises RequestError for models that have no such choice, and beyond 1 to 1,000."""
+        other = copy.copy(self)
+        other.trained = self.trained.in_steps(steps)
+        return other
 
 
 def load_model(path: str | Path, spec: Spec | None = None) -> Model:

@@ -68,6 +68,15 @@ def sample(
     timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
     keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
     raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            "--steps",
+            help="Evaluations of a flow's network for a scene; default: as it was trained.",
+            metavar="N",
+            show_default=False,
+        ),
+    ] = None,
     spec: Annotated[
         Path | None,
         typer.Option(
@@ -111,6 +120,8 @@ def sample(
     elif resume:
         raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
     subject = _load(source, spec, root)
+    if steps is not None:
+        subject = _in_steps(subject, steps)
     from scenegen.api.train import Model
     from scenegen.sampling.held import parse_fixed
     from scenegen.sampling.request import parse_ranges
@@ -169,6 +180,16 @@ def _refuse_raw(raw: bool) -> None:
     if raw:
         title = "`raw` is a model's own output, made at once: there is nothing to resume"
         raise RequestError(Diagnostic(title, help="leave --raw or --resume out"))
+
+
+def _in_steps(subject: Spec | Model, steps: int) -> Model:
+    from scenegen.api.train import Model
+    from scenegen.errors import Diagnostic, RequestError
+
+    if not isinstance(subject, Model):
+        title = "--steps says how a model makes its scenes, and this is a spec"
+        raise RequestError(Diagnostic(title, help="leave --steps out, or name a model file"))
+    return subject.in_steps(steps)
 
 
 def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:

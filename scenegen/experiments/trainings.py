@@ -11,7 +11,6 @@ import hashlib
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
@@ -87,8 +86,7 @@ def kept(job: Job) -> Trained | None:
     if not same:
         return None
     if job.what.steps is not None:
-        sampler: Any = model.trained.model
-        sampler.steps = job.what.steps
+        model = model.in_steps(job.what.steps)
     return Trained(model, len(data), record.cpu_seconds)
 
 

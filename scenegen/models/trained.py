@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.models.base import SceneModel
 from scenegen.models.card import ModelCard
 from scenegen.models.codec import Codec
+
+MOST_STEPS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,24 @@ class TrainedModel:
     def label_ranges(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest phi of each label in the training data: what the model has seen."""
         return {label.name: (label.lowest, label.highest) for label in self.card.labels}
+
+    @property
+    def steps(self) -> int | None:
+        """In how many evaluations of its network it makes a scene, where that can be chosen."""
+        found: int | None = getattr(self.model, "steps", None)
+        return found
+
+    def in_steps(self, steps: int) -> TrainedModel:
+        """The same network, taken in another number of steps. Raises RequestError where there is no such choice."""
+        if self.steps is None:
+            title = f"a scene of the {self.name} is one evaluation of its network: there are no steps to choose"
+            raise RequestError(Diagnostic(title, help="leave the steps out, or take a flow"))
+        if not 1 <= steps <= MOST_STEPS:
+            title = f"{steps} is no number of steps"
+            raise RequestError(Diagnostic(title, help=f"choose 1 to {MOST_STEPS:,}; 1 is the fastest"))
+        model: Any = copy.copy(self.model)  # shares the weights
+        model.steps = steps
+        return replace(self, model=model)
 
     @torch.no_grad()
     def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:

@@ -22,6 +22,8 @@ from scenegen.curriculum.strategies.mixture import fit
 from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
+ROUNDS = 6  # of expectation maximisation; more cost time, and tasks were no better for it
+
 
 class AlpGmmSettings(Settings):
     """`share` of scenes from all of the reach; `refit`: outcomes between two fits to the last `window`; `largest`
@@ -88,7 +90,7 @@ class AlpGmm(Base):
 
     def _refit(self) -> None:
         labels = self.axis.count
-        found = fit(self.pairs[: self.told], self.settings.largest, self.rng)
+        found = fit(self.pairs[: self.told], self.settings.largest, self.rng, ROUNDS)
         self.worth = np.maximum(found.means[:, labels], 0.0) + 1e-6  # no progress at all: any Gaussian
         self.means = found.means[:, :labels]
         self.roots = np.linalg.cholesky(found.covariances[:, :labels, :labels])

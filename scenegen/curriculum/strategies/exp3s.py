@@ -25,6 +25,7 @@ from scenegen.curriculum.tasks import Outcome, PhiBox
 
 REWARDS = 200  # recent ones, which the scale is taken from
 RESCALED = 20  # outcomes between two looks at them
+LONGEST = 1.0  # step of a log weight, which a small chance would make huge
 FASTER = 3  # times, of the two running means
 LEAST_FLOW = 1e-3  # of the weight, per outcome; the source's 1 / t would end in a standstill
 
@@ -34,7 +35,7 @@ class Exp3SSettings(Settings):
     scenes from any cell; `window`: outcomes of the slow mean."""
 
     cells: int | None = Field(default=None, ge=1, le=1000)
-    eta: float = Field(default=0.3, gt=0.0, le=10.0)
+    eta: float = Field(default=0.1, gt=0.0, le=10.0)
     share: float = Field(default=0.1, gt=0.0, le=1.0)
     window: int = Field(default=30, ge=2 * FASTER, le=100_000)
 
@@ -75,7 +76,7 @@ class Exp3S(Base):
         hear(self.fast, self.heard, cell, score, span // FASTER)
         reward = self._scaled(abs(float(self.fast[cell] - self.slow[cell])))
         chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count
-        self.weight[cell] *= math.exp(min(self.settings.eta * reward / chance, 1.0))
+        self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -LONGEST), LONGEST))
         flow = max(1.0 / self.told, LEAST_FLOW)
         self.weight = (1.0 - flow) / self.weight.sum() * self.weight + flow / count
 

@@ -37,7 +37,9 @@ def checked(kind: type[Some], owner: str, values: Mapping[str, object]) -> Some:
             title = f"strategy `{owner}` has no setting `{name}`"
             raise RequestError(Diagnostic(title, help=suggest(name, kind.model_fields, all_of_them))) from error
         message = first["msg"].removeprefix("Value error, ")
+        if name not in kind.model_fields:  # of several settings together
+            raise RequestError(Diagnostic(f"strategy `{owner}`: {message}", help=all_of_them)) from error
         title = f"setting `{name}` of strategy `{owner}`: {message[:1].lower()}{message[1:]}"
-        default = kind.model_fields[name].default if name in kind.model_fields else None
-        help_ = f"without it, `{name}` is {default}" if name else all_of_them
-        raise RequestError(Diagnostic(title, help=help_)) from error
+        raise RequestError(
+            Diagnostic(title, help=f"by default `{name}` is {kind.model_fields[name].default}")
+        ) from error

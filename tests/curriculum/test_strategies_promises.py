@@ -120,17 +120,17 @@ def test_what_is_a_toss_up_is_asked_for(name):
 
 
 def test_replay_sees_everything_first_and_forgets_nothing():
-    teacher = made("replay", cells=10)
+    teacher = made("replay", cells=10, worth="total")
     assert asked(teacher, 60).min() > 0
-    for _ in range(100):
+    for turn in range(100):
         for cell in range(10):
-            tell(teacher, -0.05 - cell / 10, True, 7.0 if cell else float(_ % 2))
+            tell(teacher, -0.05 - cell / 10, True, 7.0 if cell else float(turn % 2))
     counts = asked(teacher, 1000)
     assert counts.argmax() == 0 and counts.min() > 5
 
 
 def test_replay_does_not_care_about_the_scale_of_rewards():
-    small, large = made("replay"), made("replay")
+    small, large = made("replay", worth="total"), made("replay", worth="total")
     rng = np.random.default_rng(1)
     for _ in range(500):
         phi, total = -float(rng.random()), float(rng.integers(3))

@@ -70,6 +70,13 @@ def test_the_table_tells_what_is_there(name):
     assert "everal labels" in source
 
 
+def test_the_page_has_a_row_for_it(name, root):
+    rows = [
+        line for line in (root / "docs" / "curriculum.md").read_text().splitlines() if line.startswith(f"| `{name}`")
+    ]
+    assert STRATEGIES[name].source.removeprefix("none").split(", Fig.")[0] in rows[0]
+
+
 def test_the_room_knows_neither_torch_nor_gymnasium():
     code = (
         "import sys; from scenegen.curriculum.strategies import STRATEGIES\n"

@@ -93,7 +93,7 @@ class AlpGmm(Base):
         found = fit(self.pairs[: self.told], self.settings.largest, self.rng, ROUNDS)
         self.worth = np.maximum(found.means[:, labels], 0.0) + 1e-6  # no progress at all: any Gaussian
         self.means = found.means[:, :labels]
-        self.roots = np.linalg.cholesky(found.covariances[:, :labels, :labels])
+        self.roots = np.asarray(np.linalg.cholesky(found.covariances[:, :labels, :labels]), dtype=np.float64)
 
     def log(self) -> dict[str, float]:
         return {"gaussians": len(self.worth), "progress": float(self.worth.max(initial=0.0))}

@@ -6,7 +6,8 @@ Here a level is a cell of phi, and no value function is asked: the cell keeps a 
 worth, and its score is the running mean of how far an episode was from that. So chance within a cell counts as a
 surprise and never ends, where the learner's own errors would. An episode is worth its success; with `worth="total"` its
 rewards, which lets a fall from the table count most, and then the edge of the table draws more than what lies on the
-way there. Scores count by rank alone, so the scale of rewards does not matter. As in the source, cells that were not asked for yet are drawn in proportion to how many they are.
+way there. Scores count by rank alone, so the scale of rewards does not matter. As in the source, cells that were not
+asked for yet are drawn in proportion to how many they are.
 
 Several labels: a grid of cells over all of them.
 """

@@ -20,7 +20,7 @@ class OrderedSettings(Settings):
     """`scenes` of a pass, in as many `levels`, or one level for each where there are fewer scenes."""
 
     scenes: int = Field(default=1000, ge=1, le=10**12)
-    levels: int = Field(default=100, ge=1, le=1000)
+    levels: int = Field(default=50, ge=1, le=1000)
 
 
 class Ordered(Base):

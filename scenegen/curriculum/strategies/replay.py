@@ -1,11 +1,13 @@
-"""Prioritised level replay: back to where returns surprise, and to what was not seen for long (Jiang, Grefenstette and
+"""Prioritised level replay: back to where episodes surprise, and to what was not seen for long (Jiang, Grefenstette and
 Rocktäschel, Prioritized level replay, ICML 2021).
 
 There, a level is one seed of a generator, and its score the mean size of the value function's errors over an episode.
-Here a level is a cell of phi, and no value function is asked: the cell keeps a running mean of its own returns (`total`
-of an outcome), and its score is the running mean of how far a return was from that. So chance within a cell counts as a
-surprise and never ends, where the learner's own errors would. Scores count by rank alone, so the scale of rewards
-does not matter. As in the source, cells that were not asked for yet are drawn in proportion to how many they are.
+Here a level is a cell of phi, and no value function is asked: the cell keeps a running mean of what its episodes were
+worth, and its score is the running mean of how far an episode was from that. So chance within a cell counts as a
+surprise and never ends, where the learner's own errors would. An episode is worth its success; with `worth="total"` its
+rewards, which lets a fall from the table count most, and then the edge of the table draws more than what lies on the
+way there. Scores count by rank alone, so the scale of rewards does not matter. As in the source, cells that were not
+asked for yet are drawn in proportion to how many they are.
 
 Several labels: a grid of cells over all of them.
 """
@@ -13,6 +15,7 @@ Several labels: a grid of cells over all of them.
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -27,18 +30,19 @@ from scenegen.curriculum.tasks import Outcome, PhiBox
 class ReplaySettings(Settings):
     """`cells` along each label (None: 16, or fewer where there are several); `temperature`: weight is
     rank^(-1 / temperature); `staleness`: share of draws by how long ago a cell was asked for; means over about `window`
-    outcomes."""
+    outcomes; `worth` of an episode: its success or its total reward."""
 
     cells: int | None = Field(default=None, ge=1, le=1000)
     temperature: float = Field(default=0.5, gt=0.0, le=1000.0)
     staleness: float = Field(default=0.2, gt=0.0, le=1.0)
     window: int = Field(default=15, ge=2, le=100_000)
+    worth: Literal["success", "total"] = "success"
 
 
 class Replay(Base):
     settings_class = ReplaySettings
     settings: ReplaySettings
-    memory = ("mean", "score", "heard", "last", "asked")
+    memory = (*Cells.memory, "mean", "score", "heard", "last", "asked")
     mean: Floats
     score: Floats
     heard: Ints
@@ -57,28 +61,29 @@ class Replay(Base):
         cell = self._cell()
         self.last[cell] = self.asked
         self.asked += 1
-        return self.cells.box(cell, self.rng)
+        return self.cells.box(cell)
 
     def _cell(self) -> int:
-        count = self.cells.count
+        count, there = self.cells.count, self.cells.open
         if self.asked < 100 * count:  # by then none is left, but for one chance in e^100
             new = np.flatnonzero(self.last < 0)
             draw = self.rng.random() * count
             if draw < len(new):
                 return int(new[int(draw)])
         if self.rng.random() < self.settings.staleness:
-            return drawn((self.asked - self.last).astype(np.float64), self.rng)
-        place = drawn(self._by_rank, self.rng)
-        # sorting the cells anew for each draw would cost more than the draw; the place is all that is needed
-        return int(np.argpartition(-self.score, place)[place])
+            return drawn((self.asked - self.last) * there, self.rng)
+        place = drawn(self._by_rank[: int(there.sum())], self.rng)
+        # the cell at that place, closed ones last; sorting all of them for each draw would cost more
+        return int(np.argpartition(1.0 - there - self.score * there, place)[place])
 
     def report(self, outcome: Outcome) -> None:
         cell = self.cells.of(outcome)
-        if cell is None or not math.isfinite(outcome.total):
+        worth = float(outcome.success) if self.settings.worth == "success" else outcome.total
+        if cell is None or not math.isfinite(worth):
             return
-        surprise = abs(outcome.total - self.mean[cell]) if self.heard[cell] else 0.0
+        surprise = abs(worth - self.mean[cell]) if self.heard[cell] else 0.0
         span = self.settings.window
-        self.mean[cell] += (outcome.total - self.mean[cell]) / min(int(self.heard[cell]) + 1, span)
+        self.mean[cell] += (worth - self.mean[cell]) / min(int(self.heard[cell]) + 1, span)
         hear(self.score, self.heard, cell, surprise, span)
 
     def log(self) -> dict[str, float]:

@@ -43,7 +43,7 @@ STRATEGIES: dict[str, Entry] = {
     "learnability": Entry("learnability:Learnability", "where success is a toss-up, p (1 - p)",
                           "Tzannetos et al. 2023; Rutherford et al. 2024"),
     "alp_gmm": Entry("alp_gmm:AlpGmm", "where success changes, by a mixture of Gaussians", "Portelas et al. 2019"),
-    "replay": Entry("replay:Replay", "cells whose returns surprise, and cells not seen for long", "Jiang et al. 2021"),
+    "replay": Entry("replay:Replay", "cells that surprise, and cells not seen for long", "Jiang et al. 2021"),
     "teacher": Entry("teacher:Teacher", "the cell whose success rate has the steepest slope", "Matiisen et al. 2017"),
     "exp3s": Entry("exp3s:Exp3S", "a bandit over cells, rewarded with progress", "Graves et al. 2017"),
 }  # fmt: skip

@@ -4,7 +4,7 @@ What comes out is fixed by the seed and by what was asked for since. Of the cell
 is wanted, one is drawn by how much of it does; the cell has its scenes in random order. When they are used up, more are
 drawn, twice as many each time, for planning a draw costs more than hundreds of its scenes: for all cells while requests
 vary, for those that overlap where one comes again and again. What the library does not reach gets draws of its own, and
-so does a band that comes again and again and takes little of its cells.
+so does a band that comes again and again and takes parts of cells: they would be left with their other parts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FIRST, MOST = 4096, 32_768  # scenes of the first draw of cells and of later one
 ALONE = 1024  # scenes of the first draw for one band
 KEPT = 4096  # scenes of a shelf that later draws leave there
 WORTH = 2.0  # scenes that a draw for whole cells should give of a part of one: else that part is drawn itself
-OFTEN, LITTLE = 8, 0.5  # a band asked for more often comes again and again; of its cells less than this is little
+OFTEN = 8  # a band asked for more often comes again and again
 DRAWS = 2  # for one scene, at most
 BANDS, SHELVES = 256, 128  # that are remembered, the last ones
 
@@ -101,8 +101,10 @@ class Feed:
         """A scene and its phi. With `nearest` it is of the cell nearest to what is wanted where that cannot be had.
         Raises RequestError."""
         plan = self._plan(wanted)
-        if plan is not None and not plan.alone:
+        if plan is not None:
             plan.asked += 1
+            plan.alone = plan.alone or (plan.asked > OFTEN and self.library.more is not None and min(plan.shares) < 1.0)
+        if plan is not None and not plan.alone:
             first = min(bisect(plan.weights, self._rng.random() * plan.weights[-1]), len(plan.cells) - 1)
             # a file may have scenes in a part of a cell that is not wanted, and others in the next cell
             for step in range(1 if self.library.more is not None else len(plan.cells)):
@@ -111,6 +113,9 @@ class Feed:
                     return found
         if not nearest:
             return self._of_its_own(wanted)
+        within = self._within(wanted)
+        if within != wanted:
+            return self.take(within, nearest=True)
         if plan is not None and wanted not in self._hopeless:
             try:
                 return self._of_its_own(wanted)
@@ -147,11 +152,7 @@ class Feed:
                 members = plan.index.members[plan.cells[at]]
                 shelf = self._put((plan.index.dims, plan.cells[at]), self._filled(members))
                 continue
-            often = plan.asked > OFTEN
-            if often and plan.weights[-1] < LITTLE * len(plan.cells):
-                plan.alone = True
-                break
-            cells = plan.cells if often else range(len(plan.index.members))
+            cells = plan.cells if plan.asked > OFTEN else range(len(plan.index.members))
             count = min(FIRST << shelf.draws, MOST)
             if plan.shares[at] * count / len(cells) < WORTH:
                 break
@@ -225,6 +226,15 @@ class Feed:
         if len(self._shelves) > SHELVES:
             self._shelves.popitem(last=False)
         return shelf
+
+    def _within(self, wanted: Wanted) -> Wanted:
+        """The part of what is wanted that lies where the scenes are spread; all of it where no part does."""
+        low, high = list(wanted.low), list(wanted.high)
+        for k in wanted.dims:
+            low[k], high[k] = max(low[k], float(self.library.low[k])), min(high[k], float(self.library.high[k]))
+            if low[k] >= high[k]:
+                return wanted
+        return Wanted(tuple(low), tuple(high))
 
     def _around(self, wanted: Wanted) -> Wanted:
         """The cell that is nearest to what is wanted."""

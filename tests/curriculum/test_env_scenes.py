@@ -170,6 +170,22 @@ def test_a_task_that_reaches_a_bit_too_far_is_met_as_far_as_it_can_be():
     assert min(phi) < -0.7 and max(phi) > -0.2
 
 
+def test_tasks_in_several_labels_take_few_draws():
+    env = TableTop(TWO)
+    low, high = (np.array(ends) for ends in (env.space.low, env.space.high))
+    rng = np.random.default_rng(0)
+    away = []
+    env.reset(seed=0)
+    for _ in range(300):
+        corner = low + rng.random(2) * 0.8 * (high - low)
+        box = PhiBox(tuple(corner.tolist()), tuple((corner + 0.2 * (high - low)).tolist()))
+        _, info = env.reset(options={"phi": box, "nearest": True})
+        phi = np.array([info["phi"]["near"], info["phi"]["side"]])
+        away.append(np.maximum(np.maximum(corner - phi, phi - corner - 0.2 * (high - low)), 0.0).max())
+    assert env._feed._draws <= 6
+    assert np.mean(np.array(away) == 0.0) > 0.6  # the others are out of reach, or in the next cell
+
+
 def test_the_nearest_scenes_where_a_task_is_out_of_reach():
     _, infos = starts(TableTop(LEFT), [{"phi": (-3.0, -2.0), "nearest": True}] * 5, seed=0)
     assert all(-1.0 < info["phi"]["task"] < -0.9 for info in infos)

@@ -1,8 +1,9 @@
-"""Several files that appear together or not at all."""
+"""Several files that appear together or not at all, and how those of scenes are called."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -49,3 +50,16 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
                 folder.rmdir()
         raise
     shutil.rmtree(waiting, ignore_errors=True)
+
+
+def scene_name(number: int, total: int) -> str:
+    """`scene_0001`: what the files of a scene begin with, the first of `total` having the number 1."""
+    return f"scene_{number:0{max(4, len(str(total)))}d}"
+
+
+def others(folder: Path, total: int, ending: str) -> int:
+    """How many files of scenes with that ending lie in a folder beside those of `total` scenes: of an earlier run."""
+    found = (re.match(r"(scene_(\d{4,}))[_.]", path.name) for path in folder.glob(f"scene_*{ending}"))
+    return sum(
+        match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match
+    )

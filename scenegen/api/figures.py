@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenegen.api.labels import chosen_label
 from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.formats.folder import scene_name, whole_files
@@ -116,7 +117,6 @@ def _sweep(
 
 
 def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
-    from scenegen.api.sweep import chosen_label
     from scenegen.render.dimensions import dimensions, short
     from scenegen.render.topview import Thing, View, topview
 

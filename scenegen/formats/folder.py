@@ -42,7 +42,7 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
         for name in names:
             with reported(folder / name):
                 (folder / name).parent.mkdir(exist_ok=True)
-                (waiting / name).replace(folder / name)
+                _move(waiting / name, folder / name)
     except BaseException:
         shutil.rmtree(waiting, ignore_errors=True)
         if made:
@@ -50,6 +50,14 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
                 folder.rmdir()
         raise
     shutil.rmtree(waiting, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    """A file takes its place. Where that is a link, the link stays and what it points to is replaced."""
+    if target.is_symlink():
+        write_whole(target, source.read_bytes())
+    else:
+        source.replace(target)
 
 
 def scene_name(number: int, total: int) -> str:

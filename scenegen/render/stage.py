@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ RIM = 0.015  # of the table round what reaches beyond that, likewise
 BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
 REGIONS = 0.25  # and for regions, which are cut off there
 TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
+FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
@@ -75,6 +76,18 @@ class Stage:
         u0, v0, u1, v1 = self.workspace
         top = [(x, y, self.height) for x in (u0, u1) for y in (v0, v1)]
         return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (-self.thickness, 0.0)] + top)
+
+    def near(self) -> tuple[Stage, tuple[float, float]]:
+        """The stage as it is drawn, and where in the world its origin is: (0, 0), but for a workspace so far out that
+        the renderer's single precision would show. That one is moved to begin at the origin."""
+        x, y = self.workspace[:2]
+        if max(abs(x), abs(y)) <= FAR_OUT * self.side:
+            return self, (0.0, 0.0)
+        workspace, table = (
+            (left - x, low - y, right - x, high - y) for left, low, right, high in (self.workspace, self.table)
+        )
+        patches = tuple(replace(one, pose=(one.pose[0] - x, one.pose[1] - y, one.pose[2])) for one in self.patches)
+        return replace(self, workspace=workspace, table=table, patches=patches), (x, y)
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Stage:

@@ -196,6 +196,25 @@ def test_sizes_that_no_spec_can_say_are_refused(changed, said, tmp_path):
         assert caught.value.diagnostics[0].help and not list(tmp_path.iterdir())
 
 
+def test_a_workspace_far_out_is_drawn_as_one_at_the_origin(tmp_path):
+    """Coordinates of 65 km have no millimetres in single precision. Cameras are told in the world's own frame."""
+    pictures, cameras = [], []
+    for name, away in (("near", 0.0), ("far", 65536.0)):
+        file = scene_file(
+            ["mug", "plate"],
+            [[(away + 0.25, 0.5 - away, 1.0), (away + 0.75, 0.5 - away, 0.0)]],
+            x=(away, away + 1.0),
+            y=(-away, 1.0 - away),
+            regions=[region("mat", Box(0.5, 0.25), away + 0.5, 0.25 - away)],
+        )
+        made = render_scenes(file, tmp_path / name, views=("perspective",), size=(96, 72), masks=True, workers=1)
+        pictures.append([made.pictures[0].read_bytes(), made.beside[0].read_bytes()])
+        cameras.append(frame("perspective", stage_of(file).corners(), (96, 72)))
+    assert pictures[0] == pictures[1]
+    there = cameras[1].project([(65536.25, 0.5 - 65536.0, 0.0)])
+    assert there == pytest.approx(cameras[0].project([(0.25, 0.5, 0.0)]), abs=1e-3)
+
+
 def test_a_region_is_cut_off_where_the_table_ends_and_a_thing_is_not():
     reach = region("reach", Circle(0.6), 0.5, 0.0)
     assert stage_of(scene_file(["mug"], [[(0.5, 0.5, 0.0)]], regions=[reach])).table[1] == pytest.approx(-0.32)

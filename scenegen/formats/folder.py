@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from scenegen.errors import OutputError
-from scenegen.formats.files import ensure_folder, output_error, reported, write_whole
+from scenegen.formats.files import ensure_folder, reported, write_whole
+
+MANY = 100  # files that take longer to flush one by one than all buffers of the machine take
 
 
 @contextlib.contextmanager
@@ -23,33 +26,50 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
     made = not folder.exists()
     ensure_folder(folder)
     names: list[str] = []
+    below: set[Path] = set()  # folders that this call made
     with reported(folder):
         waiting = Path(tempfile.mkdtemp(dir=folder, prefix=".export.", suffix=".part"))
 
     def put(name: str, data: bytes) -> None:
         with reported(folder / name):
             (waiting / name).parent.mkdir(exist_ok=True)
-        try:
-            write_whole(waiting / name, data)
-        except OutputError as error:  # what cannot be written is the file's destination
-            if isinstance(error.__cause__, OSError):
-                raise output_error(folder / name, error.__cause__) from error
-            raise
+            _write(waiting / name, data)
         names.append(name)
 
     try:
         yield put
+        _flush([waiting / name for name in names])
         for name in names:
             with reported(folder / name):
-                (folder / name).parent.mkdir(exist_ok=True)
+                if not (folder / name).parent.exists():
+                    (folder / name).parent.mkdir()
+                    below.add((folder / name).parent)
+                if (folder / name).is_dir():
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        for name in names:
+            with reported(folder / name):
                 _move(waiting / name, folder / name)
     except BaseException:
         shutil.rmtree(waiting, ignore_errors=True)
-        if made:
+        for new in (*below, *([folder] if made else [])):
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                new.rmdir()
         raise
     shutil.rmtree(waiting, ignore_errors=True)
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def _flush(paths: list[Path]) -> None:
+    """Wait until files are on disk: one by one, or, where there are many, all that there is at once."""
+    if len(paths) > MANY and hasattr(os, "sync"):
+        os.sync()
+        return
+    for path in paths:
+        with reported(path), path.open("rb") as file:
+            os.fsync(file.fileno())
 
 
 def _move(source: Path, target: Path) -> None:

@@ -51,7 +51,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
     if there:
         scenes.export(out, to)
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
-    write, count = folders.write_whole, [0]
+    write, count = folders._write, [0]
 
     def failing(path, data):
         count[0] += 1
@@ -59,7 +59,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         write(path, data)
 
-    monkeypatch.setattr(folders, "write_whole", failing)
+    monkeypatch.setattr(folders, "_write", failing)
     with pytest.raises(KeyboardInterrupt):
         scenes[:2].export(out, to)
     assert {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
@@ -151,6 +151,14 @@ def test_a_link_stays_and_what_it_points_to_is_written(to, tmp_path):
     scenes_of(PAIR, PLACES).export(link)
     assert link.is_symlink() and b"mug" in target.read_bytes()
     assert {path.name for path in tmp_path.iterdir()} == {"there", FILES[to], "all_meshes"}
+
+
+def test_a_folder_in_the_way_of_a_file_is_found_before_anything_is_written(tmp_path):
+    (tmp_path / "worlds" / "scene_0002.xml").mkdir(parents=True)
+    with pytest.raises(OutputError, match=r"scene_0002\.xml: is a directory") as caught:
+        scenes_of(PAIR, PLACES, PLACES).export(tmp_path / "worlds", "mjcf")
+    assert caught.value.diagnostics[0].help
+    assert [path.name for path in (tmp_path / "worlds").iterdir()] == ["scene_0002.xml"]
 
 
 def test_places_that_cannot_be(tmp_path):

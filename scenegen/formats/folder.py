@@ -59,7 +59,8 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666), "wb") as file:
+        file.write(data)
 
 
 def _flush(paths: list[Path]) -> None:

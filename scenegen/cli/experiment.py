@@ -17,7 +17,10 @@ def experiment(
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder for the reports.", metavar="DIR", show_default=False)],
     seeds: Annotated[
-        int | None, typer.Option("--seeds", help="Trainings of each: seeds 0, 1, ...; default: 3, curriculum 5.", show_default=False)
+        int | None,
+        typer.Option(
+            "--seeds", help="Trainings of each: seeds 0, 1, ...; default: 3, curriculum 5.", show_default=False
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that train; default: one per core.", show_default=False)

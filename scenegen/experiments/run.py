@@ -28,10 +28,10 @@ def run(
 ) -> None:
     """Carry out an experiment, or `all`, and write the reports into the folder `out` (made if its parent is there).
 
-    Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes, by
-    default one per core, unless `out` holds them from an earlier run. `tell` is told what happens. Raises RequestError for an unknown name, for numbers
-    out of range and where matplotlib or scikit-learn is missing, OutputError where something cannot be
-    written; KeyboardInterrupt with words on how to go on.
+    Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes,
+    by default one per core, unless `out` holds them from an earlier run. `tell` is told what happens. Raises
+    RequestError for an unknown name, for numbers out of range and where matplotlib or scikit-learn is missing,
+    OutputError where something cannot be written; KeyboardInterrupt with words on how to go on.
     """
     entries = chosen(name)
     if seeds is not None and not 1 <= seeds <= MOST_SEEDS:

@@ -15,7 +15,7 @@ FIRST, ANY = 0, 1  # which of several best actions the policy takes: the first; 
 @compiled
 def row_of(rows: Cells | None, cell: int) -> int:
     """Where the values of a cell are in a table: by itself, or in a row that cells share."""
-    return cell if rows is None else rows[cell]  # type: ignore[no-any-return]
+    return cell if rows is None else rows[cell]
 
 
 @compiled

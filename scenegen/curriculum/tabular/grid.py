@@ -63,7 +63,8 @@ class GridTask:
         (left, _), (bottom, _) = self.spec.workspace.x, self.spec.workspace.y
         column = np.clip(np.floor((poses[:, self.moved, 0] - left) / self.edge), 0, self.across - 1)
         row = np.clip(np.floor((poses[:, self.moved, 1] - bottom) / self.edge), 0, self.deep - 1)
-        return ((column + 1) * (self.deep + 2) + row + 1).astype(np.int64)
+        found: Cells = ((column + 1) * (self.deep + 2) + row + 1).astype(np.int64)
+        return found
 
     def place_of(self, cells: Cells) -> Array:
         """x and y (n, 2) of the middle of cells."""
@@ -78,7 +79,7 @@ def grid_task(
     held: Mapping[str, tuple[float, float]] | None = None,
     order: Sequence[str] = ORDER,
 ) -> GridTask:
-    """Cut a spec's table into `across` columns of square cells, an object standing in the middle of its cell, heading 0.
+    """Cut a spec's table into `across` columns of square cells; what moves stands in the middle of its cell, heading 0.
 
     `moved` is the object that moves; left out, the one that the spec does not fix and `held` does not place. `held`
     places others, x and y in metres. The paper's tasks have 2M + 1 columns, the other object in the middle one

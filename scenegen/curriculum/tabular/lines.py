@@ -1,4 +1,4 @@
-"""Corridors: a curriculum that goes cell by cell along lines which lead away from the goal, group of lines after group."""
+"""Corridors: a curriculum that goes cell by cell along lines which lead away from the goal, group after group."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def corridors(task: GridTask, gap: int) -> Lines:
     if len(goals) != 1:
         raise RequestError(Diagnostic(f"{len(goals)} cells satisfy the spec", help="corridors lead to a single one"))
     middle, centre = divmod(int(goals[0]), task.deep + 2)
-    groups = [[_line(task, [middle], range(centre + 1, task.deep + 1)), _line(task, [middle], range(centre - 1, 0, -1))]]
+    groups = [
+        [_line(task, [middle], range(centre + 1, task.deep + 1)), _line(task, [middle], range(centre - 1, 0, -1))]
+    ]
     for columns in (range(middle + 1, task.across + 1), range(middle - 1, 0, -1)):
         rows = range(1, task.deep + 1)
         groups.append([_line(task, columns, [row]) for row in rows if (row - centre) % gap == 0])

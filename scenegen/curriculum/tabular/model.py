@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.curriculum.tabular.check import FIRST, ANY, Table, solved
+from scenegen.curriculum.tabular.check import ANY, FIRST, Table, solved
 from scenegen.curriculum.tabular.grid import FREE, GOAL, OFF, Board, Cells
 from scenegen.curriculum.tabular.jit import compiled
 from scenegen.curriculum.tabular.qlearning import NEVER, Result, Stop

@@ -11,7 +11,7 @@ from scenegen.curriculum.tabular.choose import LEVEL, Curriculum, choose, hear
 from scenegen.curriculum.tabular.grid import FREE, GOAL, OFF, Board, Cells
 from scenegen.curriculum.tabular.jit import compiled
 from scenegen.curriculum.tabular.lines import Lines
-from scenegen.curriculum.tabular.rng import State, below, bits
+from scenegen.curriculum.tabular.rng import State, below, bits, field
 from scenegen.curriculum.tabular.starts import Starts
 
 REWARD = 10.0
@@ -82,7 +82,7 @@ def stepwise(board: Board, q: Table, rows: Cells | None, how: Learner, start: in
     for step in range(1, how.limit + 1):
         draw = bits(rng)
         if draw >> np.uint64(40) < random:
-            action = np.int64((draw >> np.uint64(38)) & np.uint64(3))
+            action = field(draw, 38, 2)
         after = cell + moves[action]
         where = kind[after]
         if where != FREE:
@@ -111,7 +111,7 @@ def replayed(board: Board, q: Table, rows: Cells | None, how: Learner, start: in
         action, _ = best(q, row_of(rows, cells[steps]), how.lots, rng)
         draw = bits(rng)
         if draw >> np.uint64(40) < random:
-            action = np.int64((draw >> np.uint64(38)) & np.uint64(3))
+            action = field(draw, 38, 2)
         actions[steps] = action
         cells[steps + 1] = cells[steps] + moves[action]
         where = kind[cells[steps + 1]]
@@ -167,9 +167,7 @@ def train(
         if first_episodes == NEVER:
             first_episodes, first_steps, first_resets, any_share = episodes, steps, resets, share
         if share >= stop.share:
-            return Result(
-                first_episodes, first_steps, first_resets, episodes, steps, resets, any_share, memory[LEVEL]
-            )
+            return Result(first_episodes, first_steps, first_resets, episodes, steps, resets, any_share, memory[LEVEL])
         if not stop.both:
             break
     return Result(first_episodes, first_steps, first_resets, NEVER, NEVER, NEVER, any_share, memory[LEVEL])

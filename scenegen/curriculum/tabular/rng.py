@@ -14,7 +14,7 @@ State = npt.NDArray[np.uint64]
 
 
 def seeded(seed: int) -> State:
-    """A state of its own for every seed: numpy's SeedSequence mixes it, and 0, which xorshift never leaves, is barred."""
+    """A state for every seed, mixed by numpy's SeedSequence; never 0, which xorshift does not leave."""
     return np.random.SeedSequence(seed).generate_state(1, np.uint64) | np.uint64(1)
 
 
@@ -32,8 +32,13 @@ def bits(state: State) -> int:
 @compiled
 def below(state: State, count: int) -> int:
     """A number from 0 to count - 1; count below 2^31, so that the bias is below 2^-31 * count."""
-    high = np.int64(bits(state) >> np.uint64(33))
-    return (high * count) >> 31
+    return (field(bits(state), 33, 31) * count) >> 31
+
+
+@compiled
+def field(draw: int, place: int, width: int) -> int:
+    """Some of the bits that were drawn, as a number with a sign."""
+    return np.int64((draw >> np.uint64(place)) & np.uint64((1 << width) - 1))  # type: ignore[return-value]
 
 
 @compiled

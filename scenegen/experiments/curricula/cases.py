@@ -20,13 +20,15 @@ WORDS = {"A": "closeTo(mug, plate, 0)", "B": "leftOf & belowOf(spoon, plate)"}
 EXACT, MODEL = "exact sampler", "trained model"
 SETTINGS = ("paper-like", "fair")
 GAP = 9  # rows between corridors
+UNIFORMLY = Curriculum(UNIFORM)
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
     """A run. `group` is the part of the report that it belongs to and `name` its row or curve there; `learner` decides
     what a step teaches and `curriculum` where episodes begin, an Explorer both. `rows` learns values for relations
-    instead of cells. `both` goes on until the policy is right however ties are decided."""
+    instead of cells. `both` goes on until the policy is right however ties are decided. `strategy` names one of
+    scenegen.curriculum.strategies, with `options`, instead of `curriculum`."""
 
     group: str
     name: str
@@ -34,12 +36,14 @@ class Case:
     size: int
     seed: int
     learner: Learner | Explorer
-    curriculum: Curriculum = Curriculum(UNIFORM)
+    curriculum: Curriculum = UNIFORMLY
     source: str = EXACT
     order: tuple[str, ...] = ORDER
     relations: bool = False
     both: bool = False
     most: int = 60_000_000  # episodes
+    strategy: str = ""
+    options: tuple[tuple[str, float], ...] = ()
 
 
 def paper_like(size: int) -> Learner:
@@ -145,3 +149,23 @@ def beyond(size: int, seeds: tuple[int, ...]) -> Iterator[Case]:
             yield Case(
                 "beyond", name, "A", size, seed, learner, curriculum, relations=relations, both=True, most=500_000
             )
+
+
+def strategies(size: int, levels: int, seeds: tuple[int, ...]) -> Iterator[Case]:
+    """Every strategy that any learner can use, with the fair learner on task A; those that know levels with one as wide
+    as a cell."""
+    from scenegen.curriculum.strategies.table import STRATEGIES
+
+    cells = (2 * size + 1) ** 2
+    known: dict[str, tuple[tuple[str, float], ...]] = {
+        "ordered": (("levels", levels), ("scenes", cells)),
+        "linear": (("levels", levels), ("episodes", cells)),
+        "self_paced": (("levels", levels), ("window", 20), ("rate", 1.0), ("share", 0.0)),
+        "reverse": (("levels", levels),),
+    }
+    for name in STRATEGIES:
+        for seed in seeds:
+            yield Case(
+                "strategies", name, "A", size, seed, fair(size), most=10 * cells, both=True,
+                strategy=name, options=known.get(name, ()),
+            )  # fmt: skip

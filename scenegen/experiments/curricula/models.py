@@ -9,8 +9,8 @@ from scenegen.errors import DataError
 from scenegen.experiments.curricula.runs import spec_of
 from scenegen.experiments.plan import FOLDER, Plan
 
-STEPS = {"epochs": 3, "scenes": 100_000, "data": "balanced", "seed": 0}
-QUICK_STEPS = {"epochs": 1, "scenes": 2_000, "data": "balanced", "seed": 0}
+EPOCHS, SCENES = 3, 30_000
+QUICK_EPOCHS, QUICK_SCENES = 1, 2_000
 
 
 def model_of(plan: Plan, task: str) -> Model:
@@ -21,8 +21,8 @@ def model_of(plan: Plan, task: str) -> Model:
     except (OSError, DataError):
         plan.tell(f"curriculum: training a model of task {task}")
         path.with_suffix(".safetensors.train").unlink(missing_ok=True)
-        settings = QUICK_STEPS if plan.quick else STEPS
-        return train(spec_of(task), "energy", out=path, **settings)
+        epochs, scenes = (QUICK_EPOCHS, QUICK_SCENES) if plan.quick else (EPOCHS, SCENES)
+        return train(spec_of(task), "energy", out=path, epochs=epochs, scenes=scenes, data="balanced", seed=0)
 
 
 def path_of(plan: Plan, task: str) -> Path:

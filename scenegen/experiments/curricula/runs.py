@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -14,18 +15,22 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.api.spec import Spec, parse
 from scenegen.api.train import Model
+from scenegen.curriculum.strategies.table import strategy
 from scenegen.curriculum.tabular.choose import LINES, memory
 from scenegen.curriculum.tabular.features import by_relations
 from scenegen.curriculum.tabular.grid import ORDER, GridTask, grid_task
 from scenegen.curriculum.tabular.lines import NO_LINES, corridors
 from scenegen.curriculum.tabular.model import Explorer, train_map
-from scenegen.curriculum.tabular.qlearning import Result, Stop, train
+from scenegen.curriculum.tabular.play import Scenes, play
+from scenegen.curriculum.tabular.qlearning import Learner, Result, Stop, train
 from scenegen.curriculum.tabular.rng import seeded
 from scenegen.curriculum.tabular.starts import Starts, of_scenes
+from scenegen.curriculum.tasks import PhiBox, Strategy
 from scenegen.experiments.curricula.cases import GAP, MODEL, RELATIONS, TASKS, Case
 from scenegen.formats.files import write_whole
 
 VERSION = 1  # of the learners: raise it when their numbers change
+TOLD = 50  # runs
 KEEP = 5.0  # seconds between two writings of what was found
 SCENES = 12  # for each cell, on average
 
@@ -59,6 +64,8 @@ def key(case: Case) -> str:
     """All that decides a run, as text; the part of the report that shows it does not."""
     values = dataclasses.asdict(case)
     del values["group"], values["name"]
+    if not case.strategy:
+        del values["strategy"], values["options"]
     kind = type(case.learner).__name__
     return json.dumps({"learner is": kind, **values}, separators=(",", ":"))
 
@@ -108,7 +115,10 @@ class Runner:
         lines = corridors(task, GAP) if case.curriculum.kind == LINES else NO_LINES
         stop, rng = Stop(both=case.both, episodes=case.most), seeded(case.seed)
         began = time.thread_time()
-        if isinstance(case.learner, Explorer):
+        if case.strategy and isinstance(case.learner, Learner):
+            make, scenes = _maker(case), Scenes(task, starts.anywhere, case.seed)
+            result = play(task, scenes, case.learner, make, stop, case.seed)
+        elif isinstance(case.learner, Explorer):
             result = train_map(task.board, case.learner, starts, stop, rng)
         else:
             q, begun = np.zeros((count, 4)), memory(lines)
@@ -116,62 +126,75 @@ class Runner:
         return Record(**Result(*result)._asdict(), cpu=time.thread_time() - began)
 
     def all(self, cases: Sequence[Case], workers: int, tell: Callable[[str], None]) -> None:
-        """Carry out what is not there yet, the longest first, on so many threads. Raises ScenegenError."""
+        """Carry out what is not there yet on so many threads, while scenes are drawn for what comes next: the shortest
+        first, so that much is kept of a run that is broken off. Raises ScenegenError."""
         missing = list({key(case): case for case in cases if key(case) not in self.found}.values())
         if len(missing) < len(cases):
-            tell(f"curriculum: {len(cases) - len(missing)} of {len(cases)} runs are there from an earlier run, or twice")
-        for case in missing:
-            self.draw(case)  # here, not on the threads: what samples wants the main one
-        for case in {(type(case.learner), case.relations): case for case in missing}.values():
+            tell(
+                f"curriculum: {len(cases) - len(missing)} of {len(cases)} runs are there from an earlier run, or twice"
+            )
+        if not missing:
+            return
+        missing.sort(key=lambda case: (case.source == MODEL, _cost(case)))
+        for case in {
+            (type(case.learner), case.relations, bool(case.strategy)): case for case in reversed(missing)
+        }.values():
             self.perform(dataclasses.replace(case, most=1))  # compiled before anything is timed
-        waiting = iter(sorted(missing, key=_cost, reverse=True))
-        lock, failures = threading.Lock(), list[BaseException]()
-        written = time.monotonic()
-        done = 0
+        waiting: queue.SimpleQueue[Case | None] = queue.SimpleQueue()
+        failures, lock = list[Exception](), threading.Lock()
+        done, written = 0, time.monotonic()
 
         def serve() -> None:
             nonlocal done, written
-            while not failures:
-                with lock:
-                    case = next(waiting, None)
-                if case is None:
-                    return
+            while (case := waiting.get()) is not None and not failures:
                 try:
                     record = self.perform(case)
-                except BaseException as error:
+                except Exception as error:
                     failures.append(error)
                     return
                 with lock:
                     self.found[key(case)] = record
                     done += 1
-                    if done % 50 == 0:
+                    if done % TOLD == 0:
                         tell(f"curriculum: {done} of {len(missing)} runs done")
                     if time.monotonic() - written > KEEP:
-                        written = time.monotonic()
                         self.keep()
+                        written = time.monotonic()
 
         # daemons: compiled code cannot be interrupted, and a process that is ended need not wait for it
         threads = [threading.Thread(target=serve, daemon=True) for _ in range(min(workers, len(missing)))]
         for thread in threads:
             thread.start()
+        for case in missing:
+            self.draw(case)  # on this thread: what samples and trains wants the main one
+            waiting.put(case)
+        for _ in threads:
+            waiting.put(None)
         for thread in threads:
             while thread.is_alive():
                 thread.join(0.5)
+        self.keep()
         if failures:
             raise failures[0]
-        if missing:
-            self.keep()
 
     def keep(self) -> None:
         """Write what was found, as a whole."""
-        write_whole(self.path, Kept(version=VERSION, runs=self.found).model_dump_json(indent=0).encode())
+        write_whole(self.path, Kept(version=VERSION, runs=dict(self.found)).model_dump_json(indent=0).encode())
 
     def of(self, case: Case) -> Record:
         return self.found[key(case)]
+
+
+def _maker(case: Case) -> Callable[[PhiBox], Strategy]:
+    """What makes the strategy of a case."""
+
+    def make(space: PhiBox) -> Strategy:
+        return strategy(case.strategy, space, np.random.default_rng(case.seed), **dict(case.options))
+
+    return make
 
 
 def _cost(case: Case) -> float:
     """About how long a run takes, in any unit: Q-learning's steps grow with the fifth power of the size."""
     slow = 1.0 if isinstance(case.learner, Explorer) or case.learner.lots else 10.0
     return slow * case.size**4 * (3.0 if case.curriculum.kind == 0 else 1.0)
-

@@ -133,6 +133,24 @@ def beyond(found: Found, bound: int) -> str:
     return table([*head, f"in bounds ({bound})", "steps", "resets", "CPU s"], rows)
 
 
+def strategies(found: Found) -> str:
+    """What any learner can use."""
+    groups = grouped(_of(found, "strategies"), lambda case: (case.strategy, case.options))
+    base = next(iter(groups.values()))
+    rows = [
+        [
+            ", ".join([name, *(f"{key} {value:g}" for key, value in options)]),
+            told(runs, "episodes"),
+            ratio(mean(base, "episodes"), mean(runs, "episodes")),
+            told(runs, "any_episodes"),
+            ratio(mean(base, "any_episodes"), mean(runs, "any_episodes")),
+            told(runs, "resets"),
+        ]
+        for (name, options), runs in groups.items()
+    ]
+    return table(["strategy", "episodes", "times fewer", "however ties go", "times fewer", "resets"], rows)
+
+
 def data(found: Found) -> list[dict[str, Any]]:
     """Every run, with every digit."""
     kept = ("episodes", "steps", "resets", "any_episodes", "any_steps", "any_resets")

@@ -46,14 +46,14 @@ def run(plan: Plan) -> Report:
             "curriculum.png",
             "Fig. 5 of the paper",
             "Episodes until the greedy policy solves 95 % of all cells: the mean of the seeds, the band from the least"
-            " to the greatest. Left the paper's kind of learner, right the fair one. Scenes come from the exact sampler;"
+            " to the greatest. Left the paper's kind of learner, right the fair one. Scenes are the exact sampler's;"
             " the dotted line is self-paced with scenes of a trained model.",
         ),
         *words.setting(largest),
         f"## At M = {largest}",
         tables.at_largest(found, largest),
         words.sources(found, largest),
-        words.corridors(),
+        words.corridors(found, largest),
         "## Over the size of the table",
         *(tables.by_size(found, setting, sizes) for setting in SETTINGS),
         f"## What it depends on (task A unless it says B; M = {changed}, seeds {', '.join(map(str, plan.seeds[:3]))})",

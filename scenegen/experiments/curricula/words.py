@@ -70,15 +70,17 @@ def setting(largest: int) -> list[str]:
     ]
 
 
-def corridors() -> str:
+def corridors(found: Found, largest: int) -> str:
     """What the best curriculum for a one-step learner does."""
+    at = _largest(found, largest)
+    strict = [_short(mean(at["fig5 fair", "A", name], "any_episodes")) for name in ("corridors", "self-paced")]
     return (
         "*Corridors* is our best curriculum for the one-step learner on A: along the goal's column, then along every"
         f" {GAP}th row on one side, from the column outwards, then the cells between; then the other side. A one-step"
         " learner learns a cell when it comes from there to cells that it knows, and one more whenever a random action"
         " takes it off its way and back; long ways along unknown cells teach it most. It begins with the side that the"
-        " first action does not solve by itself, and so owes about half of its advantage to the check: however ties go,"
-        " it is no better than self-paced."
+        " first action does not solve by itself, and so owes much of its advantage to the check: however ties go, it"
+        f" needs {strict[0]} episodes, self-paced {strict[1]}."
     )
 
 

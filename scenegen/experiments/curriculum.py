@@ -57,6 +57,7 @@ def run(plan: Plan) -> Report:
         "## Over the size of the table",
         *(tables.by_size(found, setting, sizes) for setting in SETTINGS),
         f"## What it depends on (task A unless it says B; M = {changed}, seeds {', '.join(map(str, plan.seeds[:3]))})",
+        words.ties(found),
         tables.sensitivity(found),
         tables.knobs(found),
         f"## Strategies for any learner (fair, task A, M = {largest})",

@@ -92,6 +92,7 @@ def test_tables_and_words(golden):
         tables.at_largest(every, 10),
         words.sources(every, 10),
         words.corridors(every, 10),
+        words.ties(every),
         *(tables.by_size(every, setting, (5, 10)) for setting in ("paper-like", "fair")),
         tables.sensitivity(every),
         tables.knobs(every),

@@ -19,6 +19,7 @@ RELATIONS = f"object mug\n{PLATE}left: leftOf(mug, plate)\nbelow: belowOf(mug, p
 WORDS = {"A": "closeTo(mug, plate, 0)", "B": "leftOf & belowOf(spoon, plate)"}
 EXACT, MODEL = "exact sampler", "trained model"
 SETTINGS = ("paper-like", "fair")
+PLAIN, BY_LOT, NO_LOTS = "as in Fig. 5", "ties by lot", "ties to the first action"  # what is changed
 GAP = 9  # rows between corridors
 UNIFORMLY = Curriculum(UNIFORM)
 
@@ -94,9 +95,8 @@ def sensitivity(size: int, seeds: tuple[int, ...]) -> Iterator[Case]:
         first = ("left", "right", "down", "up")  # for task B, left and down lead towards the goal
         both = ("left", "down", "right", "up")
         changes: list[tuple[str, str, Learner, tuple[str, ...]]] = [
-            ("as in Fig. 5", "A", plain, ORDER),
-            ("ties the other way" + (": by lot" if not plain.lots else ": the first action"), "A",
-             plain._replace(lots=not plain.lots), ORDER),
+            (PLAIN, "A", plain, ORDER),
+            (NO_LOTS if plain.lots else BY_LOT, "A", plain._replace(lots=not plain.lots), ORDER),
             *((f"epsilon {epsilon:g}", "A", plain._replace(epsilon=epsilon), ORDER)
               for epsilon in (0.03, 0.1, 0.3, 0.5) if epsilon != plain.epsilon),
             *((f"alpha {alpha:g}", "A", plain._replace(alpha=alpha), ORDER)

@@ -51,10 +51,10 @@ def ties(found: Found) -> str:
         return f"{_short(means[0])} episodes against {_short(means[1])}, {ratio(*means)} times"
 
     return (
-        f"Of all the changes the ties weigh most. The paper-like learner as it is: {said(PLAIN)}; with nothing changed but"
-        f" that ties are decided by lot: {said(BY_LOT)}. A learner that takes the first action where it knows nothing"
-        " walks straight off the table, or to and fro, and finds the goal by random actions alone; scenes near the goal"
-        " save it from that, and so does a die."
+        f"Of all the changes the ties weigh most. The paper-like learner as it is: {said(PLAIN)}; with nothing changed"
+        f" but that ties are decided by lot: {said(BY_LOT)}. A learner that takes the first action where it knows"
+        " nothing walks straight off the table, or to and fro, and finds the goal by random actions alone; scenes near"
+        " the goal save it from that, and so does a die."
     )
 
 

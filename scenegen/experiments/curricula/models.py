@@ -8,6 +8,7 @@ from scenegen.api.train import Model, load_model, train
 from scenegen.errors import DataError
 from scenegen.experiments.curricula.runs import spec_of
 from scenegen.experiments.plan import FOLDER, Plan
+from scenegen.training.state import state_path
 
 EPOCHS, SCENES = 3, 30_000
 QUICK_EPOCHS, QUICK_SCENES = 1, 2_000
@@ -20,9 +21,11 @@ def model_of(plan: Plan, task: str) -> Model:
         return load_model(path, spec_of(task))
     except (OSError, DataError):
         plan.tell(f"curriculum: training a model of task {task}")
-        path.with_suffix(".safetensors.train").unlink(missing_ok=True)
+        state_path(path).unlink(missing_ok=True)
         epochs, scenes = (QUICK_EPOCHS, QUICK_SCENES) if plan.quick else (EPOCHS, SCENES)
-        return train(spec_of(task), "energy", out=path, epochs=epochs, scenes=scenes, data="balanced", seed=0)
+        made = train(spec_of(task), "energy", out=path, epochs=epochs, scenes=scenes, data="balanced", seed=0)
+        state_path(path).unlink(missing_ok=True)  # a finished training is not resumed
+        return made
 
 
 def path_of(plan: Plan, task: str) -> Path:

@@ -15,6 +15,7 @@ FIGURES = {
     "exp3": ["exp3_fig9_3.png", "exp3_fig9_5.png", "exp3_fig9_7.png"],
     "rejection": [],
     "space": [],
+    "curriculum": ["curriculum.png"],
 }
 
 

@@ -87,7 +87,8 @@ class _Narrowed:
     """A trained model that is told of its own labels alone."""
 
     def __init__(self, trained: Any, labels: int) -> None:
-        self._trained, self._labels, self.name = trained, labels, trained.name
+        self._trained, self._labels = trained, labels
+        self.name, self.steps = trained.name, trained.steps
 
     def propose(self, phi: Any, generator: Any) -> Any:
         return self._trained.propose(phi[: self._labels], generator)

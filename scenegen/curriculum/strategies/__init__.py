@@ -1,1 +1,5 @@
-"""What to practise next: one file per strategy."""
+"""Strategies: which phi the next episode begins with. numpy only; any learner, any environment."""
+
+from scenegen.curriculum.strategies.table import STRATEGIES, strategy
+
+__all__ = ["STRATEGIES", "strategy"]

@@ -1,0 +1,99 @@
+"""Where success changes, by a mixture of Gaussians (Portelas, Colas, Hofmann and Oudeyer, Teacher algorithms for
+curriculum learning of deep RL in continuously parameterized environments, CoRL 2019: ALP-GMM).
+
+The absolute learning progress of an outcome is how much its score differs from that of the nearest earlier scene. Every
+`refit` outcomes a mixture is fitted to the last `window` pairs of scene and progress; a task is drawn from a Gaussian
+that was chosen by its mean progress, sometimes from anywhere. Here the score is success, 0 or 1; so where
+nothing is learnt, progress is 2 p (1 - p) on average, not 0, and the strategy is near to `learnability`. The nearest
+scene is looked for among the last `memory` ones, and a mixture has up to 4 Gaussians, not 10: both bound its cost.
+It refits more often than the source does (250), whose learners take far longer.
+
+Several labels: the space is that of all their shares, each label on its own; no cells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import Floats, drawn
+from scenegen.curriculum.strategies.mixture import fit
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+ROUNDS = 6  # of expectation maximisation; more cost time, and tasks were no better for it
+
+
+class AlpGmmSettings(Settings):
+    """`share` of scenes from all of the reach; `refit`: outcomes between two fits to the last `window`; `largest`
+    number of Gaussians; `memory`: scenes that the nearest is looked for among; `width` of a task, as a share of each
+    label's reach."""
+
+    share: float = Field(default=0.2, gt=0.0, le=1.0)
+    refit: int = Field(default=50, ge=1, le=1_000_000)
+    window: int = Field(default=100, ge=10, le=100_000)
+    largest: int = Field(default=4, ge=1, le=20)
+    memory: int = Field(default=300, ge=1, le=1_000_000)
+    width: float = Field(default=0.1, gt=0.0, le=1.0)
+
+
+class AlpGmm(Base):
+    settings_class = AlpGmmSettings
+    settings: AlpGmmSettings
+    memory = ("told", "scenes", "scores", "pairs", "worth", "means", "roots")
+    told: int
+    scenes: Floats
+    """(memory, labels): a ring of the shares of past scenes, with their `scores`."""
+    scores: Floats
+    pairs: Floats
+    """(window, labels + 1): a ring of scenes and their progress."""
+    worth: Floats
+    """Of each Gaussian; none before the first fit."""
+    means: Floats
+    roots: Floats
+    """Of the Gaussians' covariances: times a standard normal draw they give one of theirs."""
+
+    def begin(self) -> None:
+        labels = self.axis.count
+        self.told = 0
+        self.scenes, self.scores = np.zeros((self.settings.memory, labels)), np.zeros(self.settings.memory)
+        self.pairs = np.zeros((self.settings.window, labels + 1))
+        self.worth = self.means = self.roots = np.zeros(0)
+
+    def next_task(self) -> PhiBox:
+        if not len(self.worth) or self.rng.random() < self.settings.share:
+            return self.space
+        chosen = drawn(self.worth, self.rng)
+        noise = self.roots[chosen] @ self.rng.standard_normal(self.axis.count)
+        half = self.settings.width / 2
+        # kept whole inside: a task cut in half by the border would be asked for as often as any
+        at = [min(max(share, half), 1.0 - half) for share in (self.means[chosen] + noise).tolist()]
+        return self.axis.box([share - half for share in at], [share + half for share in at])
+
+    def report(self, outcome: Outcome) -> None:
+        shares = self.axis.shares(outcome.phi)
+        if shares is None:
+            return
+        known = min(self.told, self.settings.memory)
+        progress = 0.0
+        if known:
+            apart = self.scenes[:known] - shares
+            nearest = np.einsum("nd,nd->n", apart, apart).argmin()
+            progress = abs(outcome.success - float(self.scores[nearest]))
+        self.pairs[self.told % self.settings.window] = (*shares, progress)
+        place = self.told % self.settings.memory
+        self.scenes[place], self.scores[place] = shares, outcome.success
+        self.told += 1
+        if shares and self.told % self.settings.refit == 0:
+            self._refit()
+
+    def _refit(self) -> None:
+        labels = self.axis.count
+        found = fit(self.pairs[: self.told], self.settings.largest, self.rng, ROUNDS)
+        self.worth = np.maximum(found.means[:, labels], 0.0) + 1e-6  # no progress at all: any Gaussian
+        self.means = found.means[:, :labels]
+        self.roots = np.asarray(np.linalg.cholesky(found.covariances[:, :labels, :labels]), dtype=np.float64)
+
+    def log(self) -> dict[str, float]:
+        return {"gaussians": len(self.worth), "progress": float(self.worth.max(initial=0.0))}

@@ -1,0 +1,95 @@
+"""How hard phi is: 0 at the easy end of a reach, where phi is highest, 1 at the hard end.
+
+Of several labels the hardest counts: a scene is as hard as the label that is furthest along its way from its highest to
+its lowest phi, as the phi of a conjunction is the least of its parts. So the scenes between two difficulties form a
+shell around the easy corner, which is L boxes; one is drawn by its volume. The shells fill the reach and hold the
+mixed scenes (one label easy, another hard), which the straight line between the two corners would leave out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenegen.curriculum.tasks import PhiBox
+from scenegen.errors import Diagnostic, RequestError
+
+
+class Axis:
+    """Difficulty in `space`, along `labels` (positions; None: all) that have any reach; `count` of them."""
+
+    def __init__(self, space: PhiBox, labels: Sequence[int] | None = None) -> None:
+        check(space)
+        named = range(len(space.low)) if labels is None else labels
+        for label in named:
+            if not 0 <= label < len(space.low):
+                help_ = f"labels are counted from 0 to {len(space.low) - 1}, in the spec's order"
+                raise RequestError(Diagnostic(f"a curriculum about label {label}, which is not there", help=help_))
+        self.space = space
+        self.along = tuple(label for label in sorted(set(named)) if space.low[label] < space.high[label])
+        self.count = len(self.along)
+        self._ends = tuple((k, space.high[k], space.high[k] - space.low[k]) for k in self.along)
+
+    def shares(self, phi: Sequence[float]) -> tuple[float, ...] | None:
+        """How far along its way each label of `along` is, in [0, 1]; None outside of the space, and for NaN."""
+        if not self.space.holds(tuple(phi)):
+            return None
+        return tuple(min(1.0, (high - phi[k]) / width) for k, high, width in self._ends)
+
+    def difficulty(self, phi: Sequence[float]) -> float | None:
+        """The share of the hardest label, in [0, 1]; None outside of the space."""
+        shares = self.shares(phi)
+        return None if shares is None else max(shares, default=0.0)
+
+    def box(self, near: Sequence[float], far: Sequence[float]) -> PhiBox:
+        """Scenes whose labels of `along` have shares from `near` to `far`; the other labels have all of their reach."""
+        low, high = list(self.space.low), list(self.space.high)
+        for (k, top, width), easy, hard in zip(self._ends, near, far, strict=True):
+            # a share of 1 is the low end itself, whatever rounding makes of the product
+            low[k] = max(low[k], top - hard * width) if hard < 1.0 else low[k]
+            high[k] = max(low[k], top - max(easy, 0.0) * width)
+        return PhiBox(tuple(low), tuple(high))
+
+    def shell(self, near: float, far: float) -> list[tuple[float, PhiBox]]:
+        """The boxes, with their volumes in shares, that make up the difficulties from `near` to `far`. Box i holds the
+        scenes whose i-th label is the hardest, and easier than `near` in the labels before it, lest two boxes meet."""
+        if not self.count:
+            return [(1.0, self.space)]
+        found = []
+        for i in range(self.count):
+            after = self.count - 1 - i
+            volume = near**i * (far - near) * far**after
+            if volume > 0.0 or i == 0:
+                box = self.box([0.0] * i + [near] + [0.0] * after, [near] * i + [far] * (1 + after))
+                found.append((volume, box))
+        return found
+
+    def band(self, near: float, far: float, rng: np.random.Generator) -> PhiBox:
+        """A box of the shell, drawn by its volume."""
+        return pick(self.shell(near, far), rng)
+
+
+def pick(boxes: Sequence[tuple[float, PhiBox]], rng: np.random.Generator) -> PhiBox:
+    """One of some boxes by their volumes; of a single one without a draw."""
+    if len(boxes) == 1:
+        return boxes[0][1]
+    left = rng.random() * math.fsum(volume for volume, _ in boxes)
+    for volume, box in boxes:
+        left -= volume
+        if left < 0.0:
+            return box
+    return boxes[-1][1]
+
+
+def check(space: PhiBox) -> None:
+    """Raises RequestError unless `space` has as many lows as highs, finite ones, in their order."""
+    if len(space.low) != len(space.high) or not space.low:
+        title = f"a reach of phi with {len(space.low)} low and {len(space.high)} high ends"
+        raise RequestError(Diagnostic(title, help="give one low and one high end per label of the spec"))
+    for label, (low, high) in enumerate(zip(space.low, space.high, strict=True)):
+        if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+            title = f"label {label}: no curriculum from phi {low} to {high}"
+            help_ = "both ends are finite, the lower one first; `scenegen range` prints what can be reached"
+            raise RequestError(Diagnostic(title, help=help_))

@@ -1,0 +1,94 @@
+"""A bandit over cells, rewarded with the student's progress (Graves, Bellemare, Menick, Munos and Kavukcuoglu,
+Automated curriculum learning for neural networks, ICML 2017; Exp3.S: Auer, Cesa-Bianchi, Freund and Schapire, SIAM
+Journal on Computing 2002).
+
+Of the source's measures of progress, gains in the learner's loss, an outcome tells none; here it is the distance
+between a fast and a slow running mean of the cell's success. As there, it is scaled to [-1, 1] by the 20 % and 80 %
+points of recent rewards, divided by the chance that the cell had, and some weight flows from every cell to the others,
+so that a cell once dismissed can come back.
+
+Several labels: a grid of cells over all of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import Floats, Ints, any_of, drawn, hear
+from scenegen.curriculum.strategies.levels import Cells
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+REWARDS = 200  # recent ones, which the scale is taken from
+RESCALED = 20  # outcomes between two looks at them
+LONGEST = 1.0  # step of a log weight, which a small chance would make huge
+FASTER = 3  # times, of the two running means
+LEAST_FLOW = 1e-3  # of the weight, per outcome; the source's 1 / t would end in a standstill
+
+
+class Exp3SSettings(Settings):
+    """`cells` along each label (None: 16, or fewer where there are several); `eta`: step of the log weights; `share` of
+    scenes from any cell; `window`: outcomes of the slow mean."""
+
+    cells: int | None = Field(default=None, ge=1, le=1000)
+    eta: float = Field(default=0.1, gt=0.0, le=10.0)
+    share: float = Field(default=0.1, gt=0.0, le=1.0)
+    window: int = Field(default=30, ge=2 * FASTER, le=100_000)
+
+
+class Exp3S(Base):
+    settings_class = Exp3SSettings
+    settings: Exp3SSettings
+    memory = ("weight", "slow", "fast", "heard", "rewards", "told", "low", "high")
+    weight: Floats
+    """Sums to 1."""
+    slow: Floats
+    fast: Floats
+    heard: Ints
+    rewards: Floats
+    told: int
+    low: float
+    high: float
+
+    def begin(self) -> None:
+        self.cells = Cells(self.axis, self.settings.cells)
+        count = self.cells.count
+        self.weight = np.full(count, 1.0 / count)
+        self.slow, self.fast = np.full(count, 0.5), np.full(count, 0.5)
+        self.heard, self.rewards = np.zeros(count, dtype=np.int64), np.zeros(REWARDS)
+        self.told, self.low, self.high = 0, 0.0, 0.0
+
+    def next_task(self) -> PhiBox:
+        by_chance = self.rng.random() < self.settings.share
+        cell = any_of(self.cells.count, self.rng) if by_chance else drawn(self.weight, self.rng)
+        return self.cells.box(cell, self.rng)
+
+    def report(self, outcome: Outcome) -> None:
+        cell = self.cells.of(outcome)
+        if cell is None:
+            return
+        score, span, count = float(outcome.success), self.settings.window, self.cells.count
+        self.slow[cell] += (score - self.slow[cell]) / min(int(self.heard[cell]) + 2, span)
+        hear(self.fast, self.heard, cell, score, span // FASTER)
+        reward = self._scaled(abs(float(self.fast[cell] - self.slow[cell])))
+        chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count
+        self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -LONGEST), LONGEST))
+        flow = max(1.0 / self.told, LEAST_FLOW)
+        self.weight = (1.0 - flow) / self.weight.sum() * self.weight + flow / count
+
+    def _scaled(self, reward: float) -> float:
+        self.rewards[self.told % REWARDS] = reward
+        self.told += 1
+        if self.told % RESCALED == 0:
+            recent = np.sort(self.rewards[: min(self.told, REWARDS)])
+            self.low, self.high = float(recent[len(recent) // 5]), float(recent[len(recent) * 4 // 5])
+        if self.high <= self.low:
+            return 0.0
+        return min(max(2.0 * (reward - self.low) / (self.high - self.low) - 1.0, -1.0), 1.0)
+
+    def log(self) -> dict[str, float]:
+        return {"likeliest": int(self.weight.argmax()), "weight": float(self.weight.max())}

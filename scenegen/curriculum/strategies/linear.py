@@ -1,0 +1,54 @@
+"""Difficulty that grows with the number of episodes, whatever the learner makes of it (the paper's Fig. 5, `linear`).
+
+The reach is cut into levels; over `episodes` episodes each in its turn is asked for equally often, from the easiest on.
+After that it is `uniform`. With `grow` the easier levels stay in: a reach that grows instead of a band that moves.
+Several labels: levels are shells around the easy corner (axis.py).
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.levels import Levels
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+
+class LinearSettings(Settings):
+    """`episodes` until the last level is over, `levels` of equal length; `grow`: keep the easier ones."""
+
+    episodes: int = Field(default=10_000, ge=1, le=10**12)
+    levels: int = Field(default=20, ge=1, le=1000)
+    grow: bool = False
+
+
+class Linear(Base):
+    settings_class = LinearSettings
+    settings: LinearSettings
+    memory = ("asked",)
+    asked: int
+
+    def begin(self) -> None:
+        self.asked = 0
+        self.levels = Levels(self.axis, self.settings.levels)
+        grown = [(level + 1) / self.levels.count for level in range(self.levels.count)]
+        self._grown = [self.axis.shell(0.0, far)[0][1] for far in grown]
+
+    @property
+    def level(self) -> int:
+        """The level that it is the turn of; after the last, how many there are."""
+        return min(self.asked * self.levels.count // self.settings.episodes, self.levels.count)
+
+    def next_task(self) -> PhiBox:
+        level = self.level
+        self.asked += 1
+        if level == self.levels.count:
+            return self.space
+        return self._grown[level] if self.settings.grow else self.levels.box(level, self.rng)
+
+    def report(self, outcome: Outcome) -> None:
+        """Nothing is learnt from it: the clock decides."""
+
+    def log(self) -> dict[str, float]:
+        return {"level": self.level}

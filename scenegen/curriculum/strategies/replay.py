@@ -1,0 +1,90 @@
+"""Prioritised level replay: back to where episodes surprise, and to what was not seen for long (Jiang, Grefenstette and
+Rocktäschel, Prioritized level replay, ICML 2021).
+
+There, a level is one seed of a generator, and its score the mean size of the value function's errors over an episode.
+Here a level is a cell of phi, and no value function is asked: the cell keeps a running mean of what its episodes were
+worth, and its score is the running mean of how far an episode was from that. So chance within a cell counts as a
+surprise and never ends, where the learner's own errors would. An episode is worth its success; with `worth="total"` its
+rewards, which lets a fall from the table count most, and then the edge of the table draws more than what lies on the
+way there. Scores count by rank alone, so the scale of rewards does not matter. As in the source, cells that were not
+asked for yet are drawn in proportion to how many they are.
+
+Several labels: a grid of cells over all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import Floats, Ints, drawn, hear
+from scenegen.curriculum.strategies.levels import Cells
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+
+class ReplaySettings(Settings):
+    """`cells` along each label (None: 16, or fewer where there are several); `temperature`: weight is
+    rank^(-1 / temperature); `staleness`: share of draws by how long ago a cell was asked for; means over about `window`
+    outcomes; `worth` of an episode: its success or its total reward."""
+
+    cells: int | None = Field(default=None, ge=1, le=1000)
+    temperature: float = Field(default=0.5, gt=0.0, le=1000.0)
+    staleness: float = Field(default=0.2, gt=0.0, le=1.0)
+    window: int = Field(default=15, ge=2, le=100_000)
+    worth: Literal["success", "total"] = "success"
+
+
+class Replay(Base):
+    settings_class = ReplaySettings
+    settings: ReplaySettings
+    memory = ("mean", "score", "heard", "last", "asked")
+    mean: Floats
+    score: Floats
+    heard: Ints
+    last: Ints
+    """When a cell was asked for, as a count of tasks; -1: never."""
+    asked: int
+
+    def begin(self) -> None:
+        self.cells = Cells(self.axis, self.settings.cells)
+        count = self.cells.count
+        self.mean, self.score = np.zeros(count), np.zeros(count)
+        self.heard, self.last, self.asked = np.zeros(count, dtype=np.int64), np.full(count, -1), 0
+        self._by_rank = (1.0 + np.arange(count)) ** (-1.0 / self.settings.temperature)
+
+    def next_task(self) -> PhiBox:
+        cell = self._cell()
+        self.last[cell] = self.asked
+        self.asked += 1
+        return self.cells.box(cell, self.rng)
+
+    def _cell(self) -> int:
+        count = self.cells.count
+        if self.asked < 100 * count:  # by then none is left, but for one chance in e^100
+            new = np.flatnonzero(self.last < 0)
+            draw = self.rng.random() * count
+            if draw < len(new):
+                return int(new[int(draw)])
+        if self.rng.random() < self.settings.staleness:
+            return drawn((self.asked - self.last).astype(np.float64), self.rng)
+        place = drawn(self._by_rank, self.rng)
+        # sorting the cells anew for each draw would cost more than the draw; the place is all that is needed
+        return int(np.argpartition(-self.score, place)[place])
+
+    def report(self, outcome: Outcome) -> None:
+        cell = self.cells.of(outcome)
+        worth = float(outcome.success) if self.settings.worth == "success" else outcome.total
+        if cell is None or not math.isfinite(worth):
+            return
+        surprise = abs(worth - self.mean[cell]) if self.heard[cell] else 0.0
+        span = self.settings.window
+        self.mean[cell] += (worth - self.mean[cell]) / min(int(self.heard[cell]) + 1, span)
+        hear(self.score, self.heard, cell, surprise, span)
+
+    def log(self) -> dict[str, float]:
+        return {"seen": int((self.last >= 0).sum()), "surprise": float(self.score.mean())}

@@ -1,0 +1,74 @@
+"""The newest levels until they succeed, then one level further (the paper's Fig. 5, `self-paced`; the idea that the
+learner's own success sets the pace: Kumar, Packer and Koller, Self-paced learning for latent variable models, NeurIPS
+2010).
+
+Three things keep it from getting stuck. The band has at least two levels: on one level alone a learner may never see
+the way home from it rewarded, for that leads through the level that it no longer visits. A share of the scenes
+comes from all of the reach. And after `patience` outcomes on one level it moves on all the same; past the last level
+it is `uniform`, so at worst it costs `levels * patience` episodes. Short streaks are no proof of skill: `window` is
+long. The paper's rule, 40 successes in a row, is `window=40, rate=1`.
+
+Several labels: levels are shells around the easy corner (axis.py).
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import any_of
+from scenegen.curriculum.strategies.levels import Levels
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+
+class SelfPacedSettings(Settings):
+    """`levels` of the reach, of which the newest `band` are asked for; `rate` of success over the last `window`
+    outcomes in the band that lets it advance; `share` of scenes from all of the reach; `patience`: outcomes, wherever
+    they are, after which it advances anyway."""
+
+    levels: int = Field(default=20, ge=2, le=1000)
+    band: int = Field(default=2, ge=2, le=1000)
+    window: int = Field(default=40, ge=1, le=100_000)
+    rate: float = Field(default=0.9, gt=0.0, le=1.0)
+    share: float = Field(default=0.1, ge=0.0, le=1.0)
+    patience: int = Field(default=1000, ge=1, le=10**12)
+
+
+class SelfPaced(Base):
+    settings_class = SelfPacedSettings
+    settings: SelfPacedSettings
+    memory = ("level", "heard", "recent")
+    level: int
+    """The newest; after the last, how many there are."""
+    heard: int
+    recent: list[int]
+
+    def begin(self) -> None:
+        self.levels = Levels(self.axis, self.settings.levels)
+        self.level, self.heard, self.recent = 0, 0, []
+
+    def next_task(self) -> PhiBox:
+        if self.level == self.levels.count or self.rng.random() < self.settings.share:
+            return self.space
+        oldest = max(self.level + 1 - self.settings.band, 0)
+        return self.levels.box(oldest + any_of(self.level + 1 - oldest, self.rng), self.rng)
+
+    def report(self, outcome: Outcome) -> None:
+        if self.level == self.levels.count:
+            return
+        level = self.levels.of(outcome)
+        if level is None:
+            return
+        self.heard += 1
+        if self.level - self.settings.band < level <= self.level:
+            self.recent.append(int(outcome.success))
+            if len(self.recent) > self.settings.window:
+                del self.recent[0]
+        full = len(self.recent) == self.settings.window
+        sure = full and sum(self.recent) >= self.settings.rate * self.settings.window
+        if sure or self.heard >= self.settings.patience:
+            self.level, self.heard, self.recent = self.level + 1, 0, []
+
+    def log(self) -> dict[str, float]:
+        return {"level": self.level, "rate": sum(self.recent) / max(len(self.recent), 1)}

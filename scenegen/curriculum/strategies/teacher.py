@@ -1,0 +1,72 @@
+"""A teacher that asks for what the student's score changes most on (Matiisen, Oliver, Cohen and Schulman,
+Teacher-student curriculum learning, 2017: the `window` algorithm).
+
+Each cell keeps its last outcomes; the slope of a line through them, in success per outcome, up or down, is the cell's
+progress. The cell with the greatest progress is asked for, now and then any. Down counts as up: what is being forgotten
+is worth going back to. In the source the line runs over time; here over the cell's own outcomes, so that a cell asked
+for rarely is not judged by the age of what it knows. Cells that are not full yet come first: their slope is unknown.
+
+Several labels: a grid of cells over all of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import Floats, Ints, any_of
+from scenegen.curriculum.strategies.levels import Cells
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+UNKNOWN = 1.0  # more than any slope over three outcomes or more
+
+
+class TeacherSettings(Settings):
+    """`cells` along each label (None: 16, or fewer where there are several); `window`: outcomes that a slope is taken
+    over; `share` of scenes from any cell."""
+
+    cells: int | None = Field(default=None, ge=1, le=1000)
+    window: int = Field(default=10, ge=3, le=1000)
+    share: float = Field(default=0.2, gt=0.0, le=1.0)
+
+
+class Teacher(Base):
+    settings_class = TeacherSettings
+    settings: TeacherSettings
+    memory = ("score", "heard", "progress")
+    score: Floats
+    """(cells, window): a ring of each cell's last outcomes."""
+    heard: Ints
+    progress: Floats
+
+    def begin(self) -> None:
+        self.cells = Cells(self.axis, self.settings.cells)
+        count, window = self.cells.count, self.settings.window
+        self.score = np.zeros((count, window))
+        self.heard = np.zeros(count, dtype=np.int64)
+        self.progress = np.full(count, UNKNOWN)
+        time = np.arange(window) - (window - 1) / 2
+        # row k: weights of the slope when the oldest outcome stands at k in the ring
+        self._slope = np.array([np.roll(time, k) for k in range(window)]) / (time @ time)
+
+    def next_task(self) -> PhiBox:
+        if self.rng.random() < self.settings.share:
+            return self.cells.box(any_of(self.cells.count, self.rng), self.rng)
+        best = np.flatnonzero(self.progress == self.progress.max())
+        return self.cells.box(int(best[any_of(len(best), self.rng)]), self.rng)
+
+    def report(self, outcome: Outcome) -> None:
+        cell = self.cells.of(outcome)
+        if cell is None:
+            return
+        window, heard = self.settings.window, int(self.heard[cell])
+        self.score[cell, heard % window] = outcome.success
+        self.heard[cell] = heard + 1
+        if heard + 1 >= window:
+            self.progress[cell] = abs(self._slope[(heard + 1) % window] @ self.score[cell])
+
+    def log(self) -> dict[str, float]:
+        known = self.progress[self.progress < UNKNOWN]
+        return {"progress": float(known.max(initial=0.0)), "rate": float(self.score.mean())}

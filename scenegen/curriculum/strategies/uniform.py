@@ -1,0 +1,37 @@
+"""The baseline: all of the reach, at all times.
+
+How scenes spread in one wide box is their source's affair. With `levels` above 1 every level of difficulty is asked for
+equally often instead. Several labels: the whole box, or its shells.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from scenegen.curriculum.strategies.base import Base
+from scenegen.curriculum.strategies.chances import any_of
+from scenegen.curriculum.strategies.levels import Levels
+from scenegen.curriculum.strategies.settings import Settings
+from scenegen.curriculum.tasks import Outcome, PhiBox
+
+
+class UniformSettings(Settings):
+    """`levels`: of difficulty, each as likely as the others; 1 leaves the spread to the source."""
+
+    levels: int = Field(default=1, ge=1, le=1000)
+
+
+class Uniform(Base):
+    settings_class = UniformSettings
+    settings: UniformSettings
+
+    def begin(self) -> None:
+        self.levels = Levels(self.axis, self.settings.levels)
+
+    def next_task(self) -> PhiBox:
+        if self.levels.count == 1:
+            return self.space
+        return self.levels.box(any_of(self.levels.count, self.rng), self.rng)
+
+    def report(self, outcome: Outcome) -> None:
+        """Nothing is learnt from it."""

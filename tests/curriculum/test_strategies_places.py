@@ -1,0 +1,133 @@
+"""Difficulty, levels and cells; the mixtures against scikit-learn's; what is said of bad requests."""
+
+import numpy as np
+import pytest
+from sklearn.mixture import GaussianMixture
+
+from scenegen.curriculum.strategies import strategy
+from scenegen.curriculum.strategies.axis import Axis
+from scenegen.curriculum.strategies.chances import drawn
+from scenegen.curriculum.strategies.levels import Cells, Levels
+from scenegen.curriculum.strategies.mixture import fit
+from scenegen.curriculum.tasks import Outcome, PhiBox
+from scenegen.errors import RequestError
+
+from .learners import draw, reach
+
+SPACES = [
+    PhiBox((-0.7,), (0.1,)),
+    PhiBox((-1.3, -0.2), (-0.01, 0.4)),
+    PhiBox((-1.0, 0.25, -3.0), (0.0, 0.25, 0.0)),
+    PhiBox((-1.0, -1.0, -3.0), (0.0, 0.5, 0.0)),
+]
+
+
+def boxes(parts):
+    return [box for box, _ in sorted(parts._named.items(), key=lambda pair: pair[1])]
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("kind", [Levels, Cells])
+def test_parts_fill_the_space_and_do_not_overlap(space, kind):
+    parts, rng = kind(Axis(space), 4), np.random.default_rng(0)
+    for _ in range(300):
+        phi = draw(space, rng)
+        mine = [parts._named[box] for box in boxes(parts) if box.holds(phi)]
+        assert len(mine) == 1
+        assert parts.of(Outcome(space, phi, True, 0.0, 1)) == mine[0]
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("kind", [Levels, Cells])
+def test_an_outcome_belongs_to_the_part_that_was_asked_for(space, kind):
+    parts, rng = kind(Axis(space), 3), np.random.default_rng(0)
+    for part in range(parts.count):
+        for _ in range(10):
+            task = parts.box(part, rng)
+            assert parts.of(Outcome(task, draw(task, rng), True, 0.0, 1)) == part
+            assert parts.of(Outcome(task, draw(space, rng), True, 0.0, 1)) == part  # a source that had none
+
+
+def test_levels_are_difficulties():
+    axis, rng = Axis(SPACES[1]), np.random.default_rng(0)
+    assert axis.difficulty(axis.space.high) == 0.0
+    assert axis.difficulty(axis.space.low) == 1.0
+    assert axis.difficulty((-0.01, 0.1)) == pytest.approx(0.5)  # one label at its best, the other half way
+    assert axis.difficulty((0.0, 0.1)) is None and axis.difficulty((float("nan"), 0.1)) is None
+    for near, far in [(0.0, 0.3), (0.25, 0.5), (0.9, 1.0)]:
+        found = [axis.difficulty(draw(axis.band(near, far, rng), rng)) for _ in range(100)]
+        assert near - 1e-9 <= min(found) and max(found) <= far + 1e-9
+
+
+def test_scenes_of_a_shell_are_spread_evenly():
+    """Of two labels, in the difficulties from 0.5 to 1, a third each: first label alone, second alone, both far."""
+    axis, rng = Axis(reach(2)), np.random.default_rng(0)
+    far = np.array([draw(axis.band(0.5, 1.0, rng), rng) for _ in range(3000)]) < -0.5
+    shares = [np.mean(far[:, 0] & ~far[:, 1]), np.mean(far[:, 1] & ~far[:, 0]), np.mean(far.all(1))]
+    assert shares == pytest.approx([1 / 3] * 3, abs=0.03)
+
+
+def test_the_ends_of_the_reach_are_met_exactly():
+    """However awkward the numbers: the hardest scene is in the last level, the easiest in the first."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        low, high = sorted(rng.normal(size=2).tolist())
+        levels = Levels(Axis(PhiBox((low,), (high,))), 7)
+        assert levels.box(6, rng).low == (low,) and levels.box(0, rng).high == (high,)
+
+
+def test_draws_follow_their_weights():
+    rng, weights = np.random.default_rng(0), np.array([0.0, 1.0, 3.0, 0.0])
+    counts = np.bincount([drawn(weights, rng) for _ in range(4000)], minlength=4)
+    assert counts[0] == counts[3] == 0 and counts[2] / counts[1] == pytest.approx(3.0, rel=0.15)
+
+
+@pytest.mark.parametrize("width", [1, 2, 4])
+def test_mixtures_are_as_likely_as_those_of_scikit_learn(width):
+    rng = np.random.default_rng(width)
+    middles = np.array([[0.1] * width, [0.5] * width, [0.9] * width])
+    points = np.concatenate([rng.normal(middle, 0.04, (80, width)) for middle in middles])
+    found = fit(points, 5, rng, rounds=30)
+    theirs = GaussianMixture(len(found.weights), n_init=5, random_state=0).fit(points).score(points)
+    apart = points[:, None] - found.means
+    far = np.einsum("nkd,kde,nke->nk", apart, np.linalg.inv(found.covariances), apart)
+    density = found.weights * np.exp(-far / 2) / np.sqrt(np.linalg.det(2 * np.pi * found.covariances))
+    assert np.log(density.sum(1)).mean() > theirs - 0.15
+    assert found.weights.sum() == pytest.approx(1.0)
+    for middle in middles:
+        assert np.abs(found.means - middle).max(1).min() < 0.05
+
+
+@pytest.mark.parametrize("points", [np.zeros((1, 2)), np.zeros((50, 2)), np.ones((3, 3)), np.eye(4)])
+def test_mixtures_of_few_or_equal_points_are_finite(points):
+    found = fit(points, 4, np.random.default_rng(0))
+    assert all(np.isfinite(part).all() for part in (found.weights, found.means, found.covariances))
+
+
+BAD = [
+    ("selfpaced", reach(), {}),
+    ("curious", reach(), {}),
+    ("self_paced", reach(), {"bands": 3}),
+    ("self_paced", reach(), {"colour": "red"}),
+    ("self_paced", reach(), {"band": 1}),
+    ("self_paced", reach(), {"rate": float("nan")}),
+    ("linear", reach(), {"episodes": "many"}),
+    ("reverse", reach(), {"low": 0.9, "high": 0.1}),
+    ("reverse", reach(), {"replay": 0.7, "share": 0.7}),
+    ("uniform", reach(2), {"labels": [2]}),
+    ("uniform", reach(2), {"labels": []}),
+    ("uniform", PhiBox((0.0,), (-1.0,)), {}),
+    ("uniform", PhiBox((float("-inf"),), (0.0,)), {}),
+    ("uniform", PhiBox((-1.0, -1.0), (0.0,)), {}),
+    ("uniform", PhiBox((), ()), {}),
+    ("teacher", reach(13), {}),
+]
+
+
+def test_bad_requests(golden):
+    lines = []
+    for name, space, settings in BAD:
+        with pytest.raises(RequestError) as caught:
+            strategy(name, space, np.random.default_rng(0), **settings)
+        lines += [f"== {name} {space.low} {space.high} {settings}", str(caught.value), ""]
+    golden("curriculum/bad_strategies.txt", "\n".join(lines))

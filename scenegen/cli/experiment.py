@@ -12,7 +12,9 @@ def experiment(
     name: Annotated[
         str,
         typer.Argument(
-            help="semantics, exp1, exp2, exp3, rejection, space or all.", metavar="NAME", show_default=False
+            help="semantics, exp1, exp2, exp3, rejection, space, curriculum-deep or all.",
+            metavar="NAME",
+            show_default=False,
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder for the reports.", metavar="DIR", show_default=False)],
@@ -42,6 +44,7 @@ def experiment(
       exp3       90 minutes  3, 5 and 7 blocks in order
       rejection   2 minutes  draws per scene, by every sampler
       space       1 minute   look-up tables against networks and specs
+      curriculum-deep  10 minutes  two and four objects, moved by a network that learns
     """
     from scenegen.cli.output import print_error
     from scenegen.experiments.run import run

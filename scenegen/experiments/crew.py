@@ -70,7 +70,8 @@ def share(jobs: Sequence[Some], plan: Plan, perform: Callable[[Some], float], do
     workers = min(plan.workers, len(jobs))
     if workers > 1:
         what = {"module": perform.__module__, "function": perform.__name__, "kind": type(jobs[0]).__name__}
-        _serve(jobs, [Process("scenegen.experiments.worker", what, task, "fewer --workers") for _ in range(workers)], told)
+        crew = [Process("scenegen.experiments.worker", what, task, "fewer --workers") for _ in range(workers)]
+        _serve(jobs, crew, told)
         return
     for job in jobs:
         told(job, perform(job))

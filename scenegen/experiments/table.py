@@ -39,6 +39,9 @@ EXPERIMENTS: dict[str, Entry] = {
     "rejection": Entry("scenegen.experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
     # its networks are those of exp1 and exp2
     "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),
+    "curriculum-deep": Entry(
+        "scenegen.experiments.curriculum_deep:run", "two and four objects, moved by a network that learns", "10 minutes"
+    ),
 }
 
 

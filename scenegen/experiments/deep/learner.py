@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
     from stable_baselines3 import PPO
 
-TABLES = 128
 SETTINGS: dict[str, Any] = {
     "n_steps": 32,
     "batch_size": 1024,
@@ -38,4 +37,5 @@ def make_learner(env: VectorEnv[Any, Any, Any], seed: int) -> PPO:
 
     from scenegen.curriculum.sb3_vector import SB3Vector
 
-    return PPO("MlpPolicy", SB3Vector(env), policy_kwargs=NETWORK, device="cpu", seed=seed, **SETTINGS)
+    settings = {**SETTINGS, "batch_size": min(SETTINGS["batch_size"], SETTINGS["n_steps"] * env.num_envs)}
+    return PPO("MlpPolicy", SB3Vector(env), policy_kwargs=NETWORK, device="cpu", seed=seed, **settings)

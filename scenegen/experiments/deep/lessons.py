@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,11 +11,11 @@ import numpy as np
 
 from scenegen.curriculum.strategies import strategy
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
-from scenegen.experiments.deep.tasks import Effort
 
 EXACT, MODEL = "exact", "model"
 SOURCES = {EXACT: "exact sampler", MODEL: "trained model"}
 LEVELS = 100  # of a curriculum: the first ones decide, and they have to be narrow
+SLOW, FAST = 100_000, 15_000  # episodes until a linear curriculum is through
 BANDS = 64  # of the reach: how finely phi of random scenes is followed
 
 
@@ -30,13 +31,12 @@ class Lesson:
     reward: str = "sparse"
     sources: Sequence[str] = (EXACT, MODEL)
 
-    def make(self, space: PhiBox, seed: int, effort: Effort, phi: Sequence[float]) -> Strategy:
+    def make(self, space: PhiBox, seed: int, phi: Sequence[float]) -> Strategy:
         """The strategy over a reach. `phi` is that of random scenes, of the one label there is."""
         rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
         if self.strategy is None:
             return AsTheyCome(space, rng, phi)
-        clock = {"episodes": effort.schedule} if self.strategy == "linear" else {}
-        return strategy(self.strategy, space, rng, **self.settings, **clock)
+        return strategy(self.strategy, space, rng, **self.settings)
 
 
 LESSONS: dict[str, Lesson] = {
@@ -45,8 +45,15 @@ LESSONS: dict[str, Lesson] = {
         Lesson("random", "random scenes", None, sources=(EXACT,)),
         Lesson("dense", "random scenes, dense reward", None, reward="dense", sources=(EXACT,)),
         Lesson("uniform", "uniform in phi", "uniform"),
-        Lesson("linear", "linear in phi, a band that moves", "linear", {"levels": LEVELS}),
-        Lesson("growing", "linear in phi, a reach that grows", "linear", {"levels": LEVELS, "grow": True}),
+        Lesson("linear", "linear in phi, slow", "linear", {"levels": LEVELS, "episodes": SLOW}),
+        Lesson("hasty", "linear in phi, fast", "linear", {"levels": LEVELS, "episodes": FAST}, sources=(EXACT,)),
+        Lesson(
+            "growing",
+            "linear in phi, fast, growing",
+            "linear",
+            {"levels": LEVELS, "episodes": FAST, "grow": True},
+            sources=(EXACT,),
+        ),
         Lesson("self_paced", "self-paced", "self_paced", {"levels": LEVELS}),
     )
 }
@@ -60,7 +67,7 @@ class AsTheyCome:
         (low,), (high,) = space.low, space.high
         edges = np.linspace(low, high, BANDS + 1)
         counts, _ = np.histogram(np.clip(phi, low, high), edges)
-        self._boxes = [PhiBox((float(a),), (float(b),)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        self._boxes = [PhiBox((a,), (b,)) for a, b in itertools.pairwise(edges.tolist())]
         self._upto = np.cumsum(counts) / counts.sum()
         self._rng = rng
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
 from scenegen.api.train import load_model
@@ -15,13 +17,14 @@ from scenegen.curriculum.vector import TableTopVector
 from scenegen.curriculum.wrapper import VectorCurriculum
 from scenegen.engine.threads import one_thread
 from scenegen.experiments.deep.heldout import SEED, random_scenes, success
-from scenegen.experiments.deep.learner import NETWORK, SETTINGS, TABLES, make_learner
+from scenegen.experiments.deep.learner import NETWORK, SETTINGS, make_learner
 from scenegen.experiments.deep.lessons import BANDS, LESSONS, MODEL, Lesson
 from scenegen.experiments.deep.models import digest, model_path
 from scenegen.experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
 from scenegen.formats.files import write_whole
 
 RANDOM = 4096  # scenes that tell how often which phi occurs
+MASTERED, IN_A_ROW = 0.99, 5  # success in so many measurements ends a run
 P, R = ParamSpec("P"), TypeVar("R")
 
 
@@ -88,8 +91,9 @@ class Job:
             "spec": self.what.load().checked.sha256,
             "lesson": [self.how.strategy, self.how.reward, dict(self.how.settings)],
             "bands": BANDS,
+            "mastered": [MASTERED, IN_A_ROW],
             "effort": asdict(self.effort),
-            "learner": [TABLES, SETTINGS, NETWORK],
+            "learner": [SETTINGS, NETWORK],
             "model": None if self.model is None else digest(self.model),
             "seed": self.seed,
         }
@@ -122,7 +126,7 @@ def _learn(job: Job) -> Record:
     _, phi = random_scenes(spec, RANDOM, SEED + 1)
     source = None if job.model is None else load_model(job.model, spec)
     tables = TableTopVector(
-        TABLES,
+        effort.tables,
         spec,
         moves="continuous",
         step=task.step,
@@ -135,7 +139,7 @@ def _learn(job: Job) -> Record:
     library = _Meter()
     space = library.timed(lambda: tables.space)()
     meter = _Meter()
-    plan = job.how.make(space, job.seed, effort, phi)
+    plan = job.how.make(space, job.seed, phi)
     # a strategy and a dealer may be any objects; only their methods are wrapped
     setattr(plan, "next_task", meter.timed(plan.next_task))  # noqa: B010
     setattr(plan, "report", meter.timed(plan.report, count=True))  # noqa: B010
@@ -144,10 +148,13 @@ def _learn(job: Job) -> Record:
     learner = make_learner(VectorCurriculum(tables, plan), job.seed)
 
     def examined() -> float:
-        return success(tables.rules, examination, lambda seen: learner.predict(seen, deterministic=True)[0], task.horizon)
+        def policy(seen: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+            return learner.predict(seen, deterministic=True)[0]
+
+        return success(tables.rules, examination, policy, task.horizon)
 
     curve, steps, cpu, wall = [(0, examined())], 0, 0.0, 0.0
-    while steps < job.steps:
+    while steps < job.steps and not mastered(curve):
         began, started = time.process_time(), time.monotonic()
         learner.learn(effort.each, reset_num_timesteps=steps == 0)
         cpu, wall = cpu + time.process_time() - began, wall + time.monotonic() - started
@@ -162,6 +169,11 @@ def _learn(job: Job) -> Record:
         ahead=library.seconds,
         sampling=meter.seconds,
     )
+
+
+def mastered(curve: Sequence[tuple[int, float]]) -> bool:
+    """Whether there is nothing more to learn."""
+    return len(curve) > IN_A_ROW and all(success >= MASTERED for _, success in curve[-IN_A_ROW:])
 
 
 class _Meter:

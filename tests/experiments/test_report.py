@@ -88,3 +88,11 @@ def test_a_report_is_written(tmp_path):
     assert "![Fig. 1](x.png)" in lines and "*Fig. 1. Blue.*" in lines
     assert all(len(line) < 120 or line.startswith("|") for line in lines)
     assert "scenegen experiment thing --quick" in lines[4]
+
+
+def test_of_models_that_meet_every_bar_the_most_accurate_is_best():
+    found = comparison()
+    slow = made("slow", "flow", "default", 0.002, 0.99)
+    slow.runs[0]["speed"] = 20e3
+    better = made("better", "energy", "default", 0.003, 0.9)
+    assert best(dataclasses.replace(found, rows=(*found.rows, slow, better))).name == "better"

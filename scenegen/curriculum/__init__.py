@@ -1,1 +1,57 @@
-"""Learning with the scenes: environments, strategies that choose the next task, tabular learners."""
+"""Learning with the scenes: environments, strategies that choose the next task, tabular learners.
+
+Where gymnasium is installed, importing this makes `scenegen/TableTop-v0` known to it (gymnasium 1.0 gave up plugins, so
+nothing else could): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` imports it by itself.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from scenegen.curriculum.register import register_environments
+
+# name -> the module of this room that defines it
+_PUBLIC = {
+    "Curriculum": "wrapper",
+    "CurriculumCallback": "sb3",
+    "Outcome": "tasks",
+    "PhiBox": "tasks",
+    "Strategy": "tasks",
+    "TableTop": "env",
+    "TableTopVector": "vector",
+    "VectorCurriculum": "wrapper",
+}
+
+__all__ = [
+    "Curriculum",
+    "CurriculumCallback",
+    "Outcome",
+    "PhiBox",
+    "Strategy",
+    "TableTop",
+    "TableTopVector",
+    "VectorCurriculum",
+]
+
+if TYPE_CHECKING:
+    from scenegen.curriculum.env import TableTop
+    from scenegen.curriculum.sb3 import CurriculumCallback
+    from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
+    from scenegen.curriculum.vector import TableTopVector
+    from scenegen.curriculum.wrapper import Curriculum, VectorCurriculum
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'scenegen.curriculum' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"scenegen.curriculum.{_PUBLIC[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+register_environments()

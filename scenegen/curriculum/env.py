@@ -1,0 +1,156 @@
+"""`scenegen/TableTop-v0`: bring the objects of a table to where a spec wants them, from a start as hard as wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec
+from scenegen.api.train import Model
+from scenegen.curriculum.dealer import Dealer
+from scenegen.curriculum.feed import Feed
+from scenegen.curriculum.picture import Easel, check_render
+from scenegen.curriculum.rules import Tables, load_spec, make_rules
+from scenegen.curriculum.tasks import PhiBox
+
+Array = npt.NDArray[np.float64]
+
+
+class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
+    """Move objects step by step until a spec is satisfied.
+
+    `spec` is a Spec, the path of a spec file (.spec) or its text; `goal` names the labels that have to be satisfied
+    (phi >= 0), by default all of them, whose least phi is then what counts.
+
+    `moves="grid"`: an action is a number; `env.unwrapped.moves.names` says which object it moves, by `step` metres
+    (left out: a twentieth of the table) along x or y, and where phi depends on its heading also by `turn` radians
+    (a sixteenth of a turn). `moves="continuous"`: an action is one number in [-1, 1] per object and coordinate, in
+    units of `step` and `turn`, and all objects move at once. `move` names the objects that are moved, by default all
+    that the spec does not hold in place. A move that would break what the spec requires (`require noOverlap()`) is not
+    made. An object that is moved off the table stays at its edge, and the episode is over.
+
+    `reward="sparse"`: 10 when the goal is reached, -10 off the table, 0 otherwise; "dense" adds what phi of the goal
+    gained, in steps.
+
+    Observations are float32 in [-1, 1], see `env.unwrapped.views.names`: x and y from edge to edge of the table, and
+    where phi or a requirement depends on a heading its cosine and sine. Objects that the spec holds in place are left
+    out.
+
+    `info` has `phi` (label -> value), `is_success`, `off_table`, `blocked` (the last move was not made), and `task`:
+    label -> [lowest, highest] phi that the start was asked for, infinite where an end is open.
+
+    `reset(options={"phi": (lo, hi)})` begins with a verified scene whose phi of the goal lies in that range, evenly
+    spread over it; {"phi": {label: (lo, hi)}} and a PhiBox ask for labels of their own, None is an open end. `phi` of
+    the constructor is what is asked for where options say nothing: left out, all that does not satisfy the goal yet,
+    but for the hardest thousandth. {"scene": ...} begins with a given scene: a Scene, {object: (x, y, theta)}, or an
+    array (N, 3). {"nearest": True} takes the nearest scene that there is where phi is out of reach.
+
+    Scenes come from the exact sampler, or from `source`: a model trained on the spec, or scenes, or the path of either
+    one. From the same seed and the same requests follow the same scenes, each handed out once; those of a file come
+    again when all that are wanted were used.
+
+    Episodes have no end of their own: gymnasium.make adds a limit of 100 steps (`max_episode_steps=`).
+
+    `render_mode="rgb_array"` draws with a process that stays until `close`; `view` and `size` (width, height) are those
+    of SceneSet.render.
+
+    Raises errors of `gymnasium.error`: InvalidBound for phi out of reach, InvalidAction for NaN and actions out of
+    range, ResetNeeded, MissingArgument, UnsupportedMode, and Error for the rest; SpecError for a spec with mistakes.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - gymnasium's
+
+    def __init__(
+        self,
+        spec: Spec | str | Path | None = None,
+        *,
+        goal: str | Sequence[str] | None = None,
+        moves: str = "grid",
+        move: str | Sequence[str] | None = None,
+        step: float | None = None,
+        turn: float | None = None,
+        reward: str = "sparse",
+        phi: object = None,
+        source: Model | SceneSet | str | Path | None = None,
+        render_mode: str | None = None,
+        view: str = "perspective",
+        size: tuple[int, int] = (480, 360),
+    ) -> None:
+        check_render(render_mode, view, size)
+        self.scenes = load_spec(spec)
+        self.rules = make_rules(self.scenes, goal=goal, moves=moves, move=move, step=step, turn=turn, reward=reward)
+        self.moves, self.views = self.rules.moves, self.rules.views
+        self.action_space = self.moves.space()
+        self.observation_space = self.views.space()  # type: ignore[assignment]
+        self.render_mode = render_mode
+        self.dealer = Dealer(self.scenes, self.rules, source, phi)
+        self.easel = Easel(self.scenes.checked, view, size)
+        self._feed: Feed | None = None
+        self._tables: Tables | None = None
+        self._over = False
+
+    @property
+    def space(self) -> PhiBox:
+        """What a curriculum goes through: phi of each label, from the hardest to where it is satisfied."""
+        return self.dealer.library.space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode; see the class for options."""
+        super().reset(seed=seed)
+        ask = self.dealer.read(options)
+        if seed is not None:
+            self._feed = None
+        if ask.scene is not None:
+            self._tables = ask.scene
+        else:
+            if self._feed is None:
+                self._feed = self.dealer.feed(self.np_random)
+            row, phi = self.dealer.deal(self._feed, ask)
+            self._tables = Tables(row[:, None], phi[:, None], np.zeros(1))
+        self._task = self.dealer.task(ask)
+        self._over = False
+        return self.views(self._tables.rows)[0], self._info(bool(self.rules.success(self._tables)[0]), False, False)
+
+    def step(self, action: Any) -> tuple[npt.NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Do an action. Raises gymnasium.error.InvalidAction, and ResetNeeded where the episode is over."""
+        if self._tables is None or self._over:
+            raise error.ResetNeeded(f"{'the episode is over' if self._over else 'no episode has begun'}; call reset()")
+        done = self.rules.step(self._tables, self.moves.checked(action, 1))
+        self._tables = done.tables
+        success, off = bool(done.success[0]), bool(done.off[0])
+        self._over = success or off
+        info = self._info(success, off, bool(done.blocked[0]))
+        return self.views(done.tables.rows)[0], float(done.reward[0]), self._over, False, info
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The scene as (height, width, 3), where `render_mode` is "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        if self._tables is None:
+            raise error.ResetNeeded("there is nothing to draw yet; call reset()")
+        return self.easel.draw(self._tables.rows[:, 0])
+
+    def close(self) -> None:
+        """End the process that draws, if there is one."""
+        self.easel.close()
+
+    def _info(self, success: bool, off: bool, blocked: bool) -> dict[str, Any]:
+        assert self._tables is not None
+        aim = self.rules.aim
+        phi = self._tables.phi[:, 0].tolist()
+        return {
+            "phi": dict(zip(aim.names, phi, strict=True)),
+            "is_success": success,
+            "off_table": off,
+            "blocked": blocked,
+            "task": dict(zip(aim.names, self._task.copy(), strict=True)),
+        }

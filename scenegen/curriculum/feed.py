@@ -1,0 +1,236 @@
+"""Scenes handed out one at a time, each once, at a few microseconds each.
+
+What comes out is fixed by the seed and by what was asked for since. Of the cells of the library that overlap with what
+is wanted, one is drawn by how much of it does; the cell has its scenes in random order. When they are used up, more are
+drawn, twice as many each time, for planning a draw costs more than hundreds of its scenes: for all cells while requests
+vary, for those that overlap where one comes again and again. What the library does not reach gets draws of its own, and
+so does a band that comes again and again and takes little of its cells.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.curriculum.library import Index, Library
+from scenegen.curriculum.request import Wanted
+from scenegen.curriculum.sources import Ends, Scenes
+from scenegen.errors import Diagnostic, RequestError
+
+Dealt = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+"""A scene (3N,) and its phi (D,)."""
+
+FIRST, MOST = 4096, 32_768  # scenes of the first draw of cells and of later ones at most
+ALONE = 1024  # scenes of the first draw for one band
+KEPT = 4096  # scenes of a shelf that later draws leave there
+WORTH = 2.0  # scenes that a draw for whole cells should give of a part of one: else that part is drawn itself
+OFTEN, LITTLE = 8, 0.5  # a band asked for more often comes again and again; of its cells less than this is little
+DRAWS = 2  # for one scene, at most
+BANDS, SHELVES = 256, 128  # that are remembered, the last ones
+
+
+class Shelf:
+    """Scenes in random order. `ids` are their numbers in the library, -1 for others."""
+
+    def __init__(self, scenes: Scenes, ids: Sequence[int], rng: np.random.Generator) -> None:
+        self.scenes, self._ids, self.draws = scenes, list(ids), 0
+        self._phi: list[list[float]] = scenes.phi.tolist()
+        self._left: list[int] = rng.permutation(len(scenes)).tolist()
+
+    def take(self, wanted: Wanted, used: set[int]) -> Dealt | None:
+        """A scene that is wanted and was not taken before; None where there is none left."""
+        ends = [(k, wanted.low[k], wanted.high[k]) for k in wanted.dims]
+        left = self._left
+        at = len(left)
+        while at:
+            at -= 1
+            place = left[at]
+            number = self._ids[place]
+            if number >= 0 and number in used:
+                del left[at]
+                continue
+            phi = self._phi[place]
+            for k, low, high in ends:
+                if not low <= phi[k] <= high:
+                    break
+            else:
+                del left[at]
+                if number >= 0:
+                    used.add(number)
+                return self.scenes.poses[place], self.scenes.phi[place]
+        return None
+
+    def leftover(self) -> tuple[Scenes, list[int]]:
+        """The last that were not taken, and their numbers."""
+        kept = self._left[-KEPT:]
+        return Scenes(self.scenes.poses[kept], self.scenes.phi[kept]), [self._ids[place] for place in kept]
+
+
+@dataclass(slots=True, eq=False)
+class _Plan:
+    """How a request is served: by which cells of an index, the running sum of their weights, the share of each that is
+    wanted, how often it was asked for, and whether it has draws of its own."""
+
+    index: Index
+    cells: tuple[int, ...]
+    weights: tuple[float, ...]
+    shares: tuple[float, ...]
+    asked: int = field(default=0)
+    alone: bool = field(default=False)
+
+
+class Feed:
+    """Hands out the scenes of a library. `entropy` is the seed."""
+
+    def __init__(self, library: Library, entropy: int) -> None:
+        self.library = library
+        self._entropy = entropy
+        self._rng = np.random.default_rng(np.random.SeedSequence([entropy, 0]))
+        self._draws = 0
+        self._used: set[int] = set()
+        self._plans: OrderedDict[Wanted, _Plan | None] = OrderedDict()
+        self._shelves: OrderedDict[tuple[object, int], Shelf] = OrderedDict()
+        self._hopeless: set[Wanted] = set()
+
+    def take(self, wanted: Wanted, *, nearest: bool = False) -> Dealt:
+        """A scene and its phi. With `nearest` it is of the cell nearest to what is wanted where that cannot be had.
+        Raises RequestError."""
+        plan = self._plan(wanted)
+        if plan is not None and not plan.alone:
+            plan.asked += 1
+            first = min(bisect(plan.weights, self._rng.random() * plan.weights[-1]), len(plan.cells) - 1)
+            # a file may have scenes in a part of a cell that is not wanted, and others in the next cell
+            for step in range(1 if self.library.more is not None else len(plan.cells)):
+                found = self._of_cell(plan, (first + step) % len(plan.cells), wanted)
+                if found is not None:
+                    return found
+        if not nearest:
+            return self._of_its_own(wanted)
+        if plan is not None and wanted not in self._hopeless:
+            try:
+                return self._of_its_own(wanted)
+            except RequestError:
+                self._hopeless.add(wanted)
+        return self.take(self._around(wanted))
+
+    def _plan(self, wanted: Wanted) -> _Plan | None:
+        if wanted in self._plans:
+            self._plans.move_to_end(wanted)
+            return self._plans[wanted]
+        plan = None
+        # a file has no more than it has: what of it is wanted is all there is
+        if self.library.more is None or self.library.covers(wanted):
+            index = self.library.index(wanted.dims)
+            shares = index.shares(wanted)
+            cells = np.flatnonzero(shares > 0.0)
+            if len(cells):
+                shares = shares[cells]
+                plan = _Plan(index, tuple(cells.tolist()), tuple(shares.cumsum().tolist()), tuple(shares.tolist()))
+        self._plans[wanted] = plan
+        if len(self._plans) > BANDS:
+            self._plans.popitem(last=False)
+        return plan
+
+    def _of_cell(self, plan: _Plan, at: int, wanted: Wanted) -> Dealt | None:
+        """A scene that is wanted of one of the plan's cells; None where it is better drawn by itself."""
+        shelf = self._cell(plan.index, plan.cells[at])
+        for _ in range(1 + DRAWS):
+            found = shelf.take(wanted, self._used)
+            if found is not None:
+                return found
+            if self.library.more is None:  # once more, in another order
+                members = plan.index.members[plan.cells[at]]
+                shelf = self._put((plan.index.dims, plan.cells[at]), self._filled(members))
+                continue
+            often = plan.asked > OFTEN
+            if often and plan.weights[-1] < LITTLE * len(plan.cells):
+                plan.alone = True
+                break
+            cells = plan.cells if often else range(len(plan.index.members))
+            count = min(FIRST << shelf.draws, MOST)
+            if plan.shares[at] * count / len(cells) < WORTH:
+                break
+            self._fill(plan.index, cells, count)
+            shelf = self._cell(plan.index, plan.cells[at])
+        return None
+
+    def _cell(self, index: Index, cell: int) -> Shelf:
+        """The shelf of a cell, with the library's scenes to begin with."""
+        key, members = (index.dims, cell), index.members[cell]
+        shelf = self._shelves.get(key)
+        if shelf is None:
+            return self._put(key, self._filled(members, members.tolist()))
+        self._shelves.move_to_end(key)
+        return shelf
+
+    def _filled(self, members: npt.NDArray[np.intp], ids: Sequence[int] | None = None) -> Shelf:
+        """Scenes of the library; without `ids`, such as may be handed out again."""
+        scenes = Scenes(self.library.scenes.poses[members], self.library.scenes.phi[members])
+        return Shelf(scenes, [-1] * len(members) if ids is None else ids, self._rng)
+
+    def _fill(self, index: Index, numbers: Sequence[int], count: int) -> None:
+        """More scenes for some cells."""
+        cells, dims = list(numbers), list(index.dims)
+        low, high = index.low[cells], index.high[cells]
+        ends = zip(dims, low.min(axis=0).tolist(), high.max(axis=0).tolist(), strict=True)
+        scenes = self._draw({self.library.aim.names[k]: (least, most) for k, least, most in ends}, count)
+        phi = scenes.phi[:, None, dims]
+        within = np.asarray(((phi >= low) & (phi <= high)).all(axis=2))
+        owner = np.where(within.any(axis=1), within.argmax(axis=1), -1)
+        for number, cell in enumerate(cells):
+            mine = np.flatnonzero(owner == number)
+            if len(mine):
+                self._stack((index.dims, cell), self._cell(index, cell), Scenes(scenes.poses[mine], scenes.phi[mine]))
+
+    def _of_its_own(self, wanted: Wanted) -> Dealt:
+        """A scene of a draw for just what is wanted."""
+        key, names = (wanted, 0), self.library.aim.names
+        shelf = self._shelves.get(key)
+        if shelf is not None:
+            self._shelves.move_to_end(key)
+            found = shelf.take(wanted, self._used)
+            if found is not None:
+                return found
+        if self.library.more is None:
+            raise RequestError(Diagnostic(f"the file has no scene with {wanted.describe(names)}"))
+        scenes = self._draw(wanted.ranges(names), min(ALONE << 2 * (shelf.draws if shelf else 0), MOST))
+        found = self._stack(key, shelf, scenes).take(wanted, self._used)
+        assert found is not None
+        return found
+
+    def _draw(self, ranges: Mapping[str, Ends], count: int) -> Scenes:
+        assert self.library.more is not None
+        self._draws += 1
+        seed = np.random.SeedSequence([self._entropy, self._draws]).generate_state(1, np.uint64)[0]
+        return self.library.more.draw(ranges, count, int(seed >> np.uint64(1)))
+
+    def _stack(self, key: tuple[object, int], shelf: Shelf | None, scenes: Scenes) -> Shelf:
+        """A shelf with more scenes."""
+        draws, numbers = 1, [-1] * len(scenes)
+        if shelf is not None:
+            (old, ids), draws = shelf.leftover(), shelf.draws + 1
+            numbers = ids + numbers
+            scenes = Scenes(np.concatenate([old.poses, scenes.poses]), np.concatenate([old.phi, scenes.phi]))
+        made = Shelf(scenes, numbers, self._rng)
+        made.draws = draws
+        return self._put(key, made)
+
+    def _put(self, key: tuple[object, int], shelf: Shelf) -> Shelf:
+        self._shelves[key] = shelf
+        if len(self._shelves) > SHELVES:
+            self._shelves.popitem(last=False)
+        return shelf
+
+    def _around(self, wanted: Wanted) -> Wanted:
+        """The cell that is nearest to what is wanted."""
+        index = self.library.index(wanted.dims)
+        cell = index.nearest(wanted)
+        low, high = list(wanted.low), list(wanted.high)
+        for k, dim in enumerate(wanted.dims):
+            low[dim], high[dim] = float(index.low[cell, k]), float(index.high[cell, k])
+        return Wanted(tuple(low), tuple(high))

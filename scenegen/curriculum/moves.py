@@ -1,0 +1,128 @@
+"""What a learner can do: move objects step by step, in four directions on a grid, or continuously."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import Space, error, spaces
+
+from scenegen.errors import quoted, suggest
+from scenegen.lang.core import Coord, Core, part
+from scenegen.lang.spec import CheckedSpec
+from scenegen.scene.workspace import AXES, TWO_PI
+
+Array = npt.NDArray[np.float64]
+Kind = Literal["grid", "continuous"]
+
+STEPS = 20  # from one edge of the workspace to the other, along its shorter side
+TURN = math.pi / 8.0  # radians; less than the prelude's tolerance for headings is wide, so that a grid has one in it
+LENIENT = 1e-6  # by which an action of float32 may be out of its range
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """`rows` are the rows of (3N, B) storage that the K actions (grid) or components of an action (continuous) move,
+    `amounts` by how much, in metres and radians, and `names` says so."""
+
+    kind: Kind
+    rows: npt.NDArray[np.intp]
+    amounts: Array
+    names: tuple[str, ...]
+
+    def space(self) -> Space[Any]:
+        """That of one action."""
+        if self.kind == "grid":
+            return spaces.Discrete(len(self.rows))
+        return spaces.Box(-1.0, 1.0, (len(self.rows),), np.float32)
+
+    def checked(self, actions: Any, count: int) -> npt.NDArray[Any]:
+        """B actions as an array, (B,) of numbers or (B, K). Raises gymnasium.error.InvalidAction."""
+        given = np.asarray(actions)
+        if self.kind == "grid":
+            given = given.reshape(count) if given.size == count else given
+            if given.shape != (count,) or given.dtype.kind not in "iu":
+                raise error.InvalidAction(f"an action is a whole number from 0 to {len(self.rows) - 1}, not {actions}")
+            if ((given < 0) | (given >= len(self.rows))).any():
+                bad = given[(given < 0) | (given >= len(self.rows))][0]
+                raise error.InvalidAction(f"there is no action {bad}; they are numbered from 0 to {len(self.rows) - 1}")
+            return given
+        given = given.reshape(count, -1) if given.ndim == 1 and count == 1 else given
+        if given.shape != (count, len(self.rows)) or given.dtype.kind not in "iuf":
+            raise error.InvalidAction(f"an action is {len(self.rows)} numbers ({', '.join(self.names)}), not {actions}")
+        wrong = ~(np.abs(given) <= 1.0 + LENIENT)
+        if wrong.any():
+            _, place = (int(index) for index in np.argwhere(wrong)[0])
+            value = given[wrong][0]
+            what = "is not a number" if np.isnan(value) else f"is {value:g}; it has to be from -1 to 1"
+            raise error.InvalidAction(f"`{self.names[place]}` of the action {what}")
+        return np.asarray(np.clip(given, -1.0, 1.0), dtype=np.float64)
+
+    def apply(self, rows: Array, actions: npt.NDArray[Any]) -> Array:
+        """Scenes (3N, B) after checked actions; objects may have left the table, and headings the circle."""
+        moved = rows.copy()
+        if self.kind == "grid":
+            moved[self.rows[actions], np.arange(len(actions))] += self.amounts[actions]
+        else:
+            moved[self.rows] += actions.T * self.amounts[:, None]
+        return moved
+
+
+def headings(core: Core) -> set[int]:
+    """The objects on whose heading a label depends."""
+    nodes = part(core, tuple(core.labels)).nodes
+    return {node.object for node in nodes if isinstance(node, Coord) and node.axis == 2}
+
+
+def make_moves(
+    spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
+) -> tuple[Moves, float]:
+    """The moves, and the step in metres. Raises gymnasium.error.Error for what cannot be."""
+    if kind not in get_args(Kind):
+        raise error.Error(f"unknown moves `{kind}`; {suggest(kind, get_args(Kind), 'they are `grid` or `continuous`')}")
+    step = min(spec.workspace.width, spec.workspace.height) / STEPS if step is None else step
+    turn = TURN if turn is None else turn
+    for name, value, most in (("step", step, max(spec.workspace.width, spec.workspace.height)), ("turn", turn, TWO_PI)):
+        if not 0.0 < value <= most:
+            unit = "metres" if name == "step" else "radians"
+            raise error.Error(f"`{name}` is {value:g}; it has to be more than 0 and at most {most:g} {unit}")
+    turned = headings(spec.core)
+    rows, amounts, names = [], [], []
+    for index in _movable(spec, move):
+        for axis in range(3 if index in turned else 2):
+            amount = turn if axis == 2 else step
+            for sign in (1.0, -1.0) if kind == "grid" else (1.0,):
+                rows.append(3 * index + axis)
+                amounts.append(sign * amount)
+                way = "" if kind == "continuous" else " +" if sign > 0 else " -"
+                names.append(f"{spec.objects[index]} {AXES[axis]}{way}")
+    literal: Kind = "grid" if kind == "grid" else "continuous"
+    return Moves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(names)), step
+
+
+def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
+    free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
+    if not free:
+        what = f"`at` holds {quoted(spec.objects)} in place" if spec.objects else "the spec has no objects"
+        raise error.Error(f"there is no object that can be moved: {what}; let one of them free")
+    if move is None:
+        return free
+    chosen = []
+    for name in (move,) if isinstance(move, str) else move:
+        if name not in spec.objects:
+            known = f"the objects are {quoted(spec.objects)}"
+            raise error.Error(
+                f"`move` names `{name}`, which is no object of the spec; {suggest(name, spec.objects, known)}"
+            )
+        if spec.objects.index(name) not in free:
+            raise error.Error(
+                f"`move` names `{name}`, which the spec holds in place with `at`; free it, or leave it out"
+            )
+        chosen.append(spec.objects.index(name))
+    if not chosen:
+        raise error.Error("`move` names no object; leave it out to move all")
+    return list(dict.fromkeys(chosen))

@@ -1,0 +1,33 @@
+"""What a learner is paid."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.errors import suggest
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Kind = Literal["sparse", "dense"]
+
+SATISFIED, OFF = 10.0, -10.0  # the paper's, section V
+
+
+class Reward:
+    """`sparse`: 10 where the goal is satisfied, -10 where an object left the table, 0 otherwise, as in the paper.
+    `dense` adds what phi of the goal gained, in steps: a potential (Ng, Harada and Russell, 1999), so that without
+    discount the best policies are the same. Raises gymnasium.error.Error for another kind."""
+
+    def __init__(self, kind: str, step: float) -> None:
+        if kind not in get_args(Kind):
+            raise error.Error(f"unknown reward `{kind}`; {suggest(kind, get_args(Kind), 'it is `sparse` or `dense`')}")
+        self._scale = 1.0 / step if kind == "dense" else 0.0
+
+    def __call__(self, before: Array, after: Array, success: Mask, off: Mask) -> Array:
+        """(B,) phi of the goal before and after a step, and how it ended -> (B,)."""
+        paid = SATISFIED * success + OFF * off
+        return paid + self._scale * (after - before) if self._scale else paid

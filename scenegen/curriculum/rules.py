@@ -1,0 +1,124 @@
+"""The rules of the game, for any number of tables at once: what a step does, and when an episode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.api.spec import Spec, load, parse
+from scenegen.curriculum.aim import Aim, Scorer, make_aim
+from scenegen.curriculum.moves import Moves, make_moves
+from scenegen.curriculum.rewards import Reward
+from scenegen.curriculum.views import Views, make_views
+from scenegen.scene.workspace import TWO_PI
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+EDGE = 1e-9  # metres by which a centre may be over the edge: twenty steps of 5 cm are not quite a metre
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tables:
+    """B scenes: `rows` (3N, B) and phi (D, B). `slack` (B,) is what the requirement's margin may fall to: 0, or a bit
+    less in a scene that was rounded."""
+
+    rows: Array
+    phi: Array
+    slack: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepped:
+    """The tables after a step, and of each, (B,): the reward, and how it went."""
+
+    tables: Tables
+    reward: Array
+    success: Mask
+    off: Mask
+    blocked: Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rules:
+    """What all environments of a spec share. `flat` are the rows of x and y that moves change, `low` and `high` (F, 1)
+    the edges of the table for them; `turning` are the rows of headings."""
+
+    aim: Aim
+    score: Scorer
+    moves: Moves
+    reward: Reward
+    views: Views
+    flat: npt.NDArray[np.intp]
+    low: Array
+    high: Array
+    turning: npt.NDArray[np.intp]
+
+    def success(self, tables: Tables) -> Mask:
+        """Which scenes (B,) satisfy the goal."""
+        return np.asarray(tables.phi[self.aim.goal] >= 0.0)
+
+    def step(self, tables: Tables, actions: npt.NDArray[Any]) -> Stepped:
+        """Do checked actions. An object that leaves the table stays at its edge and ends the episode; a move that would
+        break what the spec requires is not made at all."""
+        rows = self.moves.apply(tables.rows, actions)
+        flat = rows[self.flat]
+        kept = np.minimum(np.maximum(flat, self.low), self.high)
+        off: Mask = np.asarray((np.abs(flat - kept) > EDGE).any(axis=0))
+        rows[self.flat] = kept
+        if len(self.turning):
+            theta = np.mod(rows[self.turning], TWO_PI)
+            rows[self.turning] = np.where(theta < TWO_PI, theta, 0.0)  # the remainder of -1e-17 is rounded up
+        phi = self.score(rows)
+        blocked = np.zeros(len(off), dtype=np.bool_)
+        if self.score.requires:
+            phi, margin = phi[:-1], phi[-1]
+            blocked = np.asarray((margin < tables.slack) & ~off)
+            if blocked.any():
+                rows, phi = np.where(blocked, tables.rows, rows), np.where(blocked, tables.phi, phi)
+        goal = self.aim.goal
+        success = np.asarray((phi[goal] >= 0.0) & ~off)
+        reward = self.reward(tables.phi[goal], phi[goal], success, off)
+        return Stepped(Tables(rows, phi, tables.slack), reward, success, off, blocked)
+
+
+def load_spec(spec: Spec | str | Path | None) -> Spec:
+    """A spec as people give it: itself, the path of a file, or a text. Raises SpecError and DataError, and
+    gymnasium.error for none at all."""
+    if spec is None:
+        raise error.MissingArgument(
+            'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
+        )
+    if isinstance(spec, Spec):
+        return spec
+    if isinstance(spec, Path) or (isinstance(spec, str) and "\n" not in spec and spec.rstrip().endswith(".spec")):
+        return load(spec)
+    if isinstance(spec, str):
+        return parse(spec)
+    raise error.Error(f"`spec` is a Spec, the path of a spec file or its text, not {type(spec).__name__}")
+
+
+def make_rules(
+    spec: Spec,
+    *,
+    goal: str | Sequence[str] | None,
+    moves: str,
+    move: str | Sequence[str] | None,
+    step: float | None,
+    turn: float | None,
+    reward: str,
+) -> Rules:
+    """See TableTop for the arguments. Raises gymnasium.error.Error for what cannot be."""
+    aim = make_aim(spec, goal)
+    made, length = make_moves(spec.checked, moves, move, step, turn)
+    changed = np.unique(made.rows)
+    flat, turning = changed[changed % 3 < 2], changed[changed % 3 == 2]
+    low, high = (ends[flat][:, None] for ends in spec.checked.box())
+    paid, seen = Reward(reward, length), make_views(spec.checked)
+    return Rules(aim, Scorer(aim), made, paid, seen, flat, low, high, turning)

@@ -1,0 +1,57 @@
+"""What Stable-Baselines3 logs of a curriculum. Importing this loads it, and torch."""
+
+from __future__ import annotations
+
+import numbers
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import error
+
+from scenegen.curriculum.tasks import Strategy
+
+try:
+    from stable_baselines3.common.callbacks import BaseCallback
+except ImportError as problem:
+    raise error.DependencyNotInstalled(
+        'the callback is for Stable-Baselines3, which is not installed; pip install "scenegen[experiments]"'
+    ) from problem
+
+WINDOW = 100  # episodes that means are taken over
+
+
+class CurriculumCallback(BaseCallback):
+    """Logs, of the last `window` episodes of environments in `Curriculum`: the rate of success, phi of the first scene
+    and of the tasks per label, steps and rewards, all under `curriculum/`; and the numbers that the `state()` of the
+    strategy has, if it is given and has one. Works with environments in other processes, too."""
+
+    def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
+        super().__init__(verbose)
+        self.outcomes: deque[Mapping[str, Any]] = deque(maxlen=window)
+        self.episodes = 0
+        self._strategy = strategy
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            if "outcome" in info:
+                self.outcomes.append(info["outcome"])
+                self.episodes += 1
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if not self.outcomes:
+            return
+        self.logger.record("curriculum/episodes", self.episodes)
+        for name, key in (("success_rate", "success"), ("reward", "total"), ("steps", "steps")):
+            self.logger.record(f"curriculum/{name}", float(np.mean([one[key] for one in self.outcomes])))
+        for name in ("phi", "low", "high"):
+            means = np.mean([one[name] for one in self.outcomes], axis=0)
+            for label, value in enumerate(means.tolist()):
+                self.logger.record(f"curriculum/{name}" + (f"_{label + 1}" if len(means) > 1 else ""), value)
+        state = getattr(self._strategy, "state", None)
+        if callable(state) and isinstance(found := state(), Mapping):
+            for name, value in found.items():
+                if isinstance(value, numbers.Real):
+                    self.logger.record(f"curriculum/{name}", float(value))

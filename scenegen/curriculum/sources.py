@@ -1,0 +1,96 @@
+"""Where scenes come from: the exact sampler, a trained model, or a scene file. All of them are verified."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.api.sample import sample
+from scenegen.api.scenes import SceneSet, read_scenes, rows_of
+from scenegen.api.spec import Spec
+from scenegen.api.train import Model, load_model
+from scenegen.curriculum.aim import Aim, Scorer
+from scenegen.data.arrange import check_scenes
+from scenegen.errors import DataError, Diagnostic
+
+Array = npt.NDArray[np.float64]
+Ends = tuple[float | None, float | None]
+
+SECONDS = 20.0  # after which a request counts as out of reach; what is found in time does not depend on it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenes:
+    """`poses` (n, 3N) in metres and radians, and `phi` (n, D) of an aim's labels."""
+
+    poses: Array
+    phi: Array
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+class Sampler:
+    """Draws from a spec, exactly, or from a model trained on it."""
+
+    def __init__(self, aim: Aim, model: Model | None = None) -> None:
+        self._from: Spec | Model = aim.spec if model is None else _aimed(aim, model)
+
+    def draw(self, ranges: Mapping[str, Ends], n: int, seed: int, spread: str = "flat") -> Scenes:
+        """Up to n scenes with phi in the ranges, at least one. Raises RequestError."""
+        found = sample(self._from, ranges, n, seed=seed, spread=spread, timeout=SECONDS, keep_partial=True, workers=1)
+        return Scenes(found.poses.reshape(len(found), -1), np.stack(list(found.phi.values()), axis=1))
+
+
+def stock(aim: Aim, scenes: SceneSet) -> Scenes:
+    """The scenes of a file, scored by the spec. Raises DataError for scenes that are not of it."""
+    if not len(scenes):
+        raise DataError(Diagnostic("there are no scenes in the file", help="sample some first"))
+    rows = np.array(rows_of(aim.spec.checked, scenes))
+    check_scenes(aim.spec.checked, rows)
+    return Scenes(np.ascontiguousarray(rows.T), Scorer(aim)(rows)[: len(aim.names)].T.copy())
+
+
+def open_source(aim: Aim, spec: Spec, source: Any) -> Sampler | Scenes:
+    """`source` as people give it: None for the exact sampler, a Model or a SceneSet, or the path of a model file
+    (.safetensors) or of a scene file. Raises DataError, RequestError, gymnasium.error.Error."""
+    if source is None:
+        return Sampler(aim)
+    if isinstance(source, str | Path):
+        path = Path(source)
+        source = load_model(path, spec) if path.suffix == ".safetensors" else read_scenes(path)
+    if isinstance(source, SceneSet):
+        return stock(aim, source)
+    if isinstance(source, Model):
+        if source.spec.checked.sha256 != spec.checked.sha256:
+            raise error.Error(
+                f"the model {source.name} was trained on another spec; make the environment from that one"
+            )
+        return Sampler(aim, source)
+    raise error.Error(f"`source` is a model, scenes, or the path of either, not {type(source).__name__}")
+
+
+class _Narrowed:
+    """A trained model that is told of its own labels alone."""
+
+    def __init__(self, trained: Any, labels: int) -> None:
+        self._trained, self._labels, self.name = trained, labels, trained.name
+
+    def propose(self, phi: Any, generator: Any) -> Any:
+        return self._trained.propose(phi[: self._labels], generator)
+
+
+def _aimed(aim: Aim, model: Model) -> Model:
+    """A model whose spec has the aim's labels."""
+    if aim.labels == len(aim.names):
+        return model
+    aimed = copy.copy(model)
+    aimed.spec, aimed.trained = aim.spec, cast(Any, _Narrowed(model.trained, aim.labels))
+    return aimed

@@ -1,0 +1,219 @@
+"""Many tables at once: phi, moves and observations in one go for all of them.
+
+It does what `gymnasium.make_vec(..., vectorization_mode="sync")` does with as many `TableTop` and a time limit, scene
+by scene and step by step, at a fraction of the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from scenegen.curriculum.dealer import Ask
+from scenegen.curriculum.env import TableTop
+from scenegen.curriculum.faults import count
+from scenegen.curriculum.feed import Dealt, Feed
+from scenegen.curriculum.rules import Tables
+from scenegen.curriculum.tasks import PhiBox
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Observations = npt.NDArray[np.float32]
+Chooser = Callable[[int], Mapping[str, Any] | None]
+
+
+class TableTopVector(VectorEnv[Observations, Any, Any]):
+    """`num_envs` tables. `autoreset_mode` is gymnasium's: "NextStep", "SameStep" or "Disabled" (reset with
+    `options={"reset_mask": mask}`). `max_episode_steps` truncates; the other arguments are those of TableTop.
+
+    `reset(seed=s)` seeds the tables with s, s + 1, ..., a list one by one. `chooser`, where it is set, is asked for
+    the options of table k's next scene whenever one begins without any.
+
+    Raises what TableTop does; ResetNeeded also where a table that is not reset by itself is over.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        spec: Any = None,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        **settings: Any,
+    ) -> None:
+        super().__init__()
+        self.num_envs = count("num_envs", num_envs)
+        self._limit = None if max_episode_steps is None else count("max_episode_steps", max_episode_steps)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = ", ".join(f'"{mode.value}"' for mode in AutoresetMode)
+            raise error.Error(f"unknown autoreset mode {autoreset_mode!r}; it is one of {modes}") from None
+        one = TableTop(spec, **settings)  # its rules, scenes and pictures serve all
+        self._one = one
+        self.rules, self.moves, self.views, self.scenes = one.rules, one.moves, one.views, one.scenes
+        self.metadata = {**TableTop.metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = one.render_mode
+        self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
+        self.action_space = batch_space(one.action_space, num_envs)
+        self.observation_space = batch_space(one.observation_space, num_envs)
+        self.chooser: Chooser | None = None
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._feeds: list[Feed | None] = [None] * num_envs
+        self._tables: Tables | None = None
+        self._tasks = np.empty((num_envs, len(self.rules.aim.names), 2))
+        self._steps = np.zeros(num_envs, dtype=np.intp)
+        self._over = np.zeros(num_envs, dtype=np.bool_)
+
+    @property
+    def space(self) -> PhiBox:
+        """What a curriculum goes through: phi of each label, from the hardest to where it is satisfied."""
+        return self._one.space
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode on every table, or on those of `options["reset_mask"]`, (num_envs,) of bool."""
+        seeds: Sequence[int | None]
+        if seed is None or isinstance(seed, int):
+            seeds = [None if seed is None else seed + k for k in range(self.num_envs)]
+        else:
+            seeds = seed
+        if len(seeds) != self.num_envs:
+            raise error.Error(f"there are {len(seeds)} seeds for {self.num_envs} tables; give one, or one for each")
+        options = dict(options or {})
+        chosen = self._chosen(options.pop("reset_mask", None))
+        for k in np.flatnonzero(chosen).tolist():
+            if seeds[k] is not None or self._rngs[k] is None:
+                self._rngs[k], _ = seeding.np_random(seeds[k])
+                self._feeds[k] = None
+        success = self._begin(chosen, options)
+        return self._seen(), self._infos(chosen, success, np.zeros_like(chosen), np.zeros_like(chosen))
+
+    def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
+        """Do an action on every table; on those that begin anew in this step theirs is not heeded."""
+        if self._tables is None:
+            raise error.ResetNeeded("no episode has begun; call reset()")
+        checked = self.moves.checked(actions, self.num_envs)
+        again = self._over
+        if self.autoreset_mode is AutoresetMode.DISABLED and again.any():
+            over = ", ".join(map(str, np.flatnonzero(again)[:8]))
+            raise error.ResetNeeded(f'the episode is over on table {over}; call reset(options={{"reset_mask": ...}})')
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        done = self.rules.step(self._tables, checked)
+        self._tables = done.tables
+        self._steps += 1
+        reward, success, blocked = done.reward, done.success & ~again, done.blocked & ~again
+        ended, off = (done.success | done.off) & ~again, done.off & ~again
+        late = np.zeros_like(ended) if self._limit is None else (self._steps >= self._limit) & ~again
+        if again.any():
+            reward = np.where(again, 0.0, reward)
+            success = np.where(again, self._begin(again, {}), success)
+        self._over = ended | late
+        final: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
+            finished, self._over = self._over, np.zeros_like(ended)
+            seen, last = self._seen(), np.full(self.num_envs, None, dtype=object)
+            for k in np.flatnonzero(finished).tolist():
+                last[k] = seen[k].copy()
+            infos = self._infos(finished, success, off, blocked)
+            final = {
+                "final_obs": last,
+                "_final_obs": finished.copy(),
+                "final_info": infos,
+                "_final_info": finished.copy(),
+            }
+            success = np.where(finished, self._begin(finished, {}), success)
+            off, blocked = off & ~finished, blocked & ~finished
+        infos = {**final, **self._infos(everyone, success, off, blocked)}
+        return self._seen(), reward, ended, late, infos
+
+    def render(self) -> tuple[Any, ...] | None:
+        """A picture of every table, where `render_mode` is "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        if self._tables is None:
+            raise error.ResetNeeded("there is nothing to draw yet; call reset()")
+        return tuple(self._one.easel.draw(row) for row in self._tables.rows.T)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the process that draws, if there is one."""
+        self._one.close()
+
+    def _chosen(self, mask: Any) -> Mask:
+        """Which tables a reset is about."""
+        if mask is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.shape != (self.num_envs,)
+            or mask.dtype != np.bool_
+            or not mask.any()
+        ):
+            raise error.Error(f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True")
+        if self._tables is None and not mask.all():
+            raise error.ResetNeeded("the first reset is one of all tables; leave `reset_mask` out")
+        return mask
+
+    def _begin(self, chosen: Mask, options: dict[str, Any]) -> Mask:
+        """New scenes on some tables; returns which tables (of all) begin satisfied."""
+        dealer = self._one.dealer
+        given = dealer.read(options)
+        places = np.flatnonzero(chosen)
+        if self._tables is None:
+            rows, phi = (3 * len(self.scenes.objects), self.num_envs), (len(self.rules.aim.names), self.num_envs)
+            self._tables = Tables(np.zeros(rows), np.zeros(phi), np.zeros(self.num_envs))
+        tables = self._tables
+        for k in places.tolist():
+            ask = given
+            if self.chooser is not None and given.scene is None and given.wanted is None:
+                ask = dealer.read(self.chooser(k))
+            if ask.scene is not None:
+                one = ask.scene
+                tables.rows[:, k], tables.phi[:, k], tables.slack[k] = one.rows[:, 0], one.phi[:, 0], one.slack[0]
+            else:
+                tables.rows[:, k], tables.phi[:, k] = self._deal(k, ask)
+                tables.slack[k] = 0.0
+            self._tasks[k] = dealer.task(ask)
+        self._steps[places] = 0
+        self._over[places] = False
+        return self.rules.success(tables) & chosen
+
+    def _deal(self, number: int, ask: Ask) -> Dealt:
+        """A table's next scene, and its phi."""
+        feed, rng = self._feeds[number], self._rngs[number]
+        if feed is None:
+            assert rng is not None
+            feed = self._feeds[number] = self._one.dealer.feed(rng)
+        return self._one.dealer.deal(feed, ask)
+
+    def _seen(self) -> Observations:
+        assert self._tables is not None
+        return self.views(self._tables.rows)
+
+    def _infos(self, told: Mask, success: Mask, off: Mask, blocked: Mask) -> dict[str, Any]:
+        """As SyncVectorEnv puts the infos of single tables together: zeros where nothing is told."""
+        assert self._tables is not None
+        names = self.rules.aim.names
+        phi = {name: np.where(told, self._tables.phi[k], 0.0) for k, name in enumerate(names)}
+        task = {name: np.where(told[:, None], self._tasks[:, k], 0.0) for k, name in enumerate(names)}
+        values = {
+            "phi": _masked(phi, told),
+            "is_success": success & told,
+            "off_table": off & told,
+            "blocked": blocked & told,
+            "task": _masked(task, told),
+        }
+        return _masked(values, told)
+
+
+def _masked(values: Mapping[str, Any], told: Mask) -> dict[str, Any]:
+    """Each value with the mask of the tables that it is of."""
+    return {key: value for name, array in values.items() for key, value in ((name, array), (f"_{name}", told.copy()))}

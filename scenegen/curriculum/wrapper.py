@@ -1,0 +1,142 @@
+"""A curriculum around an environment: every episode begins with a scene of the strategy's next task.
+
+The task is chosen inside `reset`, for the autoreset of vector environments and Stable-Baselines3 hand options to the
+first reset only. Options that ask for phi or a scene take precedence; the strategy does not hear of such an episode,
+nor of one that is broken off by `reset`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import AutoresetMode, VectorWrapper
+
+from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.curriculum.vector import TableTopVector
+
+
+def _options(task: PhiBox, options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """A task as options for `reset`; what cannot be had is replaced by what is nearest to it."""
+    return {**(options or {}), "phi": task, "nearest": True}
+
+
+def _told(outcome: Outcome) -> dict[str, Any]:
+    """What `info["outcome"]` holds: an outcome in plain numbers."""
+    return {
+        "low": list(outcome.task.low),
+        "high": list(outcome.task.high),
+        "phi": list(outcome.phi),
+        "success": outcome.success,
+        "total": outcome.total,
+        "steps": outcome.steps,
+    }
+
+
+def _overridden(options: Mapping[str, Any] | None) -> bool:
+    return options is not None and (options.get("phi") is not None or options.get("scene") is not None)
+
+
+class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
+    """`env` is a TableTop, wrapped or not; put the curriculum around its time limit, or truncated episodes are not
+    reported. Several environments may share a strategy. A strategy is made for what `env.unwrapped.space` says.
+
+    The last `info` of an episode has its `outcome`: the task's `low` and `high`, `phi` of the first scene, `success`,
+    `total` and `steps`."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], strategy: Strategy) -> None:
+        RecordConstructorArgs.__init__(self, _disable_deepcopy=True, strategy=strategy)
+        gymnasium.Wrapper.__init__(self, env)
+        self.strategy = strategy
+        self._labels = env.unwrapped.rules.aim.labels  # type: ignore[attr-defined]
+        self._task: PhiBox | None = None
+        self._phi: tuple[float, ...] = ()
+        self._total, self._steps = 0.0, 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode of the next task."""
+        self._task = None if _overridden(options) else self.strategy.next_task()
+        asked = options if self._task is None else _options(self._task, options)
+        seen, info = self.env.reset(seed=seed, options=asked)
+        self._phi = tuple(info["phi"].values())[: self._labels]
+        self._total, self._steps = 0.0, 0
+        return seen, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Do an action; at the end of the episode the strategy hears how it went."""
+        seen, reward, terminated, truncated, info = self.env.step(action)
+        self._total += float(reward)
+        self._steps += 1
+        if (terminated or truncated) and self._task is not None:
+            outcome = Outcome(self._task, self._phi, bool(info["is_success"]), self._total, self._steps)
+            self._task = None
+            self.strategy.report(outcome)
+            info["outcome"] = _told(outcome)
+        return seen, reward, terminated, truncated, info
+
+
+class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
+    """The same around a TableTopVector. Outcomes are reported table by table, in the order of the tables; `infos` has
+    none of them. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
+
+    def __init__(self, env: TableTopVector, strategy: Strategy) -> None:
+        super().__init__(env)
+        self.strategy = strategy
+        self._tables: TableTopVector = env.unwrapped
+        self._tables.chooser = self._next
+        self._labels = self._tables.rules.aim.labels
+        self._tasks: list[PhiBox | None] = [None] * env.num_envs
+        self._phi = np.zeros((env.num_envs, self._labels))
+        self._total, self._steps = np.zeros(env.num_envs), np.zeros(env.num_envs, dtype=np.intp)
+        self._over = np.zeros(env.num_envs, dtype=np.bool_)
+
+    def _next(self, number: int) -> Mapping[str, Any]:
+        task = self.strategy.next_task()
+        self._tasks[number] = task
+        return _options(task, None)
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin episodes of the next tasks."""
+        mask = (options or {}).get("reset_mask")
+        begun = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.array(mask, dtype=np.bool_)
+        for number in np.flatnonzero(begun).tolist():
+            self._tasks[number] = None
+        seen, infos = self.env.reset(seed=seed, options=options)
+        self._begin(begun, infos)
+        return seen, infos
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Do an action on every table; the strategy hears of the episodes that end."""
+        again = self._over.copy()
+        tasks = list(self._tasks)  # where tables begin anew in the same step, the next tasks take their place
+        seen, reward, terminated, truncated, infos = self.env.step(actions)
+        self._total += np.where(again, 0.0, reward)
+        self._steps += ~again
+        over = terminated | truncated
+        same = self._tables.autoreset_mode is AutoresetMode.SAME_STEP
+        last = infos["final_info"] if same and over.any() else infos
+        for number in np.flatnonzero(over).tolist():
+            task = tasks[number]
+            if task is not None:
+                phi = tuple(self._phi[number].tolist())
+                total, steps = float(self._total[number]), int(self._steps[number])
+                self.strategy.report(Outcome(task, phi, bool(last["is_success"][number]), total, steps))
+        if self._tables.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._over = over
+            self._begin(again, infos)
+        elif same:
+            self._begin(over, infos)
+        return seen, reward, terminated, truncated, infos
+
+    def _begin(self, begun: npt.NDArray[np.bool_], infos: dict[str, Any]) -> None:
+        """Remember where episodes begin."""
+        if not begun.any():
+            return
+        phi = [infos["phi"][name] for name in self._tables.rules.aim.names[: self._labels]]
+        self._phi[begun] = np.stack(phi, axis=1)[begun]
+        self._total[begun], self._steps[begun] = 0.0, 0
+        self._over = self._over & ~begun

@@ -1,0 +1,152 @@
+"""Where episodes begin: the scenes of a reset, the same from the same seed, each once, and verified."""
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.curriculum import PhiBox, TableTop
+
+LEFT = "leftOf(mug, plate)"
+TWO = "near: closeTo(mug, plate, 0.2)\nside: leftOf(mug, plate)"
+APART = "object mug = box(0.1, 0.1, 0.1)\nobject plate = box(0.1, 0.1, 0.1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
+
+
+def starts(env, requests, seed=None):
+    """Poses (n, 3N) and infos of the first scenes of episodes."""
+    rows, infos = [], []
+    for number, request in enumerate(requests):
+        _, info = env.reset(seed=seed if number == 0 else None, options=request)
+        rows.append(env._tables.rows[:, 0].copy())
+        infos.append(info)
+    return np.array(rows), infos
+
+
+def bands(count, low=-0.9, width=0.05, seed=0):
+    ends = np.random.default_rng(seed).uniform(low, -width, count).tolist()
+    return [{"phi": (end, end + width)} for end in ends]
+
+
+def rescored(text, rows):
+    spec = scenegen.parse(text)
+    import torch
+
+    return spec.robustness()(torch.from_numpy(rows.reshape(len(rows), -1, 3))).numpy()
+
+
+def test_scenes_have_the_phi_that_was_asked_for():
+    requests = bands(300)
+    rows, infos = starts(TableTop(LEFT), requests, seed=0)
+    phi = rescored(LEFT, rows)[:, 0]
+    ends = np.array([request["phi"] for request in requests])
+    assert ((phi >= ends[:, 0] - 1e-12) & (phi <= ends[:, 1] + 1e-12)).all()
+    assert [info["phi"]["task"] for info in infos] == pytest.approx(phi.tolist(), abs=1e-12)
+    np.testing.assert_array_equal([info["task"]["task"] for info in infos], ends)
+
+
+def test_the_same_seed_and_requests_give_the_same_scenes():
+    requests = [*bands(150), *([{"phi": (-0.4, -0.39)}] * 150), *([None] * 50)]
+    env = TableTop(LEFT)
+    first, _ = starts(env, requests, seed=7)
+    again, _ = starts(env, requests, seed=7)  # in an environment with a past
+    other, _ = starts(TableTop(LEFT), requests, seed=7)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first, other)
+    assert (starts(env, requests, seed=8)[0] != first).any(axis=1).all()
+
+
+def test_no_scene_comes_twice():
+    narrow = [{"phi": (-0.4, -0.39)}] * 400  # far more than the library has
+    rows, _ = starts(TableTop(LEFT), [*narrow, *bands(400), *([None] * 400), *narrow], seed=1)
+    assert len(np.unique(rows, axis=0)) == len(rows)
+
+
+def test_starts_are_even_over_a_band_also_after_part_of_it_was_used_up():
+    env = TableTop(LEFT)
+    starts(env, [{"phi": (-0.25, -0.2)}] * 500, seed=2)
+    _, infos = starts(env, [{"phi": (-0.5, 0.0)}] * 1000)
+    counts, _ = np.histogram([info["phi"]["task"] for info in infos], bins=10, range=(-0.5, 0.0))
+    assert ((counts - 100.0) ** 2 / 100.0).sum() < 27.9  # chi-square, 9 degrees of freedom: one seed in a thousand
+
+
+def test_without_a_request_all_that_is_not_satisfied():
+    _, infos = starts(TableTop(LEFT), [None] * 300, seed=0)
+    phi = np.array([info["phi"]["task"] for info in infos])
+    assert phi.max() < 0.0 and phi.min() < -0.8 and (phi > -0.1).any()
+    _, infos = starts(TableTop(LEFT, phi=(-0.2, -0.1)), [None] * 20, seed=0)
+    assert all(-0.2 <= info["phi"]["task"] <= -0.1 for info in infos)
+
+
+def test_labels_of_their_own_and_open_ends():
+    requests = [{"phi": {"near": (-0.3, -0.2), "side": (0.1, None)}}] * 40
+    _, infos = starts(TableTop(TWO), requests, seed=0)
+    assert all(-0.3 <= one["phi"]["near"] <= -0.2 and one["phi"]["side"] >= 0.1 for one in infos)
+    _, infos = starts(TableTop(TWO), [{"phi": PhiBox((-0.5, -0.2), (-0.1, 0.0))}] * 40)
+    assert all(-0.5 <= one["phi"]["near"] <= -0.1 and -0.2 <= one["phi"]["side"] <= 0.0 for one in infos)
+    _, infos = starts(TableTop(TWO), [{"phi": (-0.3, -0.2)}] * 40)
+    assert all(-0.3 <= min(one["phi"]["near"], one["phi"]["side"]) <= -0.2 for one in infos)
+
+
+def test_satisfied_starts_are_drawn_too():
+    _, infos = starts(TableTop(LEFT), [{"phi": (0.2, 0.3)}] * 20, seed=0)
+    assert all(0.2 <= info["phi"]["task"] <= 0.3 and info["is_success"] for info in infos)
+
+
+def test_what_is_required_holds_at_the_start():
+    rows, _ = starts(TableTop(APART), [None] * 200, seed=0)
+    spec = scenegen.parse(APART.replace("require noOverlap()\ntask: leftOf(mug, plate)", "task: noOverlap()"))
+    import torch
+
+    assert (spec.robustness()(torch.from_numpy(rows.reshape(len(rows), -1, 3))) >= 0).all()
+
+
+@pytest.mark.parametrize("form", ["scene", "data", "poses", "mapping", "names", "array"])
+def test_given_scenes(form):
+    spec = scenegen.parse(LEFT)
+    scene = scenegen.sample(spec, {"task": (-0.2, -0.1)}, 1, seed=3)[0]
+    pose = {name: (one.x, one.y, one.theta) for name, one in scene.poses.items()}
+    given = {
+        "scene": scene,
+        "data": scene.data(),
+        "poses": scene.data().model_dump(),
+        "mapping": pose,
+        "names": {name: dict(zip(("x", "y", "theta"), one, strict=True)) for name, one in pose.items()},
+        "array": np.array(list(pose.values())),
+    }[form]
+    env = TableTop(spec)
+    _, info = env.reset(options={"scene": given})
+    assert info["phi"] == pytest.approx(dict(scene.phi))
+    np.testing.assert_array_equal(env._tables.rows[:, 0].reshape(-1, 3), list(pose.values()))
+    assert np.isinf(info["task"]["task"]).all()
+
+
+def test_the_scenes_of_a_file(tmp_path):
+    spec = scenegen.parse(LEFT)
+    path = scenegen.sample(spec, {"task": (-0.5, -0.1)}, 40, seed=0).save(tmp_path / "s.json")
+    known = {tuple(np.round(one, 12)) for one in scenegen.read_scenes(path).poses.reshape(40, -1)}
+    rows, _ = starts(TableTop(spec, source=path), [None] * 100, seed=0)
+    assert {tuple(np.round(row, 12)) for row in rows} == known
+    _, infos = starts(TableTop(spec, source=path), [{"phi": (-0.3, -0.2)}] * 30, seed=0)
+    assert all(-0.3 <= info["phi"]["task"] <= -0.2 for info in infos)
+
+
+def test_the_scenes_of_a_model(tmp_path):
+    for text in (LEFT, TWO):
+        spec = scenegen.parse(text)
+        model = scenegen.train(spec, "energy", out=tmp_path / "m.safetensors", epochs=1, scenes=2000)
+        env = TableTop(spec, source=model)
+        rows, infos = starts(env, [{"phi": (-0.3, -0.1)}] * 20, seed=0)
+        phi = rescored(text, rows).min(axis=1)
+        assert ((phi >= -0.3) & (phi <= -0.1)).all()
+        assert list(infos[0]["phi"].values())[-1] == pytest.approx(phi[0])
+
+
+def test_the_nearest_scenes_where_a_task_is_out_of_reach():
+    _, infos = starts(TableTop(LEFT), [{"phi": (-3.0, -2.0), "nearest": True}] * 5, seed=0)
+    assert all(-1.0 < info["phi"]["task"] < -0.9 for info in infos)
+    # a mug near the plate is not 80 cm beside it
+    box = PhiBox((-0.01, -0.9), (0.0, -0.8))
+    _, infos = starts(TableTop(TWO), [{"phi": box, "nearest": True}] * 5, seed=0)
+    assert all(info["phi"]["side"] < -0.1 for info in infos)
+    point = PhiBox((-0.3,), (-0.3,))
+    _, infos = starts(TableTop(LEFT), [{"phi": point, "nearest": True}] * 5, seed=0)
+    assert all(-0.34 < info["phi"]["task"] < -0.26 for info in infos)

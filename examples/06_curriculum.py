@@ -1,4 +1,4 @@
-"""Every strategy teaches the same small learner to push a mug onto a plate: a table of values, 41 x 41 places.
+"""Every strategy teaches the same small learner to push a mug onto a plate: a table of values, 31 x 31 places.
 
 The loop is all that a strategy needs: ask for a task, begin an episode with a scene of that phi, report how it went.
 """
@@ -10,10 +10,10 @@ import scenegen
 from scenegen.curriculum.strategies import STRATEGIES, strategy
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
-M = 20  # places of the mug on each side of the plate
+M = 15  # places of the mug on each side of the plate
 SIDE, CELLS = 2 * M + 1, (2 * M + 1) ** 2
 MOVES = [(-1, 0), (1, 0), (0, -1), (0, 1)]
-PACE = {"linear": {"episodes": 2000}, "ordered": {"scenes": 2000}}  # these go by the clock, not by success
+PACE = {"linear": {"episodes": 1000}, "ordered": {"scenes": 1000}}  # these go by the clock, not by success
 
 # phi of every place of the mug, from the spec
 spec = scenegen.parse("object mug\nobject plate = cylinder(0.12, 0.02) at (0.5, 0.5)\ntask: closeTo(mug, plate, 2 cm)")

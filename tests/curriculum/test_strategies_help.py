@@ -1,6 +1,6 @@
 """Which strategies help whom: learners for whom a curriculum must help, and one for whom none can.
 
-Figures in comments are those of benchmarks/strategies.py over five seeds, as shares of uniform's episodes.
+Figures in comments are those of benchmarks/strategies.py over ten seeds, as shares of uniform's episodes.
 """
 
 from functools import partial
@@ -13,12 +13,12 @@ from scenegen.curriculum.strategies import STRATEGIES
 from .learners import Chain, Separate, episodes
 
 QUICK, SLOW = partial(Chain, rate=0.2), partial(Chain, rate=0.05)
-# measured 0.26, 0.26, 0.46, 0.42, 0.53, 0.39, 0.51, 0.56, 0.54
+# measured 0.26, 0.26, 0.47, 0.42, 0.56, 0.41, 0.49, 0.60, 0.54
 SLOW_HELP = {"ordered": 0.4, "linear": 0.4, "self_paced": 0.6, "reverse": 0.6, "learnability": 0.7, "alp_gmm": 0.6,
-             "replay": 0.7, "teacher": 0.75, "exp3s": 0.8}  # fmt: skip
-# measured 0.26, 0.26, 0.40, 0.52, 0.66
+             "replay": 0.7, "teacher": 0.8, "exp3s": 0.8}  # fmt: skip
+# measured 0.26, 0.26, 0.40, 0.53, 0.66
 QUICK_HELP = {"ordered": 0.4, "linear": 0.4, "self_paced": 0.55, "reverse": 0.7, "learnability": 0.85}
-# measured 0.84, 0.74, 0.79, 1.3: it is done before they have found out what it learns from
+# measured 0.85, 0.74, 0.74, 1.31: it is done before they have found out what it learns from
 TOO_QUICK_FOR = {"alp_gmm", "replay", "teacher", "exp3s"}
 
 
@@ -38,7 +38,7 @@ def quick():
 
 @pytest.fixture(scope="module")
 def slow():
-    return mean("uniform", SLOW, 2)
+    return mean("uniform", SLOW, 1)
 
 
 def test_every_strategy_is_judged():
@@ -47,7 +47,7 @@ def test_every_strategy_is_judged():
 
 @pytest.mark.parametrize("name", SLOW_HELP)
 def test_where_levels_build_on_each_other_all_help(name, slow):
-    assert mean(name, SLOW, 2, **clock(name, 2400)) < SLOW_HELP[name] * slow
+    assert mean(name, SLOW, 1, **clock(name, 2400)) < SLOW_HELP[name] * slow
 
 
 @pytest.mark.parametrize("name", QUICK_HELP)
@@ -57,7 +57,7 @@ def test_a_quick_learner_is_helped_by_those_that_know_the_way(name, quick):
 
 @pytest.mark.parametrize("name", sorted(TOO_QUICK_FOR))
 def test_those_that_have_to_find_it_out_hardly_help_a_quick_learner(name, quick):
-    assert 0.6 * quick < mean(name, QUICK, 3) < 1.8 * quick
+    assert 0.6 * quick < mean(name, QUICK, 2) < 1.8 * quick
 
 
 @pytest.mark.parametrize("name", ["linear", "self_paced", "reverse"])

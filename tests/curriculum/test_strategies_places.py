@@ -38,14 +38,46 @@ def test_parts_fill_the_space_and_do_not_overlap(space, kind):
 
 
 @pytest.mark.parametrize("space", SPACES)
-@pytest.mark.parametrize("kind", [Levels, Cells])
-def test_an_outcome_belongs_to_the_part_that_was_asked_for(space, kind):
-    parts, rng = kind(Axis(space), 3), np.random.default_rng(0)
-    for part in range(parts.count):
+def test_an_outcome_belongs_to_the_level_that_was_asked_for(space):
+    levels, rng = Levels(Axis(space), 3), np.random.default_rng(0)
+    for level in range(3):
         for _ in range(10):
-            task = parts.box(part, rng)
-            assert parts.of(Outcome(task, draw(task, rng), True, 0.0, 1)) == part
-            assert parts.of(Outcome(task, draw(space, rng), True, 0.0, 1)) == part  # a source that had none
+            task = levels.box(level, rng)
+            assert levels.of(Outcome(task, draw(task, rng), True, 0.0, 1)) == level
+            assert levels.of(Outcome(task, draw(space, rng), True, 0.0, 1)) == level  # a source that had none
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_an_outcome_belongs_to_the_cell_that_its_scene_lay_in(space):
+    cells, rng = Cells(Axis(space), 3), np.random.default_rng(0)
+    for cell in range(cells.count):
+        task = cells.box(cell)
+        for phi in (draw(task, rng), task.low, task.high):  # faces, too, belong to the box that was asked for
+            assert cells.of(Outcome(task, phi, True, 0.0, 1)) == cell
+        other = cells.box((cell + 1) % cells.count)
+        assert cells.of(Outcome(task, draw(other, rng), True, 0.0, 1)) == (cell + 1) % cells.count
+
+
+def test_cells_without_scenes_are_closed_after_three_attempts_and_opened_by_a_scene():
+    cells, rng = Cells(Axis(reach()), 4), np.random.default_rng(0)
+    for cell, times in [(3, 3), (2, 2), (1, 5)]:
+        for _ in range(times):
+            cells.of(Outcome(cells.box(cell), (-0.1,), True, 0.0, 1))
+    assert cells.open.tolist() == [1, 0, 1, 0]
+    assert {cells.any(rng) for _ in range(50)} == {0, 2}
+    assert cells.of(Outcome(reach(), (-0.9,), True, 0.0, 1)) == 3
+    for _ in range(5):  # it has scenes, whatever the source says later
+        cells.of(Outcome(cells.box(3), (-0.1,), True, 0.0, 1))
+    assert cells.open.tolist() == [1, 0, 1, 1]
+
+
+def test_the_last_cell_is_never_closed():
+    cells, rng = Cells(Axis(reach()), 2), np.random.default_rng(0)
+    for _ in range(5):
+        for cell in range(2):
+            assert cells.of(Outcome(cells.box(cell), (9.0,), True, 0.0, 1)) is None
+    assert cells.open.sum() == 1
+    assert cells.open[cells.any(rng)] == 1.0
 
 
 def test_levels_are_difficulties():

@@ -143,9 +143,9 @@ def test_replay_does_not_care_about_the_scale_of_rewards():
 def test_teacher_asks_for_what_changes(up):
     """Cell 7 of 10 goes from never to always, or back; the others stand still."""
     teacher = made("teacher", cells=10)
-    for turn in range(20):
+    for turn in range(30):
         for cell in range(10):
-            tell(teacher, -0.05 - cell / 10, cell < 5 if cell != 7 else (turn >= 14) == up)
+            tell(teacher, -0.05 - cell / 10, cell < 5 if cell != 7 else (turn >= 20) == up)
     counts = asked(teacher, 500)
     assert counts.argmax() == 7 and counts.min() > 0
 
@@ -159,6 +159,21 @@ def test_exp3s_is_drawn_to_what_changes():
         teacher.report(Outcome(task, task.low, counts[7] // 20 % 2 == 0 if cell == 7 else cell < 5, 0.0, 1))
         counts[cell] += 1
     assert counts[7] > 0.4 * counts.sum() and counts.min() > 20
+
+
+@pytest.mark.parametrize("name", ["learnability", "replay", "teacher", "exp3s"])
+def test_cells_out_of_reach_are_left_alone(name):
+    """No scene fails both labels badly: a source hands out what is nearest."""
+    teacher, rng = made(name, labels=2, cells=4), np.random.default_rng(0)
+    vain = []
+    for _ in range(600):
+        task = teacher.next_task()
+        phi = draw(task, rng)
+        there = max(phi) > -0.5
+        vain.append(not there)
+        teacher.report(Outcome(task, phi if there else (phi[0], -0.45), bool(rng.random() < 0.3), 0.0, 1))
+    assert 10 <= sum(vain) <= 12  # a quarter of the 16 cells, three times each
+    assert not any(vain[300:])
 
 
 def test_alp_gmm_knows_progress_from_standing_still():

@@ -17,11 +17,12 @@ import numpy as np
 from pydantic import Field
 
 from scenegen.curriculum.strategies.base import Base
-from scenegen.curriculum.strategies.chances import Floats, drawn
+from scenegen.curriculum.strategies.chances import Floats
 from scenegen.curriculum.strategies.mixture import fit
 from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
+BATCH = 32  # tasks that are drawn at once
 ROUNDS = 6  # of expectation maximisation; more cost time, and tasks were no better for it
 
 
@@ -41,7 +42,7 @@ class AlpGmmSettings(Settings):
 class AlpGmm(Base):
     settings_class = AlpGmmSettings
     settings: AlpGmmSettings
-    memory = ("told", "scenes", "scores", "pairs", "worth", "means", "roots")
+    memory = ("told", "scenes", "scores", "pairs", "worth", "means", "roots", "drawn")
     told: int
     scenes: Floats
     """(memory, labels): a ring of the shares of past scenes, with their `scores`."""
@@ -51,6 +52,8 @@ class AlpGmm(Base):
     worth: Floats
     """Of each Gaussian; none before the first fit."""
     means: Floats
+    drawn: list[list[float]]
+    """Tasks for later."""
     roots: Floats
     """Of the Gaussians' covariances: times a standard normal draw they give one of theirs."""
 
@@ -60,16 +63,25 @@ class AlpGmm(Base):
         self.scenes, self.scores = np.zeros((self.settings.memory, labels)), np.zeros(self.settings.memory)
         self.pairs = np.zeros((self.settings.window, labels + 1))
         self.worth = self.means = self.roots = np.zeros(0)
+        self.drawn = []
 
     def next_task(self) -> PhiBox:
         if not len(self.worth) or self.rng.random() < self.settings.share:
             return self.space
-        chosen = drawn(self.worth, self.rng)
-        noise = self.roots[chosen] @ self.rng.standard_normal(self.axis.count)
-        half = self.settings.width / 2
+        if not self.drawn:
+            self.drawn = self._draw()
+        near = self.drawn.pop()
+        return self.axis.box(near, [share + self.settings.width for share in near])
+
+    def _draw(self) -> list[list[float]]:
+        """The easy ends of some tasks: drawn one by one they would cost ten times as much."""
+        upto = self.worth.cumsum()
+        chosen = upto.searchsorted(self.rng.random(BATCH) * upto[-1], side="right").clip(max=len(upto) - 1)
+        noise = self.rng.standard_normal((BATCH, self.axis.count, 1))
+        at = self.means[chosen] + (self.roots[chosen] @ noise)[:, :, 0]
         # kept whole inside: a task cut in half by the border would be asked for as often as any
-        at = [min(max(share, half), 1.0 - half) for share in (self.means[chosen] + noise).tolist()]
-        return self.axis.box([share - half for share in at], [share + half for share in at])
+        found: list[list[float]] = (at - self.settings.width / 2).clip(0.0, 1.0 - self.settings.width).tolist()
+        return found
 
     def report(self, outcome: Outcome) -> None:
         shares = self.axis.shares(outcome.phi)
@@ -91,6 +103,7 @@ class AlpGmm(Base):
     def _refit(self) -> None:
         labels = self.axis.count
         found = fit(self.pairs[: self.told], self.settings.largest, self.rng, ROUNDS)
+        self.drawn = []
         self.worth = np.maximum(found.means[:, labels], 0.0) + 1e-6  # no progress at all: any Gaussian
         self.means = found.means[:, :labels]
         self.roots = np.asarray(np.linalg.cholesky(found.covariances[:, :labels, :labels]), dtype=np.float64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,7 +24,8 @@ class Base(ABC):
 
     settings_class: ClassVar[type[Settings]] = Settings
     memory: ClassVar[tuple[str, ...]] = ()
-    """Attributes that change from episode to episode: numbers, arrays and lists of numbers. `begin` sets them."""
+    """Attributes (`name`, or `part.name`) that change from episode to episode: numbers, arrays and lists of numbers.
+    `begin` sets them."""
 
     settings: Settings
 
@@ -57,7 +59,7 @@ class Base(ABC):
 
     def state(self) -> dict[str, Any]:
         """All that is needed to go on from here, as plain data that JSON holds."""
-        memory = {name: getattr(self, name) for name in self.memory}
+        memory = {name: attrgetter(name)(self) for name in self.memory}
         return {**self._who(), **_plain({"rng": self.rng.bit_generator.state, "memory": memory})}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -77,8 +79,10 @@ class Base(ABC):
             title = f"this state is of another random generator: {error}"
             raise DataError(Diagnostic(title, help="restore with a generator of the same kind")) from error
         for name, saved in state["memory"].items():
-            mine = getattr(self, name)
-            setattr(self, name, np.array(saved, dtype=mine.dtype) if isinstance(mine, np.ndarray) else _plain(saved))
+            path, _, last = name.rpartition(".")
+            owner = attrgetter(path)(self) if path else self
+            mine = getattr(owner, last)
+            setattr(owner, last, np.array(saved, dtype=mine.dtype) if isinstance(mine, np.ndarray) else _plain(saved))
 
     def _who(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from scenegen.curriculum.strategies.base import Base
-from scenegen.curriculum.strategies.chances import Floats, Ints, any_of, drawn, hear
+from scenegen.curriculum.strategies.chances import Floats, Ints, drawn, hear
 from scenegen.curriculum.strategies.levels import Cells
 from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
@@ -43,7 +43,7 @@ class Exp3SSettings(Settings):
 class Exp3S(Base):
     settings_class = Exp3SSettings
     settings: Exp3SSettings
-    memory = ("weight", "slow", "fast", "heard", "rewards", "told", "low", "high")
+    memory = (*Cells.memory, "weight", "slow", "fast", "heard", "rewards", "told", "low", "high")
     weight: Floats
     """Sums to 1."""
     slow: Floats
@@ -64,8 +64,8 @@ class Exp3S(Base):
 
     def next_task(self) -> PhiBox:
         by_chance = self.rng.random() < self.settings.share
-        cell = any_of(self.cells.count, self.rng) if by_chance else drawn(self.weight, self.rng)
-        return self.cells.box(cell, self.rng)
+        cell = self.cells.any(self.rng) if by_chance else drawn(self.weight * self.cells.open, self.rng)
+        return self.cells.box(cell)
 
     def report(self, outcome: Outcome) -> None:
         cell = self.cells.of(outcome)
@@ -75,7 +75,7 @@ class Exp3S(Base):
         self.slow[cell] += (score - self.slow[cell]) / min(int(self.heard[cell]) + 2, span)
         hear(self.fast, self.heard, cell, score, span // FASTER)
         reward = self._scaled(abs(float(self.fast[cell] - self.slow[cell])))
-        chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count
+        chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count  # were all cells open
         self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -LONGEST), LONGEST))
         flow = max(1.0 / self.told, LEAST_FLOW)
         self.weight = (1.0 - flow) / self.weight.sum() * self.weight + flow / count

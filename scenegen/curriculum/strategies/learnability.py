@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from scenegen.curriculum.strategies.base import Base
-from scenegen.curriculum.strategies.chances import Floats, Ints, any_of, drawn, hear
+from scenegen.curriculum.strategies.chances import Floats, Ints, drawn, hear
 from scenegen.curriculum.strategies.levels import Cells
 from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
@@ -35,7 +35,7 @@ class LearnabilitySettings(Settings):
 class Learnability(Base):
     settings_class = LearnabilitySettings
     settings: LearnabilitySettings
-    memory = ("rate", "heard", "weight")
+    memory = (*Cells.memory, "rate", "heard", "weight")
     rate: Floats
     heard: Ints
     weight: Floats
@@ -48,8 +48,8 @@ class Learnability(Base):
 
     def next_task(self) -> PhiBox:
         by_chance = self.rng.random() < self.settings.share
-        cell = any_of(self.cells.count, self.rng) if by_chance else drawn(self.weight, self.rng)
-        return self.cells.box(cell, self.rng)
+        cell = self.cells.any(self.rng) if by_chance else drawn(self.weight * self.cells.open, self.rng)
+        return self.cells.box(cell)
 
     def report(self, outcome: Outcome) -> None:
         cell = self.cells.of(outcome)

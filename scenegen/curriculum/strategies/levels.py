@@ -1,37 +1,27 @@
 """The reach of phi cut into parts that are counted: levels of difficulty, or cells over all labels.
 
-An outcome belongs to the part whose box was asked for, else to the part that its first scene's phi lies in: so a part
-that no scene can reach, and for which a source hands out its nearest, is heard of too; and outcomes of tasks that
-somebody else chose count like our own.
+A source may have no scene for a part, and hand out its nearest. On the way out along the levels that is as good: the
+outcome belongs to the level that was asked for. Of cells, many may be out of reach (two labels that no scene fails
+badly at once), and every share of scenes for all of them would go to the border of what is there. So an outcome belongs
+to the cell that its first scene lay in, and a cell that never had a scene is closed after a few vain attempts.
+
+Outcomes of tasks that somebody else chose count like our own, by their phi.
 """
 
 from __future__ import annotations
 
 import itertools
-from typing import Protocol
 
 import numpy as np
 
 from scenegen.curriculum.strategies.axis import Axis, pick
+from scenegen.curriculum.strategies.chances import Floats, Ints, drawn
 from scenegen.curriculum.tasks import Outcome, PhiBox
 from scenegen.errors import Diagnostic, RequestError
 
 CELLS = (16, 6, 4, 3)  # per label, of one, two, three and four labels; of more, two
 MOST = 4096
-
-
-class Parts(Protocol):
-    """What levels and cells have in common: `count` of them."""
-
-    count: int
-
-    def box(self, part: int, rng: np.random.Generator) -> PhiBox:
-        """A box of this part."""
-        ...
-
-    def of(self, outcome: Outcome) -> int | None:
-        """The part that an outcome belongs to, None if it lies outside of the space."""
-        ...
+VAIN = 3  # attempts until a cell without scenes is closed
 
 
 class Levels:
@@ -42,10 +32,12 @@ class Levels:
         self._boxes = [axis.shell(level / count, (level + 1) / count) for level in range(count)]
         self._named = {box: level for level, boxes in enumerate(self._boxes) for _, box in boxes}
 
-    def box(self, part: int, rng: np.random.Generator) -> PhiBox:
-        return pick(self._boxes[part], rng)
+    def box(self, level: int, rng: np.random.Generator) -> PhiBox:
+        """A box of the level's, by its volume."""
+        return pick(self._boxes[level], rng)
 
     def of(self, outcome: Outcome) -> int | None:
+        """The level that an outcome belongs to, None if it lies outside of the space."""
         named = self._named.get(outcome.task)
         if named is not None:
             return named
@@ -56,8 +48,14 @@ class Levels:
 class Cells:
     """A grid over all labels of the axis, `per` cells along each; the first label's index changes slowest.
 
-    Raises RequestError where that makes more than MOST cells.
+    `open` is 1 for cells that may have scenes, 0 for closed ones; `vain` counts the attempts on those that never had
+    one, and is -1 for the others. Raises RequestError where there are more than MOST.
     """
+
+    memory = ("cells.open", "cells.vain")
+    """For the `memory` of a strategy that has them as `cells`."""
+    open: Floats
+    vain: Ints
 
     def __init__(self, axis: Axis, per: int | None = None) -> None:
         per = per or (CELLS[axis.count - 1] if 0 < axis.count <= len(CELLS) else 2)
@@ -69,15 +67,37 @@ class Cells:
         corners = [zip(*cell, strict=True) for cell in itertools.product(edges, repeat=axis.count)]
         self._boxes = [axis.box(*corner) if axis.count else axis.space for corner in corners]
         self._named = {box: cell for cell, box in enumerate(self._boxes)}
+        self.open, self.vain = np.ones(self.count), np.zeros(self.count, dtype=np.int64)
 
-    def box(self, part: int, rng: np.random.Generator) -> PhiBox:
-        return self._boxes[part]
+    def box(self, cell: int) -> PhiBox:
+        """The cell's box."""
+        return self._boxes[cell]
+
+    def any(self, rng: np.random.Generator) -> int:
+        """A cell that is open."""
+        return drawn(self.open, rng)
 
     def of(self, outcome: Outcome) -> int | None:
-        named = self._named.get(outcome.task)
-        if named is not None:
-            return named
-        shares = self.axis.shares(outcome.phi)
+        """The cell that an outcome belongs to, None if it lies outside of the space. Takes note of cells without
+        scenes."""
+        asked = self._named.get(outcome.task)
+        if asked is not None and not outcome.task.holds(outcome.phi):
+            self._missed(asked)
+            asked = None
+        cell = self._of(outcome.phi) if asked is None else asked
+        if cell is not None and self.vain[cell] >= 0:
+            self.vain[cell], self.open[cell] = -1, 1.0
+        return cell
+
+    def _missed(self, cell: int) -> None:
+        if self.vain[cell] < 0:
+            return
+        self.vain[cell] += 1
+        if self.vain[cell] >= VAIN and self.open.sum() > 1.0:
+            self.open[cell] = 0.0
+
+    def _of(self, phi: tuple[float, ...]) -> int | None:
+        shares = self.axis.shares(phi)
         if shares is None:
             return None
         cell = 0

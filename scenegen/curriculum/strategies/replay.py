@@ -42,7 +42,7 @@ class ReplaySettings(Settings):
 class Replay(Base):
     settings_class = ReplaySettings
     settings: ReplaySettings
-    memory = ("mean", "score", "heard", "last", "asked")
+    memory = (*Cells.memory, "mean", "score", "heard", "last", "asked")
     mean: Floats
     score: Floats
     heard: Ints
@@ -61,20 +61,20 @@ class Replay(Base):
         cell = self._cell()
         self.last[cell] = self.asked
         self.asked += 1
-        return self.cells.box(cell, self.rng)
+        return self.cells.box(cell)
 
     def _cell(self) -> int:
-        count = self.cells.count
+        count, there = self.cells.count, self.cells.open
         if self.asked < 100 * count:  # by then none is left, but for one chance in e^100
             new = np.flatnonzero(self.last < 0)
             draw = self.rng.random() * count
             if draw < len(new):
                 return int(new[int(draw)])
         if self.rng.random() < self.settings.staleness:
-            return drawn((self.asked - self.last).astype(np.float64), self.rng)
-        place = drawn(self._by_rank, self.rng)
-        # sorting the cells anew for each draw would cost more than the draw; the place is all that is needed
-        return int(np.argpartition(-self.score, place)[place])
+            return drawn((self.asked - self.last) * there, self.rng)
+        place = drawn(self._by_rank[: int(there.sum())], self.rng)
+        # the cell at that place, closed ones last; sorting all of them for each draw would cost more
+        return int(np.argpartition(1.0 - there - self.score * there, place)[place])
 
     def report(self, outcome: Outcome) -> None:
         cell = self.cells.of(outcome)

@@ -21,6 +21,7 @@ from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
 UNKNOWN = 1.0  # more than any slope over three outcomes or more
+DIGITS = 9  # of a slope: equal ones are drawn from by lot, not by how they were rounded
 
 
 class TeacherSettings(Settings):
@@ -28,14 +29,14 @@ class TeacherSettings(Settings):
     over; `share` of scenes from any cell."""
 
     cells: int | None = Field(default=None, ge=1, le=1000)
-    window: int = Field(default=10, ge=3, le=1000)
+    window: int = Field(default=20, ge=3, le=1000)
     share: float = Field(default=0.2, gt=0.0, le=1.0)
 
 
 class Teacher(Base):
     settings_class = TeacherSettings
     settings: TeacherSettings
-    memory = ("score", "heard", "progress")
+    memory = (*Cells.memory, "score", "heard", "progress")
     score: Floats
     """(cells, window): a ring of each cell's last outcomes."""
     heard: Ints
@@ -53,9 +54,10 @@ class Teacher(Base):
 
     def next_task(self) -> PhiBox:
         if self.rng.random() < self.settings.share:
-            return self.cells.box(any_of(self.cells.count, self.rng), self.rng)
-        best = np.flatnonzero(self.progress == self.progress.max())
-        return self.cells.box(int(best[any_of(len(best), self.rng)]), self.rng)
+            return self.cells.box(self.cells.any(self.rng))
+        progress = np.where(self.cells.open, self.progress, -1.0)
+        best = np.flatnonzero(progress == progress.max())
+        return self.cells.box(int(best[any_of(len(best), self.rng)]))
 
     def report(self, outcome: Outcome) -> None:
         cell = self.cells.of(outcome)
@@ -65,7 +67,8 @@ class Teacher(Base):
         self.score[cell, heard % window] = outcome.success
         self.heard[cell] = heard + 1
         if heard + 1 >= window:
-            self.progress[cell] = abs(self._slope[(heard + 1) % window] @ self.score[cell])
+            slope = float(self._slope[(heard + 1) % window] @ self.score[cell])
+            self.progress[cell] = round(abs(slope), DIGITS)
 
     def log(self) -> dict[str, float]:
         known = self.progress[self.progress < UNKNOWN]

@@ -41,7 +41,7 @@ class SB3Vector(VecEnv):
         if any(self._options):
             raise error.Error("options are not for single tables; reset the environment itself, or use a curriculum")
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
-        seen, infos = self.env.reset(seed=seeds)
+        seen, infos = self.env.reset(seed=seeds)  # type: ignore[arg-type]  # gymnasium's own take lists, too
         self.reset_infos = [_of(infos, number) for number in range(self.num_envs)]
         self._reset_seeds()
         found: VecEnvObs = seen
@@ -89,7 +89,8 @@ class SB3Vector(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table, where the environment draws."""
-        return list(self.env.render() or [None] * self.num_envs)
+        drawn: Sequence[Any] | None = self.env.render()
+        return [None] * self.num_envs if drawn is None else list(drawn)
 
 
 def _of(infos: dict[str, Any], number: int) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from scenegen.curriculum.strategies.self_paced import SelfPacedSettings
 from scenegen.errors import DataError, Diagnostic
 from scenegen.experiments.charts import check_libraries
 from scenegen.experiments.crew import share
@@ -30,14 +31,16 @@ def run(plan: Plan) -> Report:
     found = _learnt(plan)
     verdicts = [verdict(found, task) for task in TASKS]
     effort = QUICK if plan.quick else FULL
+    pace = SelfPacedSettings(**LESSONS["self_paced"].settings)
     blocks = [
         *(one.words for one in verdicts),
         "All objects of a scene can be moved, and the state is continuous: a table of 100 cells a side would have 10^8"
-        " rows for two objects and 10^18 for four, one of them with its heading. So a network learns: Stable-Baselines3's PPO. Success is the share"
-        f" of {effort.held_out} random unsatisfied scenes that the policy, without its noise, solves; these scenes are"
-        " the same for all runs, and no run begins with one of them. Rewards are the paper's (10 satisfied, -10 off the"
-        " table, which ends the episode, 0 otherwise), but for the row that says dense, to which the change of phi is"
-        " added.",
+        " rows for two objects and 10^18 for four, one of them with its heading. So a network learns:"
+        " Stable-Baselines3's PPO."
+        f" Success is the share of {effort.held_out} random unsatisfied scenes that the policy, without its noise,"
+        " solves; these scenes are the same for all runs, and no run begins with one of them. Rewards are the paper's"
+        " (10 satisfied, -10 off the table, which ends the episode, 0 otherwise), but for the row that says dense, to"
+        " which the change of phi is added.",
         picture(
             FIGURE,
             "Learning curves",
@@ -59,8 +62,9 @@ def run(plan: Plan) -> Report:
         f"* **linear in phi**: {LEVELS} levels, one after the other, over {SLOW:,} episodes (slow: the run is over"
         f" long before) or {FAST:,} (fast), then uniform. A band that moves, as in the paper, or one that grows and"
         " keeps the easier levels.\n"
-        f"* **self-paced**: the newest two of {LEVELS} levels, with a tenth of uniform scenes, on after 17 of the last"
-        " 20 outcomes were successes, or after 1,000 outcomes; then uniform.\n"
+        f"* **self-paced**: the newest {pace.band} of {pace.levels} levels, with a share of {pace.share:g} of uniform"
+        f" scenes; on when {pace.rate:.0%} of the last {pace.window} outcomes were successes, or after"
+        f" {pace.patience:,} outcomes; then uniform.\n"
         f"* **trained model**: scenes are those that `{KIND}`, trained on the spec for {effort.epochs} epochs,"
         " proposes, moved onto their phi and verified, as `scenegen sample MODEL` gives them.",
         f"PPO: {effort.tables} tables, {', '.join(f'{name} {value}' for name, value in SETTINGS.items())}; a network of"

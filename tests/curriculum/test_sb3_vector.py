@@ -35,7 +35,9 @@ def test_it_steps_as_what_is_under_it():
             assert (told[k]["terminal_observation"] == infos["final_obs"][k]).all()
             assert told[k]["TimeLimit.truncated"] == (truncated[k] and not terminated[k])
             assert told[k]["is_success"] == last["is_success"][k] and told[k]["off_table"] == last["off_table"][k]
-            assert told[k]["phi"] == {"task": last["phi"]["task"][k]} and (told[k]["phi"]["task"] >= 0) == (reward[k] > 0)
+            assert told[k]["phi"] == {"task": last["phi"]["task"][k]} and (told[k]["phi"]["task"] >= 0) == (
+                reward[k] > 0
+            )
             ends["truncated"] += told[k]["TimeLimit.truncated"]
             ends["success"] += bool(told[k]["is_success"])
             ends["off"] += bool(told[k]["off_table"])
@@ -61,7 +63,11 @@ def test_sb3s_own_monitor_counts_episodes():
     for _ in range(2 * LIMIT):
         _, _, _, infos = env.step(np.zeros((TABLES, 4), dtype=np.float32))
         episodes += [info["episode"] for info in infos if "episode" in info]
-    assert len(episodes) == 2 * TABLES and {one["l"] for one in episodes} == {LIMIT} and {one["r"] for one in episodes} == {0}
+    assert (
+        len(episodes) == 2 * TABLES
+        and {one["l"] for one in episodes} == {LIMIT}
+        and {one["r"] for one in episodes} == {0}
+    )
 
 
 def test_what_is_said_of_all_tables_at_once():

@@ -1,6 +1,7 @@
 """Deep learners: lessons, examinations, runs that are kept, and what is made of them."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -11,23 +12,22 @@ from scenegen.curriculum.strategies.linear import Linear
 from scenegen.curriculum.tasks import PhiBox
 from scenegen.experiments.deep import runs, summary
 from scenegen.experiments.deep.heldout import random_scenes, success
-from scenegen.experiments.deep.lessons import BANDS, LESSONS, AsTheyCome
+from scenegen.experiments.deep.lessons import BANDS, LESSONS, SOURCES, AsTheyCome
 from scenegen.experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastered, perform
 from scenegen.experiments.deep.tasks import TASKS
 from scenegen.experiments.figures.learning import STYLES, band, together
+from scenegen.experiments.run import run
 
 SPACE = PhiBox((-2.0,), (0.0,))
 
 
 @pytest.fixture(scope="module")
 def two():
-    """The smaller task: its spec, rules, and random scenes."""
+    """The smaller task, its rules, and random scenes."""
     task = TASKS["two"]
     spec = task.load()
-    rules = make_rules(
-        spec, goal=None, moves="continuous", move=None, step=task.step, turn=task.turn, reward="sparse"
-    )
-    return task, spec, rules, random_scenes(spec, 40, 1)
+    rules = make_rules(spec, goal=None, moves="continuous", move=None, step=task.step, turn=task.turn, reward="sparse")
+    return task, rules, random_scenes(task, 40, 1)
 
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
@@ -62,7 +62,7 @@ def test_random_scenes_are_asked_for_as_often_as_they_occur():
 
 
 def test_an_examination_marks_those_who_can_and_those_who_cannot(two):
-    task, spec, rules, (scenes, phi) = two
+    task, rules, (scenes, phi) = two
     assert scenes.shape == (6, 40) and (phi < 0).all()
     assert (rules.score(scenes)[0] == pytest.approx(phi)) and np.ptp(phi) > 0.3
 
@@ -99,7 +99,10 @@ def test_what_is_learnt_is_kept(done):
     assert found.episodes >= job.steps // job.what.horizon - effort.tables
 
 
-@pytest.mark.parametrize("change", [{"seed": 1}, {"lesson": "uniform"}, {"source": "model"}, {"task": "setting"}, {"quick": False}])
+OTHERS = ({"seed": 1}, {"lesson": "uniform"}, {"source": "model"}, {"task": "setting"}, {"quick": False})
+
+
+@pytest.mark.parametrize("change", OTHERS)
 def test_another_run_is_another_file(done, change):
     job = dataclasses.replace(done[0], **change)
     assert job.path != done[0].path and kept(job) is None
@@ -128,9 +131,9 @@ def test_the_same_seed_learns_the_same(done, tmp_path):
     assert (first.curve, first.episodes) == (second.curve, second.episodes)
 
 
-def record(*curve, **changed):
-    values = {"asked": {}, "curve": list(curve), "episodes": 100, "cpu": 10.0, "wall": 20.0, "ahead": 0.1, "sampling": 1.0}
-    return Record(**{**values, **changed})
+def record(*curve):
+    costs = {"episodes": 100, "cpu": 10.0, "wall": 20.0, "ahead": 0.1, "sampling": 1.0}
+    return Record(asked={}, curve=list(curve), **costs)
 
 
 def reaching(steps):
@@ -191,3 +194,37 @@ def test_the_bands_are_students():
 def test_a_run_that_was_over_keeps_what_it_reached():
     steps, values = together([[(0, 0.0), (10, 0.9)], [(0, 0.1), (10, 0.2), (20, 0.3)]])
     assert steps.tolist() == [0, 10, 20] and values.tolist() == [[0.0, 0.9, 0.9], [0.1, 0.2, 0.3]]
+
+
+def test_the_whole_experiment_on_one_task(tmp_path, monkeypatch):
+    """Every lesson, learnt for a moment; the second time nothing is."""
+    monkeypatch.delitem(TASKS, "setting")
+    told: list[str] = []
+    run("curriculum-deep", tmp_path, seeds=1, workers=1, quick=True, tell=told.append)
+    pairs = sum(len(lesson.sources) for lesson in LESSONS.values())
+    assert sum("learnt in" in line for line in told) == pairs
+    report = json.loads((tmp_path / "curriculum-deep.json").read_text())
+    assert len({(one["lesson"], one["source"]) for one in report["runs"]}) == len(report["runs"]) == pairs
+    assert [one["task"] for one in report["verdicts"]] == ["two"] and report["figures"] == ["curriculum_deep.png"]
+    text = (tmp_path / "curriculum-deep.md").read_text()
+    for lesson in LESSONS.values():
+        for source in lesson.sources:
+            assert f"| {lesson.title}; {SOURCES[source]} |" in text
+    assert "object plate, mug" in text and "(curriculum_deep.png)" in text
+    files = {path: path.read_bytes() for path in tmp_path.glob("curriculum*")}
+    told.clear()
+    run("curriculum-deep", tmp_path, seeds=1, workers=1, quick=True, tell=told.append)
+    assert told[0] == f"{pairs} of {pairs} runs are there from before" and len(told) == 2
+    assert files == {path: path.read_bytes() for path in tmp_path.glob("curriculum*")}
+
+
+@pytest.mark.slow
+def test_two_workers_learn_what_one_does(tmp_path, monkeypatch):
+    monkeypatch.delitem(TASKS, "setting")
+    curves = []
+    for workers in (1, 2):
+        out = tmp_path / str(workers)
+        run("curriculum-deep", out, seeds=1, workers=workers, quick=True)
+        report = json.loads((out / "curriculum-deep.json").read_text())
+        curves.append([(one["lesson"], one["source"], one["curve"], one["episodes"]) for one in report["runs"]])
+    assert curves[0] == curves[1]

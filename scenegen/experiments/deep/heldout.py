@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -10,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.sample import sample
-from scenegen.api.spec import Spec
 from scenegen.curriculum.rules import Rules, Tables
+from scenegen.experiments.deep.tasks import Task
 from scenegen.experiments.measure import Array, rows_of
 
 SEED = 2**31 + 7
@@ -19,8 +20,10 @@ Policy = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]
 """Observations (B, K) -> actions (B, A)."""
 
 
-def random_scenes(spec: Spec, count: int, seed: int) -> tuple[Array, Array]:
-    """Unsatisfied scenes as they come, (3N, count), and phi (count,) of the one label there is."""
+@functools.lru_cache(maxsize=8)
+def random_scenes(task: Task, count: int, seed: int) -> tuple[Array, Array]:
+    """Unsatisfied scenes as they come, (3N, count), and phi (count,) of the one label there is. Not to be changed."""
+    spec = task.load()
     (label,) = spec.labels
     scenes = sample(spec, {label: (None, math.nextafter(0.0, -1.0))}, count, seed=seed, spread="base", workers=1)
     return rows_of(scenes), scenes.phi[label]
@@ -39,4 +42,4 @@ def success(rules: Rules, scenes: Array, policy: Policy, horizon: int) -> float:
         if not on.any():
             break
         tables = Tables(done.tables.rows[:, on], done.tables.phi[:, on], done.tables.slack[on])
-    return solved / scenes.shape[1]
+    return solved / int(scenes.shape[1])

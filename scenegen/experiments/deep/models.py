@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from scenegen.api.train import Model, load_model, train
 from scenegen.errors import DataError
@@ -25,7 +26,7 @@ def model_path(folder: Path, task: Task, quick: bool) -> Path:
 def ensure_model(path: Path, task: Task, effort: Effort) -> bool:
     """Train the model of a task, unless it is there, whole and trained by these settings; whether it was trained now.
     Raises ScenegenError."""
-    options = {"epochs": effort.epochs, "scenes": effort.scenes, "data": effort.data}
+    options: dict[str, Any] = {"epochs": effort.epochs, "scenes": effort.scenes, "data": effort.data}
     config = make_config(KIND, seed=0, **options)
     if _kept(path, task, config):
         return False

@@ -25,7 +25,8 @@ from scenegen.formats.files import write_whole
 
 RANDOM = 4096  # scenes that tell how often which phi occurs
 MASTERED, IN_A_ROW = 0.99, 5  # success in so many measurements ends a run
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Record(BaseModel):
@@ -122,8 +123,8 @@ def perform(job: Job) -> float:
 def _learn(job: Job) -> Record:
     task, effort, spec = job.what, job.effort, job.what.load()
     asked = job.asked()
-    examination, _ = random_scenes(spec, effort.held_out, SEED)
-    _, phi = random_scenes(spec, RANDOM, SEED + 1)
+    examination, _ = random_scenes(task, effort.held_out, SEED)
+    _, phi = random_scenes(task, RANDOM, SEED + 1)
     source = None if job.model is None else load_model(job.model, spec)
     tables = TableTopVector(
         effort.tables,
@@ -139,7 +140,7 @@ def _learn(job: Job) -> Record:
     library = _Meter()
     space = library.timed(lambda: tables.space)()
     meter = _Meter()
-    plan = job.how.make(space, job.seed, phi)
+    plan = job.how.make(space, job.seed, phi.tolist())
     # a strategy and a dealer may be any objects; only their methods are wrapped
     setattr(plan, "next_task", meter.timed(plan.next_task))  # noqa: B010
     setattr(plan, "report", meter.timed(plan.report, count=True))  # noqa: B010

@@ -60,4 +60,4 @@ class Effort:
 
 
 FULL = Effort(128, None, 8_192, 500, 4, None, None)
-QUICK = Effort(16, 1_024, 512, 32, 1, 256, "uniform")
+QUICK = Effort(16, 512, 512, 32, 1, 256, "uniform")

@@ -50,11 +50,12 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
     spread over it; {"phi": {label: (lo, hi)}} and a PhiBox ask for labels of their own, None is an open end. `phi` of
     the constructor is what is asked for where options say nothing: left out, all that does not satisfy the goal yet,
     but for the hardest thousandth. {"scene": ...} begins with a given scene: a Scene, {object: (x, y, theta)}, or an
-    array (N, 3). {"nearest": True} takes the nearest scene that there is where phi is out of reach.
+    array (N, 3). {"nearest": True} takes the nearest scenes that there are where phi is out of reach, and where ranges
+    of several labels have few scenes ready, such as lie a sixteenth of their reach beside them.
 
     Scenes come from the exact sampler, or from `source`: a model trained on the spec, or scenes, or the path of either
     one. From the same seed and the same requests follow the same scenes, each handed out once; those of a file come
-    again when all that are wanted were used.
+    again when all others of about the same phi were used.
 
     Episodes have no end of their own: gymnasium.make adds a limit of 100 steps (`max_episode_steps=`).
 
@@ -62,7 +63,7 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
     of SceneSet.render.
 
     Raises errors of `gymnasium.error`: InvalidBound for phi out of reach, InvalidAction for NaN and actions out of
-    range, ResetNeeded, MissingArgument, UnsupportedMode, and Error for the rest; SpecError for a spec with mistakes.
+    range, ResetNeeded, MissingArgument, UnsupportedMode, and Error for the rest, a spec with mistakes included.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - gymnasium's

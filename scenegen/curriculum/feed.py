@@ -4,7 +4,7 @@ What comes out is fixed by the seed and by what was asked for since. Of the cell
 is wanted, one is drawn by how much of it does; the cell has its scenes in random order. When they are used up, more are
 drawn, twice as many each time, for planning a draw costs more than hundreds of its scenes: for all cells while requests
 vary, for those that overlap where one comes again and again. What the library does not reach gets draws of its own, and
-so does a band that comes again and again and takes little of its cells.
+so does a band that comes again and again and takes parts of cells: they would be left with their other parts.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from bisect import bisect
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -27,11 +28,11 @@ Dealt = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 FIRST, MOST = 4096, 32_768  # scenes of the first draw of cells and of later ones at most
 ALONE = 1024  # scenes of the first draw for one band
-KEPT = 4096  # scenes of a shelf that later draws leave there
+KEPT = 2048  # scenes of a shelf that later draws leave there
 WORTH = 2.0  # scenes that a draw for whole cells should give of a part of one: else that part is drawn itself
-OFTEN, LITTLE = 8, 0.5  # a band asked for more often comes again and again; of its cells less than this is little
+OFTEN = 8  # a band asked for more often comes again and again
 DRAWS = 2  # for one scene, at most
-BANDS, SHELVES = 256, 128  # that are remembered, the last ones
+BANDS, SHELVES = 256, 1024  # that are remembered, the last ones; an index of three labels may have 512 cells
 
 
 class Shelf:
@@ -77,9 +78,9 @@ class _Plan:
     wanted, how often it was asked for, and whether it has draws of its own."""
 
     index: Index
-    cells: tuple[int, ...]
-    weights: tuple[float, ...]
-    shares: tuple[float, ...]
+    cells: list[int]
+    weights: list[float]
+    shares: list[float]
     asked: int = field(default=0)
     alone: bool = field(default=False)
 
@@ -96,21 +97,30 @@ class Feed:
         self._plans: OrderedDict[Wanted, _Plan | None] = OrderedDict()
         self._shelves: OrderedDict[tuple[object, int], Shelf] = OrderedDict()
         self._hopeless: set[Wanted] = set()
+        self._fills: dict[tuple[int, ...], int] = {}
 
     def take(self, wanted: Wanted, *, nearest: bool = False) -> Dealt:
         """A scene and its phi. With `nearest` it is of the cell nearest to what is wanted where that cannot be had.
         Raises RequestError."""
         plan = self._plan(wanted)
-        if plan is not None and not plan.alone:
+        if plan is not None:
             plan.asked += 1
+            plan.alone = plan.alone or (plan.asked > OFTEN and self.library.more is not None and min(plan.shares) < 1.0)
+        if plan is not None and not plan.alone:
             first = min(bisect(plan.weights, self._rng.random() * plan.weights[-1]), len(plan.cells) - 1)
             # a file may have scenes in a part of a cell that is not wanted, and others in the next cell
+            rough = nearest and len(wanted.dims) > 1
             for step in range(1 if self.library.more is not None else len(plan.cells)):
-                found = self._of_cell(plan, (first + step) % len(plan.cells), wanted)
+                found = self._of_cell(plan, (first + step) % len(plan.cells), wanted, 0 if rough else DRAWS)
                 if found is not None:
                     return found
+            if rough:  # a part of a cell in several labels may well be empty, and finding that out takes long
+                return self.take(self._whole(plan.index, plan.cells[first], wanted))
         if not nearest:
             return self._of_its_own(wanted)
+        within = self._within(wanted)
+        if within != wanted:
+            return self.take(within, nearest=True)
         if plan is not None and wanted not in self._hopeless:
             try:
                 return self._of_its_own(wanted)
@@ -126,33 +136,31 @@ class Feed:
         # a file has no more than it has: what of it is wanted is all there is
         if self.library.more is None or self.library.covers(wanted):
             index = self.library.index(wanted.dims)
-            shares = index.shares(wanted)
-            cells = np.flatnonzero(shares > 0.0)
-            if len(cells):
-                shares = shares[cells]
-                plan = _Plan(index, tuple(cells.tolist()), tuple(shares.cumsum().tolist()), tuple(shares.tolist()))
+            cells, shares = index.overlap(wanted)
+            if cells:
+                plan = _Plan(index, cells, list(accumulate(shares)), shares)
         self._plans[wanted] = plan
         if len(self._plans) > BANDS:
             self._plans.popitem(last=False)
         return plan
 
-    def _of_cell(self, plan: _Plan, at: int, wanted: Wanted) -> Dealt | None:
-        """A scene that is wanted of one of the plan's cells; None where it is better drawn by itself."""
+    def _of_cell(self, plan: _Plan, at: int, wanted: Wanted, draws: int) -> Dealt | None:
+        """A scene that is wanted of one of the plan's cells, after so many draws at most; None where it is better drawn
+        by itself."""
         shelf = self._cell(plan.index, plan.cells[at])
-        for _ in range(1 + DRAWS):
+        for attempt in range(1 + draws):
             found = shelf.take(wanted, self._used)
             if found is not None:
                 return found
+            if attempt == draws:
+                break
             if self.library.more is None:  # once more, in another order
                 members = plan.index.members[plan.cells[at]]
                 shelf = self._put((plan.index.dims, plan.cells[at]), self._filled(members))
                 continue
             often = plan.asked > OFTEN
-            if often and plan.weights[-1] < LITTLE * len(plan.cells):
-                plan.alone = True
-                break
             cells = plan.cells if often else range(len(plan.index.members))
-            count = min(FIRST << shelf.draws, MOST)
+            count = min(FIRST << (shelf.draws if often else self._fills.get(plan.index.dims, 0)), MOST)
             if plan.shares[at] * count / len(cells) < WORTH:
                 break
             self._fill(plan.index, cells, count)
@@ -176,6 +184,7 @@ class Feed:
     def _fill(self, index: Index, numbers: Sequence[int], count: int) -> None:
         """More scenes for some cells."""
         cells, dims = list(numbers), list(index.dims)
+        self._fills[index.dims] = self._fills.get(index.dims, 0) + 1
         low, high = index.low[cells], index.high[cells]
         ends = zip(dims, low.min(axis=0).tolist(), high.max(axis=0).tolist(), strict=True)
         scenes = self._draw({self.library.aim.names[k]: (least, most) for k, least, most in ends}, count)
@@ -226,10 +235,22 @@ class Feed:
             self._shelves.popitem(last=False)
         return shelf
 
+    def _within(self, wanted: Wanted) -> Wanted:
+        """The part of what is wanted that lies where the scenes are spread; all of it where no part does."""
+        low, high = list(wanted.low), list(wanted.high)
+        for k in wanted.dims:
+            low[k], high[k] = max(low[k], float(self.library.low[k])), min(high[k], float(self.library.high[k]))
+            if low[k] >= high[k]:
+                return wanted
+        return Wanted(tuple(low), tuple(high))
+
     def _around(self, wanted: Wanted) -> Wanted:
         """The cell that is nearest to what is wanted."""
         index = self.library.index(wanted.dims)
-        cell = index.nearest(wanted)
+        return self._whole(index, index.nearest(wanted), wanted)
+
+    def _whole(self, index: Index, cell: int, wanted: Wanted) -> Wanted:
+        """All of a cell, in place of what is wanted."""
         low, high = list(wanted.low), list(wanted.high)
         for k, dim in enumerate(wanted.dims):
             low[dim], high[dim] = float(index.low[cell, k]), float(index.high[cell, k])

@@ -6,8 +6,10 @@ One library serves every environment of the same aim and source, whatever its se
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -32,7 +34,12 @@ KEPT = 8  # libraries that are kept
 _KEPT: OrderedDict[tuple[Any, ...], Library] = OrderedDict()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+def _share(low: float, high: float, least: float, most: float) -> float:
+    """Which share of the range from `least` to `most` lies from `low` to `high`; these two overlap."""
+    return (min(high, most) - max(low, least)) / (most - least) if most > least else 1.0
+
+
+@dataclass(frozen=True, eq=False)
 class Index:
     """Scenes by cells of phi of some labels, `dims`: the ends of the G cells that have scenes, (G, K) each, and the
     numbers of their scenes."""
@@ -42,15 +49,28 @@ class Index:
     high: Array
     members: tuple[npt.NDArray[np.intp], ...]
 
-    def shares(self, wanted: Wanted) -> Array:
-        """(G,): which share of each cell lies in what is wanted."""
+    def overlap(self, wanted: Wanted) -> tuple[list[int], list[float]]:
+        """The cells that have a part of what is wanted, and which share of each is."""
+        if len(self.dims) == 1:  # the usual case, for which numpy would be slow
+            lows, highs = self._line
+            low, high = wanted.low[self.dims[0]], wanted.high[self.dims[0]]
+            cells = range(bisect_left(highs, low), bisect_right(lows, high))
+            parts = ((cell, _share(low, high, lows[cell], highs[cell])) for cell in cells)
+            found = [(cell, share) for cell, share in parts if share > 0.0]
+            return [cell for cell, _ in found], [share for _, share in found]
         at = list(self.dims)
-        low = np.maximum(np.array(wanted.low)[at], self.low)
-        high = np.minimum(np.array(wanted.high)[at], self.high)
+        lower = np.maximum(np.array(wanted.low)[at], self.low)
+        upper = np.minimum(np.array(wanted.high)[at], self.high)
         width = self.high - self.low
         # phi that is the same everywhere has cells without width
-        share = np.where(width > 0.0, (high - low) / np.where(width > 0.0, width, 1.0), high >= low)
-        return np.asarray(np.clip(share, 0.0, 1.0).prod(axis=1))
+        share = np.where(width > 0.0, (upper - lower) / np.where(width > 0.0, width, 1.0), upper >= lower)
+        whole = np.clip(share, 0.0, 1.0).prod(axis=1)
+        numbers = np.flatnonzero(whole > 0.0)
+        return numbers.tolist(), whole[numbers].tolist()
+
+    @cached_property
+    def _line(self) -> tuple[list[float], list[float]]:
+        return self.low[:, 0].tolist(), self.high[:, 0].tolist()
 
     def nearest(self, wanted: Wanted) -> int:
         """The cell whose phi is nearest to what is wanted, in widths of cells."""

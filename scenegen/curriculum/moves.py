@@ -42,7 +42,10 @@ class Moves:
 
     def checked(self, actions: Any, count: int) -> npt.NDArray[Any]:
         """B actions as an array, (B,) of numbers or (B, K). Raises gymnasium.error.InvalidAction."""
-        given = np.asarray(actions)
+        try:
+            given = np.asarray(actions)
+        except ValueError:  # ragged
+            given = np.empty(0, dtype=object)
         if self.kind == "grid":
             given = given.reshape(count) if given.size == count else given
             if given.shape != (count,) or given.dtype.kind not in "iu":

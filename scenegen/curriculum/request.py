@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Real
 from typing import Any
 
@@ -28,14 +29,14 @@ Array = npt.NDArray[np.float64]
 OPTIONS = ("phi", "scene", "nearest")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wanted:
     """phi that a scene is wanted with, of each of an aim's D labels: closed ranges, infinite where an end is open."""
 
     low: tuple[float, ...]
     high: tuple[float, ...]
 
-    @property
+    @cached_property
     def dims(self) -> tuple[int, ...]:
         """The labels that something is wanted of."""
         ends = zip(self.low, self.high, strict=True)

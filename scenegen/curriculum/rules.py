@@ -16,6 +16,7 @@ from scenegen.curriculum.aim import Aim, Scorer, make_aim
 from scenegen.curriculum.moves import Moves, make_moves
 from scenegen.curriculum.rewards import Reward
 from scenegen.curriculum.views import Views, make_views
+from scenegen.errors import ScenegenError
 from scenegen.scene.workspace import TWO_PI
 
 Array = npt.NDArray[np.float64]
@@ -89,18 +90,21 @@ class Rules:
 
 
 def load_spec(spec: Spec | str | Path | None) -> Spec:
-    """A spec as people give it: itself, the path of a file, or a text. Raises SpecError and DataError, and
-    gymnasium.error for none at all."""
+    """A spec as people give it: itself, the path of a file, or a text. Raises gymnasium.error.MissingArgument for none,
+    gymnasium.error.Error for one with mistakes, which it shows."""
     if spec is None:
         raise error.MissingArgument(
             'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
         )
     if isinstance(spec, Spec):
         return spec
-    if isinstance(spec, Path) or (isinstance(spec, str) and "\n" not in spec and spec.rstrip().endswith(".spec")):
-        return load(spec)
-    if isinstance(spec, str):
-        return parse(spec)
+    try:
+        if isinstance(spec, Path) or (isinstance(spec, str) and "\n" not in spec and spec.rstrip().endswith(".spec")):
+            return load(spec)
+        if isinstance(spec, str):
+            return parse(spec)
+    except ScenegenError as problem:
+        raise error.Error(str(problem)) from problem
     raise error.Error(f"`spec` is a Spec, the path of a spec file or its text, not {type(spec).__name__}")
 
 

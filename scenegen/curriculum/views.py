@@ -14,6 +14,8 @@ from scenegen.lang.spec import CheckedSpec
 
 Array = npt.NDArray[np.float64]
 
+ONE = np.float32(1.0)
+
 
 @dataclass(frozen=True, slots=True)
 class Views:
@@ -23,7 +25,7 @@ class Views:
 
     places: npt.NDArray[np.intp]
     middle: Array
-    half: Array
+    scale: Array
     turned: npt.NDArray[np.intp]
     order: npt.NDArray[np.intp]
     names: tuple[str, ...]
@@ -33,12 +35,13 @@ class Views:
 
     def __call__(self, rows: Array) -> npt.NDArray[np.float32]:
         """(3N, B) -> (B, K)."""
-        along = (rows[self.places] - self.middle) / self.half
+        along = (rows[self.places] - self.middle) * self.scale
         if len(self.turned):
             theta = rows[self.turned]
             along = np.concatenate([along, np.cos(theta), np.sin(theta)])[self.order]
         seen = np.ascontiguousarray(along.T, dtype=np.float32)
-        return np.clip(seen, -1.0, 1.0, out=seen)
+        np.minimum(seen, ONE, out=seen)
+        return np.maximum(seen, -ONE, out=seen)
 
 
 def make_views(spec: CheckedSpec) -> Views:
@@ -54,4 +57,4 @@ def make_views(spec: CheckedSpec) -> Views:
     at = np.array(places, dtype=np.intp)
     middle, half = (low[at] + high[at]) / 2.0, (high[at] - low[at]) / 2.0
     turned_ = np.array(turned, dtype=np.intp)
-    return Views(at, middle[:, None], half[:, None], turned_, np.array(order, dtype=np.intp), names)
+    return Views(at, middle[:, None], 1.0 / half[:, None], turned_, np.array(order, dtype=np.intp), names)

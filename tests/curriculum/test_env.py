@@ -6,6 +6,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
@@ -14,7 +15,9 @@ from scenegen.curriculum import PhiBox, TableTop
 
 LEFT = "leftOf(mug, plate)"
 KNIFE = "angle(knife, NORTH, 0.2) & leftOf(knife, plate)"
-APART = "object mug = box(0.1, 0.1, 0.1)\nobject plate = box(0.1, 0.1, 0.1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
+APART = (
+    "object mug = box(0.1, 0.1, 0.1)\nobject plate = box(0.1, 0.1, 0.1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
+)
 TWO = "near: closeTo(mug, plate, 0.2)\nside: leftOf(mug, plate)"
 HELD = "object mug\nobject plate at (0.5, 0.5)\ntask: leftOf(mug, plate)"
 
@@ -43,7 +46,9 @@ def test_the_name_brings_the_module_along():
 
 def test_an_episode_by_hand():
     env, seen, info = begin(LEFT, {"mug": (0.62, 0.5, 1.0), "plate": (0.5, 0.25, 0.0)})
-    assert env.moves.names == tuple(f"{name} {way}" for name in ("mug", "plate") for way in ("x +", "x -", "y +", "y -"))
+    assert env.moves.names == tuple(
+        f"{name} {way}" for name in ("mug", "plate") for way in ("x +", "x -", "y +", "y -")
+    )
     assert env.views.names == ("mug.x", "mug.y", "plate.x", "plate.y")
     np.testing.assert_allclose(seen, [0.24, 0.0, 0.0, -0.5], atol=1e-6)
     assert info["phi"] == pytest.approx({"task": -0.12}) and info["is_success"] is False
@@ -138,7 +143,7 @@ def test_phi_and_observations_are_those_of_the_scene():
     for _ in range(20):
         _, _, over, _, info = env.step(env.action_space.sample())
         poses = env._tables.rows.T.reshape(1, -1, 3)
-        exact = float(spec.robustness()(__import__("torch").from_numpy(poses))[0, 0])
+        exact = float(spec.robustness()(torch.from_numpy(poses))[0, 0])
         assert info["phi"]["task"] == pytest.approx(exact, abs=1e-12)
         if over:
             break

@@ -1,0 +1,167 @@
+"""Bad requests raise gymnasium's own errors, in a sentence that helps."""
+
+import numpy as np
+import pytest
+from gymnasium import error
+
+import scenegen
+from scenegen.curriculum import PhiBox, TableTop, TableTopVector
+
+LEFT = "leftOf(mug, plate)"
+APART = (
+    "object mug = box(0.1, 0.1, 0.1)\nobject plate = box(0.1, 0.1, 0.1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
+)
+HELD = "object mug\nobject plate at (0.5, 0.5)\ntask: leftOf(mug, plate)"
+POSES = {"mug": (0.2, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}
+
+MAKING = [
+    ({}, error.MissingArgument, "say what the table is about: spec="),
+    ({"spec": 3}, error.Error, "not int"),
+    ({"spec": "object mug at (0.5, 0.5)\ntask: x(mug) <= 0.4"}, error.Error, "no object is free"),
+    ({"spec": LEFT, "goal": "tusk"}, error.Error, "`tusk`, which is no label.*did you mean `task`"),
+    ({"spec": LEFT, "goal": ()}, error.Error, "names no label"),
+    ({"spec": LEFT, "moves": "contineous"}, error.Error, "did you mean `continuous`"),
+    ({"spec": LEFT, "move": "mag"}, error.Error, "`mag`, which is no object.*did you mean `mug`"),
+    ({"spec": HELD, "move": ["plate"]}, error.Error, "`plate`, which the spec holds in place"),
+    ({"spec": LEFT, "move": ()}, error.Error, "names no object"),
+    ({"spec": LEFT, "step": 0.0}, error.Error, "`step` is 0; it has to be more than 0 and at most 1 metres"),
+    ({"spec": LEFT, "step": float("nan")}, error.Error, "`step` is nan"),
+    ({"spec": LEFT, "turn": 7.0}, error.Error, "`turn` is 7"),
+    ({"spec": LEFT, "reward": "dens"}, error.Error, "did you mean `dense`"),
+    ({"spec": LEFT, "render_mode": "human"}, error.UnsupportedMode, 'it is "rgb_array" or None'),
+    ({"spec": LEFT, "render_mode": "rgb_array", "view": "tap"}, error.Error, "did you mean `top`"),
+    ({"spec": LEFT, "render_mode": "rgb_array", "size": (4, 4)}, error.Error, "16 to 4096 pixels"),
+    ({"spec": LEFT, "phi": (0.3, 0.1)}, error.InvalidBound, "reversed"),
+]
+
+
+@pytest.mark.parametrize("settings, kind, text", MAKING, ids=[str(number) for number in range(len(MAKING))])
+def test_what_an_environment_cannot_be(settings, kind, text):
+    with pytest.raises(kind, match=text):
+        TableTop(**settings)
+
+
+ASKING = [
+    ({"phi": (2.0, 3.0)}, error.InvalidBound, r"2:3; phi of `task` lies between -1 and 1.*nearest.*`task` 0\.9"),
+    ({"phi": (-7.0, -5.0)}, error.InvalidBound, r"nearest scene that was met has phi of `task` -0\.9"),
+    ({"phi": (0.2, 0.1)}, error.InvalidBound, "from 0.2 to 0.1, which is reversed"),
+    ({"phi": (0.2, 0.2)}, error.InvalidBound, r"probability 0; ask for a band, say \(0.1875, 0.2125\)"),
+    ({"phi": (0.2, float("nan"))}, error.InvalidBound, "NaN is no phi"),
+    ({"phi": 0.2}, error.InvalidBound, "write \\(lowest, highest\\)"),
+    ({"phi": ("a", "b")}, error.InvalidBound, "write \\(lowest, highest\\)"),
+    ({"phi": {"taks": (0.0, 0.1)}}, error.Error, "no label `taks`; did you mean `task`"),
+    ({"phi": PhiBox((0.0, 0.0), (1.0, 1.0))}, error.Error, "phi of 2 labels; the spec has `task`"),
+    ({"phy": (0.0, 0.1)}, error.Error, "unknown option `phy`; did you mean `phi`"),
+    ({"phi": (0.0, 0.1), "scene": POSES}, error.Error, "leave one out"),
+    ({"scene": {"mug": (0.2, 0.5, 0.0)}}, error.Error, "the scene lacks `plate`"),
+    ({"scene": {**POSES, "cup": (0.2, 0.5, 0.0)}}, error.Error, "the scene has `cup`"),
+    ({"scene": {**POSES, "mug": (0.2, 0.5)}}, error.Error, "the pose of `mug`.*in metres and radians"),
+    ({"scene": {**POSES, "mug": (0.2, float("nan"), 0.0)}}, error.Error, "has to be finite"),
+    ({"scene": {**POSES, "mug": (1.2, 0.5, 0.0)}}, error.Error, "`mug` is outside of the workspace"),
+    ({"scene": np.zeros((3, 3))}, error.Error, r"an array \(2, 3\), not an array of shape \(3, 3\)"),
+    ({"scene": "mug"}, error.Error, "not a str"),
+]
+
+
+@pytest.mark.parametrize("options, kind, text", ASKING, ids=[str(number) for number in range(len(ASKING))])
+def test_what_cannot_be_asked_for(options, kind, text):
+    env = TableTop(LEFT)
+    with pytest.raises(kind, match=text):
+        env.reset(seed=0, options=options)
+    env.reset(seed=0)  # nothing is broken by that
+
+
+def test_a_scene_that_breaks_what_is_required():
+    env = TableTop(APART)
+    with pytest.raises(error.Error, match="does not meet what the spec requires"):
+        env.reset(options={"scene": {"mug": (0.45, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
+    with pytest.raises(error.Error, match="`plate` is held"):
+        TableTop(HELD).reset(options={"scene": {"mug": (0.4, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}})
+
+
+@pytest.mark.parametrize(
+    "moves, action, text",
+    [
+        ("grid", 8, "no action 8; they are numbered from 0 to 7"),
+        ("grid", -1, "no action -1"),
+        ("grid", 1.5, "whole number"),
+        ("grid", [0, 1], "whole number"),
+        ("grid", None, "whole number"),
+        ("grid", [[0], [0, 1]], "whole number"),
+        ("continuous", [0.0, 0.0, 1.5, 0.0], "`plate x` of the action is 1.5; it has to be from -1 to 1"),
+        ("continuous", [0.0, float("nan"), 0.0, 0.0], "`mug y` of the action is not a number"),
+        ("continuous", [0.0, 0.0], r"an action is 4 numbers \(mug x, mug y, plate x, plate y\)"),
+        ("continuous", None, "an action is 4 numbers"),
+    ],
+)
+def test_actions_that_are_none(moves, action, text):
+    env = TableTop(LEFT, moves=moves)
+    env.reset(options={"scene": POSES})
+    with pytest.raises(error.InvalidAction, match=text):
+        env.step(action)
+
+
+def test_episodes_begin_with_a_reset():
+    env = TableTop(LEFT, render_mode="rgb_array")
+    with pytest.raises(error.ResetNeeded, match="no episode has begun"):
+        env.step(0)
+    with pytest.raises(error.ResetNeeded, match="nothing to draw"):
+        env.render()
+    env.reset(options={"scene": {"mug": (0.52, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
+    assert env.step(1)[2]
+    with pytest.raises(error.ResetNeeded, match="the episode is over"):
+        env.step(1)
+
+
+def test_sources(tmp_path):
+    scenes = scenegen.sample(scenegen.parse(LEFT), {"task": (0.1, 0.2)}, 4)
+    with pytest.raises(error.Error, match="every scene of the source satisfies the goal already"):
+        TableTop(LEFT, source=scenes).reset()
+    with pytest.raises(error.InvalidBound, match=r"the file has no scene with phi of `task` in -0.2:-0.1; the nearest"):
+        TableTop(LEFT, source=scenes).reset(options={"phi": (-0.2, -0.1)})
+    with pytest.raises(error.Error, match="these scenes are not of this spec"):
+        TableTop("leftOf(mug, fork)", source=scenes).reset()
+    with pytest.raises(error.Error, match=r"cannot read|no such|there is no"):
+        TableTop(LEFT, source=tmp_path / "nothing.json").reset()
+    with pytest.raises(error.Error, match="`source` is a model, scenes"):
+        TableTop(LEFT, source=3).reset()
+    with pytest.raises(error.Error, match="no scene can have phi of `task`"):
+        TableTop("!closeTo(mug, plate, 0)").reset()
+
+
+def test_a_spec_with_mistakes_is_shown(tmp_path):
+    with pytest.raises(error.Error, match=r"<spec>:1:1(.|\n)*did you mean `leftOf`"):
+        TableTop("leftOff(mug, plate)")
+    with pytest.raises(error.Error, match=r"nothing\.spec"):
+        TableTop(tmp_path / "nothing.spec")
+
+
+@pytest.mark.parametrize(
+    "settings, text",
+    [
+        ({"num_envs": 0}, "`num_envs` is 0"),
+        ({"num_envs": 2, "max_episode_steps": 0}, "`max_episode_steps` is 0"),
+        ({"num_envs": 2, "autoreset_mode": "Never"}, '"NextStep", "SameStep", "Disabled"'),
+    ],
+)
+def test_what_a_vector_cannot_be(settings, text):
+    with pytest.raises(error.Error, match=text):
+        TableTopVector(spec=LEFT, **settings)
+
+
+def test_what_cannot_be_asked_of_a_vector():
+    envs = TableTopVector(2, LEFT, autoreset_mode="Disabled")
+    with pytest.raises(error.ResetNeeded, match="no episode has begun"):
+        envs.step([0, 0])
+    with pytest.raises(error.ResetNeeded, match="leave `reset_mask` out"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(error.Error, match="3 seeds for 2 tables"):
+        envs.reset(seed=[1, 2, 3])
+    envs.reset(options={"scene": {"mug": (0.52, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
+    with pytest.raises(error.Error, match="2 bools, at least one of them True"):
+        envs.reset(options={"reset_mask": np.array([False, False])})
+    with pytest.raises(error.InvalidAction, match="whole number"):
+        envs.step([0, 1, 2])
+    envs.step([1, 0])
+    with pytest.raises(error.ResetNeeded, match="the episode is over on table 0"):
+        envs.step([0, 0])

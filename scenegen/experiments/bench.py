@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.experiments.measure import Array, Values, covered, in_range, rows_of, shares
+from scenegen.experiments.measure import Array, Values, covered, in_range, ks_distance, rows_of, shares
 from scenegen.experiments.plan import Plan, Sizes
 from scenegen.experiments.problems import Problem
 
@@ -37,12 +37,17 @@ class Bench:
         """Coverage of the reference by as many of the scenes (3N, n)."""
         return covered(self.reference, rows)
 
+    def distance(self, rows: Array) -> float:
+        """How far the scenes (3N, n) are from the reference in the coordinate in which they are furthest."""
+        return ks_distance(self.reference, rows)
+
     def handed(self, rows: Array, speed: float, asked: int) -> Values:
         """Of scenes (3N, n) that were handed out for the range, at so many a second, where `asked` were wanted."""
         return shares(self.problem, rows, "handed") | {
             "handed": rows.shape[1] / asked,
             "handed_in_range": in_range(self.problem, self.spec, rows),
             "handed_coverage": self.covered(rows),
+            "handed_ks": self.distance(rows),
             "handed_speed": speed,
         }
 

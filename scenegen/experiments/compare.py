@@ -91,7 +91,7 @@ def _raw(here: Bench, model: Model, seed: int) -> Array:
 def _quality(here: Bench, output: Array) -> Values:
     """Of raw scenes (3N, n)."""
     values = accuracy(here.problem, here.spec, output) | shares(here.problem, output, "raw")
-    return values | {"coverage": here.covered(output)}
+    return values | {"coverage": here.covered(output), "ks": here.distance(output)}
 
 
 def _near(here: Bench, output: Array, true: Array, data: Array) -> Values:

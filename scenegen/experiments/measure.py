@@ -13,6 +13,7 @@ from scenegen.api.spec import Spec
 from scenegen.experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.metrics.coverage import coverage
 from scenegen.metrics.errors import error_statistics
+from scenegen.metrics.screen import ks_screen
 
 Array = npt.NDArray[np.float64]
 Values = dict[str, float]
@@ -50,6 +51,15 @@ def in_range(problem: Problem, spec: Spec, rows: Array) -> float:
 def covered(reference: Array, rows: Array) -> float:
     """Coverage of the reference (3N, R) by as many of the scenes (3N, n). No scenes cover nothing."""
     return coverage(reference, rows[:, : reference.shape[1]]) if rows.shape[1] else 0.0
+
+
+def ks_distance(reference: Array, rows: Array) -> float:
+    """The largest Kolmogorov-Smirnov (of headings: Kuiper) distance between a coordinate's, or a difference's,
+    distribution in the reference (3N, R) and in the scenes (3N, n), in [0, 1]: what coverage does not see, scenes that
+    are everywhere but too dense in places. No scenes are as far away as can be."""
+    if not rows.shape[1]:
+        return 1.0
+    return max(column.statistic for column in ks_screen(reference, rows).columns)
 
 
 def margins(rows: Array) -> Array:

@@ -26,7 +26,10 @@ def tables(found: Comparison) -> list[str]:
         f" {BAND / 2:g} by intent.",
         _accuracy(found),
         "**Diversity**: coverage of fresh scenes from the exact sampler by the raw output, and by what is handed out"
-        f" for the wanted phi +- {BAND} after refinement and verification; the share of those that lie in that range;"
+        f" for the wanted phi +- {BAND} after refinement and verification; KS of both, that is how far the"
+        " distributions of coordinates and of their differences are from the truth's where they are furthest (the"
+        " Kolmogorov-Smirnov distance, 0 to 1; it sees what coverage does not: scenes that are everywhere, but too"
+        " dense in places); the share of those handed out that lie in that range;"
         f" how much of what was asked for was found within {FULL.patience:g} s; the median distance of a raw scene to"
         " the nearest training scene (in brackets: of fresh true scenes to the same training set; clearly less means"
         " that the model repeats it).",
@@ -116,12 +119,14 @@ def _accuracy(found: Comparison) -> str:
 
 
 def _diversity(found: Comparison) -> str:
-    head = ["", "coverage, raw", "coverage, handed out", "in range", "found", "nearest training scene (truth)"]
+    head = ["", "coverage, raw", "coverage, handed out", "KS, raw", "KS, handed out", "in range", "found"]
+    head.append("nearest training scene (truth)")
+    keys = ("coverage", "handed_coverage", "ks", "handed_ks", "handed_in_range", "handed")
     rows = []
     for row in _some(found, "coverage", "handed_coverage"):
         near, truth = mean(row, "near"), mean(row, "near_truth")
         distance = "-" if near is None or truth is None else f"{near:.3f} ({truth:.3f})"
-        parts = [_cells(row, [key], 2) for key in ("coverage", "handed_coverage", "handed_in_range", "handed")]
+        parts = [_cells(row, [key], 2) for key in keys]
         rows.append([row.name, *parts, distance])
     return table(head, rows)
 

@@ -1,10 +1,13 @@
 """A one-step generator trained with the energy score: no discriminator, nothing to collapse.
 
 For a scene x of the training data with labels phi and branch k, and two scenes g, g' made for the same (phi, k), the
-loss is (|x - g| + |x - g'|) / 2 - |g - g'| / 2: the energy score, a strictly proper scoring rule (Gneiting and Raftery,
-"Strictly proper scoring rules, prediction, and estimation", 2007, section 4.3), least in expectation where the made
-scenes have the distribution of the true ones given (phi, k). To it come the inconsistency of phi
-(scenegen.models.conditioned) and the selector's cross-entropy.
+loss is (d(x, g) + d(x, g')) / 2 - d(g, g') / 2: with Euclidean d the energy score, a strictly proper scoring rule
+(Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007, section 4.3), least in
+expectation where the made scenes have the distribution of the true ones given (phi, k). Ours adds to d the sum of the
+coordinates' own distances, which makes it the energy score plus the continuous ranked probability score of every
+coordinate: a coordinate that has little room moves a Euclidean distance hardly, and would be squeezed to the middle
+of its room by the error of phi. To it come the inconsistency of phi (scenegen.models.conditioned) and the selector's
+cross-entropy.
 """
 
 from __future__ import annotations
@@ -54,5 +57,8 @@ class Energy(ConditionedModel):
 
 
 def _distance(a: Tensor, b: Tensor) -> Tensor:
-    """Euclidean, (B, C) and (B, C) -> (B,); the root of 0 would have no gradient."""
-    return ((a - b).square().sum(1) + 1e-8).sqrt()
+    """(B, C) and (B, C) -> (B,): Euclidean, and beside it coordinate by coordinate, both equally large where all
+    coordinates differ alike."""
+    difference = a - b
+    together = (difference.square().sum(1) + 1e-8).sqrt()  # the root of 0 would have no gradient
+    return together + difference.abs().sum(1) / difference.shape[1] ** 0.5

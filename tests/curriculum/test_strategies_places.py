@@ -5,7 +5,7 @@ import pytest
 from sklearn.mixture import GaussianMixture
 
 from scenegen.curriculum.strategies import strategy
-from scenegen.curriculum.strategies.axis import Axis
+from scenegen.curriculum.strategies.axis import Axis, pick
 from scenegen.curriculum.strategies.chances import drawn
 from scenegen.curriculum.strategies.levels import Cells, Levels
 from scenegen.curriculum.strategies.mixture import fit
@@ -87,14 +87,14 @@ def test_levels_are_difficulties():
     assert axis.difficulty((-0.01, 0.1)) == pytest.approx(0.5)  # one label at its best, the other half way
     assert axis.difficulty((0.0, 0.1)) is None and axis.difficulty((float("nan"), 0.1)) is None
     for near, far in [(0.0, 0.3), (0.25, 0.5), (0.9, 1.0)]:
-        found = [axis.difficulty(draw(axis.band(near, far, rng), rng)) for _ in range(100)]
+        found = [axis.difficulty(draw(pick(axis.shell(near, far), rng), rng)) for _ in range(100)]
         assert near - 1e-9 <= min(found) and max(found) <= far + 1e-9
 
 
 def test_scenes_of_a_shell_are_spread_evenly():
     """Of two labels, in the difficulties from 0.5 to 1, a third each: first label alone, second alone, both far."""
     axis, rng = Axis(reach(2)), np.random.default_rng(0)
-    far = np.array([draw(axis.band(0.5, 1.0, rng), rng) for _ in range(3000)]) < -0.5
+    far = np.array([draw(pick(axis.shell(0.5, 1.0), rng), rng) for _ in range(3000)]) < -0.5
     shares = [np.mean(far[:, 0] & ~far[:, 1]), np.mean(far[:, 1] & ~far[:, 0]), np.mean(far.all(1))]
     assert shares == pytest.approx([1 / 3] * 3, abs=0.03)
 

@@ -5,7 +5,18 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.experiments.known import HITS, KNOWN
-from scenegen.experiments.measure import accuracy, columns, covered, in_range, margins, phi_of, rows_of, shares, target
+from scenegen.experiments.measure import (
+    accuracy,
+    columns,
+    covered,
+    in_range,
+    ks_distance,
+    margins,
+    phi_of,
+    rows_of,
+    shares,
+    target,
+)
 from scenegen.experiments.problems import BAND, ORDERINGS, PROBLEMS
 from scenegen.experiments.samplers import plain_rejection
 
@@ -83,3 +94,13 @@ def test_what_was_there_before_fits_the_labels(key):
     for one in KNOWN[key]:
         assert len(one.error) in (0, len(labels)) and len(one.absolute) in (0, len(labels))
         assert one.error or one.absolute
+
+
+def test_ks_distance_sees_what_coverage_does_not():
+    generator = np.random.default_rng(0)
+    reference, same, narrowed = (generator.random((6, 2000)) for _ in range(3))
+    narrowed[1, 1000:] = 0.4 + 0.2 * narrowed[1, 1000:]  # half of the scenes crowd in the middle
+    assert ks_distance(reference, same) < 0.06
+    assert 0.18 < ks_distance(reference, narrowed) < 0.25  # 0.2 but for noise
+    assert covered(reference, narrowed) > 0.9  # and would pass for diverse
+    assert ks_distance(reference, reference[:, :0]) == 1.0

@@ -66,10 +66,6 @@ class Axis:
                 found.append((volume, box))
         return found
 
-    def band(self, near: float, far: float, rng: np.random.Generator) -> PhiBox:
-        """A box of the shell, drawn by its volume."""
-        return pick(self.shell(near, far), rng)
-
 
 def pick(boxes: Sequence[tuple[float, PhiBox]], rng: np.random.Generator) -> PhiBox:
     """One of some boxes by their volumes; of a single one without a draw."""

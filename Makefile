@@ -53,8 +53,8 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/language.py
 	$(BIN)/python benchmarks/robustness.py
 	$(BIN)/python benchmarks/sampling.py
-	$(BIN)/python benchmarks/curriculum.py
 	$(BIN)/python benchmarks/strategies.py
+	$(BIN)/python benchmarks/curriculum.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
 	$(BIN)/scenegen experiment all --out docs/experiments

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from scenegen.api.labels import chosen_label
 from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
-from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.formats.folder import scene_name, whole_files
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
@@ -62,9 +63,9 @@ def figures(
     if "topview" in kinds:
         made |= _topviews(scenes, label)
     folder = Path(out)
-    ensure_folder(folder)
-    for name, data in made.items():
-        write_whole(folder / name, data)
+    with whole_files(folder) as put:
+        for name, data in made.items():
+            put(name, data)
     return tuple(folder / name for name in made)
 
 
@@ -116,14 +117,12 @@ def _sweep(
 
 
 def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
-    from scenegen.api.sweep import chosen_label
     from scenegen.render.dimensions import dimensions, short
     from scenegen.render.topview import Thing, View, topview
 
     spec = check_text(scenes.header.spec.source, "the spec of these scenes")
     chosen = chosen_label(spec.labels, label)
     zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
-    digits = max(4, len(str(len(scenes))))
     made = {}
     for number, rows in enumerate(rows_of(spec, scenes).T, start=1):
         values = evaluate(spec.core, rows.tolist())
@@ -143,5 +142,5 @@ def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
             caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
             good=phi >= 0.0,
         )
-        made[f"scene_{number:0{digits}d}_topview.svg"] = topview(view, width=480).encode()
+        made[f"{scene_name(number, len(scenes))}_topview.svg"] = topview(view, width=480).encode()
     return made

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 
+from scenegen.api.labels import chosen_label
 from scenegen.api.scenes import Array, SceneSet, make_header, rows_of
 from scenegen.api.spec import Spec, parse
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.interpret import phi as score
 from scenegen.primitives import NUMPY
@@ -68,16 +67,6 @@ def _start(spec: Spec, rows: Array, label: str) -> Array:
             # Of those that are hard enough, the easiest: the way from there is the shortest to follow.
             return np.ascontiguousarray(some[:, hard[np.argmax(phi[label][hard])], None])
     return np.ascontiguousarray(rows[:, np.argmin(score(core, list(rows), NUMPY)[label]), None])
-
-
-def chosen_label(labels: Sequence[str], label: str | None) -> str:
-    """The label asked for, or the first. Raises RequestError for one that the spec does not have."""
-    if label is None:
-        return labels[0]
-    if label not in labels:
-        help_ = suggest(label, labels, f"the labels are {quoted(labels)}")
-        raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=help_))
-    return label
 
 
 def _walk(spec: Spec, start: Array, place: int, targets: Array) -> list[Array]:

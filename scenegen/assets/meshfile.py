@@ -45,6 +45,7 @@ def _numbers(rows: list[bytes]) -> Floats:
 
 
 def _obj(data: bytes) -> Floats:
+    data = re.sub(rb"\\\r?\n", b" ", data.removeprefix(b"\xef\xbb\xbf"))  # lines that go on; a byte order mark
     return _numbers(re.findall(rb"^[ \t]*v[ \t]+([^\r\n#]*)", data, re.MULTILINE))
 
 

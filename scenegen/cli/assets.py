@@ -97,15 +97,17 @@ def _table(found: list[Asset]) -> str:
 
 def _draw(found: list[Asset], out: Path, size: str, workers: int | None) -> list[Path]:
     from scenegen.cli.render import parse_size
-    from scenegen.formats.files import ensure_folder, write_whole
+    from scenegen.formats.files import check_folder
+    from scenegen.formats.folder import whole_files
     from scenegen.render.gallery import gallery, library_sheet
     from scenegen.render.request import check_request
 
     shape = parse_size(size)
     check_request(("perspective",), shape, workers)
-    ensure_folder(out)
+    check_folder(out)
     pictures = gallery([asset.name for asset in found], shape, workers)
     files = {f"{name}.png": data for name, data in pictures.items()} | {"contact_sheet.png": library_sheet(pictures)}
-    for name, data in files.items():
-        write_whole(out / name, data)
+    with whole_files(out) as put:
+        for name, data in files.items():
+            put(name, data)
     return [out / name for name in files]

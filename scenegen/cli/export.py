@@ -34,8 +34,10 @@ def export(
     moved. Meshes lie beside the files, as OBJ.
     """
     from scenegen.api.export import convert
-    from scenegen.cli.output import print_error
+    from scenegen.cli.output import note_others, print_error
 
     count, files = convert(scenes, out, to)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
+    if files != (out,):
+        note_others(out, count, files[0].suffix)

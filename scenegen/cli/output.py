@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, render_all
@@ -29,6 +30,17 @@ def use_color() -> bool:
 def print_error(text: str) -> None:
     """Text on standard error."""
     print(text, file=sys.stderr, flush=True)
+
+
+def note_others(folder: Path, total: int, ending: str) -> None:
+    """Say so where the files of `total` scenes lie among those of an earlier run with more of them."""
+    from scenegen.formats.folder import others
+
+    count = others(folder, total, ending)
+    if count:
+        files = "another file" if count == 1 else f"{count:,} other files"
+        verb = "is" if count == 1 else "are"
+        print_error(f"note: {files} scene_*{ending} in {folder} {verb} not of these scenes")
 
 
 def complain(*diagnostics: Diagnostic) -> None:

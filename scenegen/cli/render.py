@@ -123,7 +123,7 @@ def draw(
     renderer: str = "software",
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
-    from scenegen.cli.output import print_error, progress_bar
+    from scenegen.cli.output import note_others, print_error, progress_bar
 
     started = time.perf_counter()
     with progress_bar() as bar:
@@ -143,6 +143,7 @@ def draw(
     _note_unknown(scenes)
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
+    note_others(out, len(scenes), ".png")
 
 
 def _figures(
@@ -155,7 +156,7 @@ def _figures(
     workers: int | None,
 ) -> None:
     from scenegen.api.figures import figures
-    from scenegen.cli.output import print_error, progress_bar
+    from scenegen.cli.output import note_others, print_error, progress_bar
 
     with progress_bar() as bar:
         task = bar.add_task("drawing", total=None)
@@ -174,6 +175,8 @@ def _figures(
         print_error(f"drew {len(made)} figures in {out}")
     else:
         print_error(f"drew {', '.join(map(str, made))}")
+    if "topview" in kinds:
+        note_others(out, len(scenes), "_topview.svg")
 
 
 def _note_unknown(scenes: SceneSet) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
@@ -24,8 +23,8 @@ WINDOW = 100  # episodes that means are taken over
 
 class CurriculumCallback(BaseCallback):
     """Logs, of the last `window` episodes of environments in `Curriculum`: the rate of success, phi of the first scene
-    and of the tasks per label, steps and rewards, all under `curriculum/`; and the numbers that the `state()` of the
-    strategy has, if it is given and has one. Works with environments in other processes, too."""
+    and of the tasks per label, steps and rewards, all under `curriculum/`; and what the `log()` of the strategy
+    says, if it is given and has one. Works with environments in other processes, too."""
 
     def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
         super().__init__(verbose)
@@ -50,8 +49,7 @@ class CurriculumCallback(BaseCallback):
             means = np.mean([one[name] for one in self.outcomes], axis=0)
             for label, value in enumerate(means.tolist()):
                 self.logger.record(f"curriculum/{name}" + (f"_{label + 1}" if len(means) > 1 else ""), value)
-        state = getattr(self._strategy, "state", None)
-        if callable(state) and isinstance(found := state(), Mapping):
-            for name, value in found.items():
-                if isinstance(value, numbers.Real):
-                    self.logger.record(f"curriculum/{name}", float(value))
+        log = getattr(self._strategy, "log", None)
+        if callable(log):
+            for name, value in log().items():
+                self.logger.record(f"curriculum/{name}", float(value))

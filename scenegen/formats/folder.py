@@ -1,15 +1,19 @@
-"""Several files that appear together or not at all."""
+"""Several files that appear together or not at all, and how those of scenes are called."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from scenegen.errors import OutputError
-from scenegen.formats.files import ensure_folder, output_error, reported, write_whole
+from scenegen.formats.files import ensure_folder, reported, write_whole
+
+MANY = 100  # files that take longer to flush one by one than all buffers of the machine take
 
 
 @contextlib.contextmanager
@@ -22,30 +26,69 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
     made = not folder.exists()
     ensure_folder(folder)
     names: list[str] = []
+    below: set[Path] = set()  # folders that this call made
     with reported(folder):
         waiting = Path(tempfile.mkdtemp(dir=folder, prefix=".export.", suffix=".part"))
 
     def put(name: str, data: bytes) -> None:
         with reported(folder / name):
             (waiting / name).parent.mkdir(exist_ok=True)
-        try:
-            write_whole(waiting / name, data)
-        except OutputError as error:  # what cannot be written is the file's destination
-            if isinstance(error.__cause__, OSError):
-                raise output_error(folder / name, error.__cause__) from error
-            raise
+            _write(waiting / name, data)
         names.append(name)
 
     try:
         yield put
+        _flush([waiting / name for name in names])
         for name in names:
             with reported(folder / name):
-                (folder / name).parent.mkdir(exist_ok=True)
-                (waiting / name).replace(folder / name)
+                if not (folder / name).parent.exists():
+                    (folder / name).parent.mkdir()
+                    below.add((folder / name).parent)
+                if (folder / name).is_dir():
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        for name in names:
+            with reported(folder / name):
+                _move(waiting / name, folder / name)
     except BaseException:
         shutil.rmtree(waiting, ignore_errors=True)
-        if made:
+        for new in (*below, *([folder] if made else [])):
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                new.rmdir()
         raise
     shutil.rmtree(waiting, ignore_errors=True)
+
+
+def _write(path: Path, data: bytes) -> None:
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666), "wb") as file:
+        file.write(data)
+
+
+def _flush(paths: list[Path]) -> None:
+    """Wait until files are on disk: one by one, or, where there are many, all that there is at once."""
+    if len(paths) > MANY and hasattr(os, "sync"):
+        os.sync()
+        return
+    for path in paths:
+        with reported(path), path.open("rb") as file:
+            os.fsync(file.fileno())
+
+
+def _move(source: Path, target: Path) -> None:
+    """A file takes its place. Where that is a link, the link stays and what it points to is replaced."""
+    if target.is_symlink():
+        write_whole(target, source.read_bytes())
+    else:
+        source.replace(target)
+
+
+def scene_name(number: int, total: int) -> str:
+    """`scene_0001`: what the files of a scene begin with, the first of `total` having the number 1."""
+    return f"scene_{number:0{max(4, len(str(total)))}d}"
+
+
+def others(folder: Path, total: int, ending: str) -> int:
+    """How many files of scenes with that ending lie in a folder beside those of `total` scenes: of an earlier run."""
+    found = (re.match(r"(scene_(\d{4,}))[_.]", path.name) for path in folder.glob(f"scene_*{ending}"))
+    return sum(
+        match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match
+    )

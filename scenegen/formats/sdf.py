@@ -8,7 +8,6 @@ holds any number of scenes of the same objects: each is a world. Gazebo runs, an
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from copy import deepcopy
 from typing import Literal
 from xml.etree import ElementTree
 
@@ -18,7 +17,7 @@ from scenegen.assets.mesh import Floats
 from scenegen.assets.palette import RGB
 from scenegen.formats import obj, stl
 from scenegen.formats.world import TALL, WOOD, Body, Form, World
-from scenegen.formats.xml import Element, document, node, numbers, short
+from scenegen.formats.xml import Element, document, gathered, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
 
@@ -44,17 +43,21 @@ def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     """The scenes as one file with a world for each, or as a file each. `folder` is where the meshes are, from there."""
     root = ElementTree.Element("sdf", version=VERSION)
+    if together:
+        yield gathered(root, _worlds(world, folder))
+        return
+    for element in _worlds(world, folder):
+        root[:] = [element]
+        yield document(root)
+
+
+def _worlds(world: World, folder: str) -> Iterator[Element]:
+    """The world of each scene: always the same element, changed."""
     element, places = _world(world, folder)
     for scene, poses in enumerate(world.poses.tolist(), start=1):
         element.set("name", f"scene_{scene:04d}")
         _place(places, poses)
-        if together:
-            root.append(deepcopy(element))
-        else:
-            root[:] = [element]
-            yield document(root)
-    if together:
-        yield document(root)
+        yield element
 
 
 def bare(world: World, folder: str, *, table: bool, hulls: Hulls = "obj") -> bytes:

@@ -19,15 +19,17 @@ from scenegen.formats.world import LEAST_MASS, WOOD, Body, Form, Patch, World, p
 from scenegen.formats.xml import check_names, printable
 from scenegen.lang.check import check_text
 from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import Rectangle, clipped, signed_area
 from scenegen.scene.data import RegionData, SceneFile, footprint_of
+from scenegen.scene.sizes import LARGEST, check_sizes
 
 MARGIN = 0.07  # metres of table beyond what is on it
-LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
-BEYOND = 1e6  # metres from the origin, likewise
 FARTHEST = 100.0  # metres from the workspace that a table reaches at most
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 SHEET = 0.0004  # metres: the thickness of the first region
+WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
 DRAWN = 32  # corners of a round region
+LEAST_SHEET = 1e-9  # square metres: less of a region is not seen
 
 
 def world_of(header: SceneFile, scenes: Block) -> World:
@@ -37,7 +39,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     """
     names = [one.name for one in header.objects]
     check_names(names)
-    _check_sizes(header)
+    check_sizes(header, WIDE)
     shapes = [_shape(one.shape.asset, one.shape.height, footprint_of(one.shape.footprint)) for one in header.objects]
     spec = check_text(header.spec.source, "the spec of the scenes")
     fixed = {spec.objects[index] for index in spec.fixed}
@@ -58,25 +60,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     table = _table(header, shapes, names, places)
     heights = base_heights(shapes, places)
     poses = np.concatenate([places[..., :2], heights[..., None], np.remainder(places[..., 2:], math.tau)], axis=-1)
-    return World(printable(header.spec.title), bodies, _patches(header.regions), table, poses)
-
-
-def _check_sizes(header: SceneFile) -> None:
-    """Refuse what no spec can say, since files may hold any number: numbers beyond all measure, shapes without a
-    volume. Raises DataError."""
-    places = [*header.workspace.x, *header.workspace.y]
-    places += [value for region in header.regions for value in (region.pose.x, region.pose.y)]
-    if max(map(abs, places)) > BEYOND:
-        title = f"the workspace or a region is {max(map(abs, places)):.3g} m away"
-        raise DataError(Diagnostic(title, help=f"{BEYOND:,.0f} m are the most"))
-    sizes: list[tuple[str, tuple[float, ...]]] = []
-    sizes += [(one.name, (*footprint_of(one.shape.footprint).extent, one.shape.height)) for one in header.objects]
-    sizes += [(region.name, footprint_of(region.footprint).extent) for region in header.regions]
-    for name, lengths in sizes:
-        if not (min(lengths) >= SMALLEST and max(lengths) <= LARGEST):
-            title = f"`{name}` has a size of {min(lengths) if min(lengths) < SMALLEST else max(lengths):.3g} m"
-            help_ = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
-            raise DataError(Diagnostic(title, help=help_))
+    return World(printable(header.spec.title), bodies, _patches(header.regions, table), table, poses)
 
 
 def _shape(asset: str, height: float, footprint: Footprint) -> Shape:
@@ -99,17 +83,20 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
     return forms
 
 
-def _patches(regions: Sequence[RegionData]) -> tuple[Patch, ...]:
+def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
+    """The regions as sheets: what of them is on the table."""
     patches: list[Patch] = []
     used: list[RGB] = []
     for region in regions:
         used.append(stable(region.name, used))
         cos, sin = math.cos(region.pose.theta), math.sin(region.pose.theta)
-        corners = tuple(
+        corners = [
             (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
             for u, v in _outline(footprint_of(region.footprint))
-        )
-        patches.append(Patch(corners, mix(used[-1], LINEN, 0.35), SHEET * (1.0 + 0.25 * len(patches))))
+        ]
+        lying = clipped(corners, table)
+        if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
+            patches.append(Patch(lying, mix(used[-1], LINEN, 0.35), SHEET * (1.0 + 0.25 * len(patches))))
     return tuple(patches)
 
 
@@ -125,13 +112,9 @@ def _outline(footprint: Footprint) -> Sequence[tuple[float, float]]:
             return vertices
 
 
-def _table(
-    header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats
-) -> tuple[float, float, float, float]:
+def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats) -> Rectangle:
     """The workspace, grown to hold all that stands on it. Raises DataError where that is too far."""
     (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
-    if not (x1 > x0 and y1 > y0):
-        raise DataError(Diagnostic("the workspace is empty", help="give its x and y as [lowest, highest] in metres"))
     least, most = np.array([x0, y0]), np.array([x1, y1])
     for shape, name, place in zip(shapes, names, np.moveaxis(places, 1, 0), strict=True):
         if not len(place):

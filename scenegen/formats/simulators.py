@@ -16,7 +16,7 @@ from typing import Any
 from scenegen.errors import Diagnostic, OutputError, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable
-from scenegen.formats.folder import whole_files
+from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.setting import world_of
 from scenegen.formats.table import ENDINGS, FORMATS
 from scenegen.scene.data import SceneFile
@@ -68,13 +68,12 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[
     world = world_of(header, scenes)
     together = is_file(out, to)
     folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
-    digits = max(4, len(str(scenes.count)))
     written = []
     with whole_files(folder) as put:
         for name, data in module.meshes(world):
             put(f"{meshes}/{name}", data)
         for number, data in enumerate(module.files(world, meshes, together=together), start=1):
-            name = out.name if together else f"scene_{number:0{digits}d}{module.ENDING}"
+            name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
             put(name, data)
             written.append(folder / name)
     return tuple(written)

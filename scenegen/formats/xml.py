@@ -34,6 +34,19 @@ def document(root: Element) -> bytes:
     return data + b"\n"
 
 
+def gathered(root: Element, children: Iterable[Element]) -> bytes:
+    """The bytes of a file as of `document`, with `children` below the empty `root`. One after the other is written out:
+    all of them may be one element that has changed in between."""
+    mark = node(root, "mark")
+    head, _, foot = document(root).partition(b"<mark />")
+    root.remove(mark)
+    parts = []
+    for child in children:
+        ElementTree.indent(child, level=1)
+        parts.append(ElementTree.tostring(child, encoding="utf-8"))
+    return head + b"\n  ".join(parts) + foot
+
+
 def check_names(names: Iterable[str]) -> None:
     """Refuse names with characters that XML has no way to write, and those that simulators keep for themselves. Raises
     DataError."""

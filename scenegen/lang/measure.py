@@ -14,12 +14,10 @@ from scenegen.lang.trampoline import Call
 from scenegen.lang.values import ListValue, PointValue, Value
 from scenegen.primitives.hull import convex_hull, is_convex
 from scenegen.primitives.units import BARE, LENGTH
+from scenegen.scene.sizes import FARTHEST, LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
-
-FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
-LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
 
 SIGNATURES = {
     "box": Signature("box", ("length", "width", "height"), 3, usage="box(length, width, height)"),

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Diagnostic, Source, SpecError, suggest
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.measure import FARTHEST, SIGNATURES, Arguments, arguments, corners, number, point, size
+from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Area, disc, polygon, rectangle
 from scenegen.lang.resolve import AREAS
 from scenegen.lang.scope import Declared
 from scenegen.lang.trampoline import Call, run
+from scenegen.scene.sizes import FARTHEST
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:

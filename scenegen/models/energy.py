@@ -12,6 +12,8 @@ cross-entropy.
 
 from __future__ import annotations
 
+import math
+
 import torch
 from pydantic import Field
 from torch import Tensor
@@ -61,4 +63,5 @@ def _distance(a: Tensor, b: Tensor) -> Tensor:
     coordinates differ alike."""
     difference = a - b
     together = (difference.square().sum(1) + 1e-8).sqrt()  # the root of 0 would have no gradient
-    return together + difference.abs().sum(1) / difference.shape[1] ** 0.5
+    apart = difference.abs().sum(1) / math.sqrt(difference.shape[1])
+    return together + apart

@@ -9,6 +9,7 @@ from itertools import pairwise
 from scenegen.primitives.footprint import Polygon
 
 Point = tuple[float, float]
+Rectangle = tuple[float, float, float, float]  # x lowest, y lowest, x highest, y highest
 
 
 def convex_hull(points: Iterable[Point]) -> Polygon:
@@ -63,6 +64,23 @@ def centroid(polygon: Polygon) -> Point:
     if twice == 0.0:
         raise ValueError("a polygon without area has no centroid")
     return x + sum_x / (3.0 * twice), y + sum_y / (3.0 * twice)
+
+
+def clipped(points: Sequence[Point], within: Rectangle) -> tuple[Point, ...]:
+    """The corners of what a convex polygon and a rectangle share, none where that is nothing (Sutherland and Hodgman
+    1974)."""
+    ring = list(points)
+    for axis, sign, edge in ((0, 1.0, within[0]), (1, 1.0, within[1]), (0, -1.0, within[2]), (1, -1.0, within[3])):
+        kept: list[Point] = []
+        for a, b in pairwise((*ring, *ring[:1])):
+            depth, after = sign * (a[axis] - edge), sign * (b[axis] - edge)
+            if depth >= 0.0:
+                kept.append(a)
+            if depth * after < 0.0:
+                share = depth / (depth - after)
+                kept.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+        ring = kept
+    return tuple(dict.fromkeys(ring))
 
 
 def _chain(points: Sequence[Point]) -> list[Point]:

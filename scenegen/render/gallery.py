@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -12,56 +13,69 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.assets import ASSETS, shape_of
 from scenegen.assets.library import Asset
+from scenegen.primitives import Circle
+from scenegen.render.camera import PLACES
 from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
 from scenegen.render.process import cores
 from scenegen.render.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
 from scenegen.render.stage import MARGIN, Stage, Thing
 
-TABLES = (
-    0.10,
-    0.135,
-    0.18,
-    0.24,
-    0.34,
-    0.46,
-)  # metres: sides of the pieces of table; each asset gets the smallest
+TABLES = (0.08, 0.10, 0.13, 0.16, 0.19, 0.24, 0.33, 0.44)  # metres: sides of the pieces of table
+RISES = (0.05, 0.4, 0.8, 1.2)  # how far assets rise above its far edge in a picture, in its sides: groups end here
 TURN = math.radians(-32.0)  # of the headings: to the right, and a little towards the viewer
+VIEW = "perspective"
 ASIDE = 50.0  # metres: where the other assets wait
 COLUMNS = 8
 
 
 def gallery(names: Sequence[str], size: tuple[int, int], workers: int | None = None) -> dict[str, bytes]:
-    """Name -> PNG file of the asset on its own, for names of the library."""
+    """Name -> PNG file of the asset on its own, for names of the library. It stands on a piece of table that just
+    holds it, and the picture is as high as it needs: assets of about one size and height share these."""
+    groups: dict[tuple[float, int], list[str]] = {}
+    for name in names:
+        side = next((side for side in TABLES if _reach(ASSETS[name]) <= side), TABLES[-1])
+        rise = bisect_left(RISES, _room(ASSETS[name], side) / side)
+        groups.setdefault((side, rise), []).append(name)
     found: dict[str, bytes] = {}
-    for side, low in zip(TABLES, (0.0, *TABLES), strict=False):
-        last = side == TABLES[-1]
-        group = [name for name in names if low < _reach(ASSETS[name]) and (last or _reach(ASSETS[name]) <= side)]
-        if group:
-            found |= _drawn(group, side, size, workers)
+    for (side, _), group in groups.items():
+        found |= _drawn(group, side, size, workers)
     return {name: found[name] for name in names}
 
 
+def _extent(asset: Asset) -> tuple[float, float]:
+    """How much an asset covers of the table along x and y, in metres, with the heading of these pictures."""
+    if isinstance(asset.footprint, Circle):
+        return asset.footprint.extent
+    (length, width), cos, sin = asset.footprint.extent, abs(math.cos(TURN)), abs(math.sin(TURN))
+    return length * cos + width * sin, length * sin + width * cos
+
+
 def _reach(asset: Asset) -> float:
-    """How large a piece of table an asset wants, in metres; what is tall wants more to be seen whole."""
-    return max(max(asset.footprint.extent) + 0.25 * asset.height, asset.height / 0.9)
+    """How large a piece of table an asset wants, in metres: what is tall is not to stand on a pillar."""
+    return max(*_extent(asset), 0.45 * asset.height)
+
+
+def _room(asset: Asset, side: float) -> float:
+    """How far a picture must reach above the far edge of such a piece of table, in metres, to show the asset's top."""
+    slope = 0.5 * math.tan(math.radians(PLACES[VIEW][1]))  # half of it: what is nearer looks larger
+    return max(asset.height - (side - _extent(asset)[1]) / 2.0 * slope, 0.0)
 
 
 def _drawn(names: Sequence[str], side: float, size: tuple[int, int], workers: int | None) -> dict[str, bytes]:
     half = 0.5 * side
     edge = half + MARGIN * side
     things = tuple(Thing(shape_of(name), ASSETS[name].color) for name in names)
-    # The highest points are in the middle: from the viewer's side they take less room than at the table's far edge.
-    tallest = 0.8 * max(thing.shape.height for thing in things)
+    tallest = max(_room(ASSETS[name], side) for name in names)
     stage = Stage((-half, -half, half, half), (-edge, -edge, edge, edge), tallest, things)
     poses = np.tile(np.array([ASIDE, ASIDE, 0.0]), (len(names), len(names), 1))
     poses[range(len(names)), range(len(names))] = (0.0, 0.0, TURN)
-    wanted = Wanted(("perspective",), size)
+    wanted = Wanted((VIEW,), size)
     with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), len(names)))) as scenes:
-        return {name: files["perspective", ".png"] for name, files in zip(names, scenes, strict=True)}
+        return {name: files[VIEW, ".png"] for name, files in zip(names, scenes, strict=True)}
 
 
-def library_sheet(pictures: Mapping[str, bytes], width: int = 150) -> bytes:
+def library_sheet(pictures: Mapping[str, bytes], width: int = 170) -> bytes:
     """All pictures with names and sizes as a PNG file."""
     images = {}
     for name, data in pictures.items():
@@ -92,4 +106,5 @@ def measures(asset: Asset) -> str:
     """`25 x 25 x 2.2 cm, 450 g`."""
     length, width = asset.footprint.extent
     sizes = " x ".join(f"{100 * value:g}" for value in (length, width, asset.height))
-    return f"{sizes} cm, {1000 * asset.mass:g} g"
+    mass = f"{1000 * asset.mass:g} g" if asset.mass < 1.0 else f"{asset.mass:g} kg"
+    return f"{sizes} cm, {mass}"

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scenegen.assets.palette import RGB, mix
 from scenegen.primitives import Box, Circle
 from scenegen.render.camera import Floats
-from scenegen.render.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE
+from scenegen.render.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
 from scenegen.render.stage import Stage, poses_of, stage_of
 from scenegen.scene.data import SceneFile
 
@@ -35,18 +35,18 @@ def heatmap(file: SceneFile) -> bytes:
     width, height = max(1, round((x1 - x0) * scale)), max(1, round((y1 - y0) * scale))
     columns = min(len(names), 4 if len(names) != 5 and len(names) != 6 and len(names) != 9 else 3)
     font, title_font = ImageFont.load_default(size=TEXT), ImageFont.load_default(size=TITLE)
-    head = EDGE + TITLE + 14 + TEXT + 18
     line = TEXT + 12
     rows = math.ceil(len(names) / columns)
     inner = columns * width + (columns - 1) * GAP
     title = file.spec.title.rstrip(".") or "Where the objects go"
-    while len(title) > 4 and title_font.getlength(title) > max(inner, 320):
-        title = title.removesuffix("...")[:-1].rstrip() + "..."
+    lines = flow([(word, INK) for word in title.split()], title_font, max(inner, 320), " ")[:3]
+    head = EDGE + len(lines) * (TITLE + 8) + 6 + TEXT + 18
     sheet = Image.new("RGB", (max(inner, 320) + 2 * EDGE, head + rows * (line + height + GAP) - GAP + EDGE), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((EDGE, EDGE), title, INK, title_font)
+    for number, words in enumerate(lines):
+        write(draw, (EDGE, EDGE + number * (TITLE + 8)), words, title_font, " ")
     many = f"{len(poses):,} scene{'s' * (len(poses) != 1)} overlaid: the darker, the more often"
-    draw.text((EDGE, EDGE + TITLE + 12), many, QUIET, font)
+    draw.text((EDGE, EDGE + len(lines) * (TITLE + 8) + 4), many, QUIET, font)
     for number, name in enumerate(names):
         x = EDGE + number % columns * (width + GAP)
         y = head + number // columns * (line + height + GAP)
@@ -66,7 +66,8 @@ def density(poses: Floats, workspace: Sequence[float], cells: tuple[int, int], b
     image = found[::-1]
     for axis, length in ((0, y1 - y0), (1, x1 - x0)):
         spread = blur / (length / cells[axis])
-        reach = np.arange(-math.ceil(3 * spread), math.ceil(3 * spread) + 1)
+        far = min(math.ceil(3 * spread), cells[axis])  # of a workspace like a thread, not further than it is wide
+        reach = np.arange(-far, far + 1)
         kernel = np.exp(-0.5 * (reach / max(spread, 1e-9)) ** 2)
         image = np.array([_spread(row, kernel) for row in np.moveaxis(image, axis, -1)])
         image = np.moveaxis(image, -1, axis)

@@ -45,11 +45,13 @@ class Labels:
         self.taken.append((rect, cost))
 
     def line(self, a: tuple[float, float], b: tuple[float, float], cost: float = 4.0) -> None:
-        """Keep labels off a line."""
+        """Keep labels off what the frame shows of a line."""
         steps = max(1, round(max(abs(b[0] - a[0]), abs(b[1] - a[1])) / STEP))
         for step in range(steps + 1):
             x, y = a[0] + step / steps * (b[0] - a[0]), a[1] + step / steps * (b[1] - a[1])
-            self.avoid(Rect(x - 1.5, y - 1.5, x + 1.5, y + 1.5), cost)
+            point = Rect(x - 1.5, y - 1.5, x + 1.5, y + 1.5)
+            if point.shared(self.frame):
+                self.avoid(point, cost)
 
     def place(self, candidates: Sequence[tuple[float, float]], width: float, size: float) -> tuple[float, float]:
         """The best centre for a text of that width and size, moved into the frame; its place is then taken."""

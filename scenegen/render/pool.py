@@ -22,8 +22,10 @@ def draw(
 
     Close the generator to end the processes early. Raises ScenegenError where one of them fails.
     """
-    common = {"stage": dataclasses.asdict(stage), "wanted": dataclasses.asdict(wanted)}
     places = places_of(stage, poses)
+    stage, origin = stage.near()
+    places[..., :2] -= origin
+    common = {"stage": dataclasses.asdict(stage), "wanted": dataclasses.asdict(wanted)}
     names = [(view, ending) for view in wanted.views for ending in wanted.endings]
     crew: list[Process] = []
     try:

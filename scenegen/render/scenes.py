@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 from scenegen.errors import DataError, Diagnostic
-from scenegen.formats.folder import whole_files
+from scenegen.formats.folder import scene_name, whole_files
 from scenegen.render.camera import USUAL
 from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
@@ -75,7 +75,6 @@ def render_scenes(
         raise DataError(Diagnostic("there are no scenes to draw", help="the file's list `scenes` is empty"))
     stage, poses = stage_of(file), poses_of(file)
     total = len(file.scenes)
-    digits = max(4, len(str(total)))
     shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
@@ -86,7 +85,7 @@ def render_scenes(
         with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), total))) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
-                    name = f"scene_{number:0{digits}d}_{view}{ending}"
+                    name = f"{scene_name(number, total)}_{view}{ending}"
                     put(name, data)
                     (names if ending == ".png" else beside).append(name)
                 if number <= SHOWN:

@@ -51,7 +51,7 @@ def _cut(text: str, font: Font, width: float) -> str:
     return text + "..."
 
 
-def _flow(items: Sequence[Item], font: Font, width: float, space: str) -> list[list[Item]]:
+def flow(items: Sequence[Item], font: Font, width: float, space: str) -> list[list[Item]]:
     """The items on as many lines of `width` pixels as they need, none wider than a line."""
     lines: list[list[Item]] = [[]]
     used = 0.0
@@ -72,14 +72,15 @@ def _caption(number: int, phi: dict[str, float], font: Font, width: float) -> li
         figure = f" {round(value, 3) + 0.0:g}" if abs(value) >= 5e-4 or value == 0 else f" {value:.1g}"
         # A long label gives way to its figure.
         items.append((_cut(label, font, width - font.getlength(figure)) + figure, INK if value >= 0 else WARM))
-    lines = _flow(items, font, width, "   ")
+    lines = flow(items, font, width, "   ")
     if len(lines) > CAPTION_LINES:
         left = sum(map(len, lines[CAPTION_LINES - 1 :]))
         lines = [*lines[: CAPTION_LINES - 1], [(f"and {left} more", QUIET)]]
     return lines
 
 
-def _write(draw: ImageDraw.ImageDraw, at: tuple[float, float], line: list[Item], font: Font, space: str) -> None:
+def write(draw: ImageDraw.ImageDraw, at: tuple[float, float], line: list[Item], font: Font, space: str) -> None:
+    """A line from the upper left corner `at`, with `space` between its items."""
     x, y = at
     for text, color in line:
         draw.text((x, y), text, fill=color, font=font)
@@ -110,8 +111,8 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     title = file.spec.title
     heading = title.rstrip(".") or shown[0].upper() + shown[1:]
     facts = [shown, *facts] if title else facts
-    head = _flow([(word, INK) for word in heading.split()], title_font, inner, " ")[:3]
-    note = _flow([(word, QUIET) for word in "  |  ".join(facts).split()], font, inner, " ")[:6]
+    head = flow([(word, INK) for word in heading.split()], title_font, inner, " ")[:3]
+    note = flow([(word, QUIET) for word in "  |  ".join(facts).split()], font, inner, " ")[:6]
 
     top = EDGE + len(head) * (TITLE + 8) + 4 + len(note) * (TEXT + 6) + 16
     depths = [height + 8 + LINE * max(map(len, row)) + GAP for row in rows]
@@ -119,11 +120,11 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     draw = ImageDraw.Draw(sheet)
     y = EDGE
     for line in head:
-        _write(draw, (EDGE, y), line, title_font, " ")
+        write(draw, (EDGE, y), line, title_font, " ")
         y += TITLE + 8
     y += 4
     for line in note:
-        _write(draw, (EDGE, y), line, font, " ")
+        write(draw, (EDGE, y), line, font, " ")
         y += TEXT + 6
     y = top
     for start, row, depth in zip(range(0, count, columns), rows, depths, strict=True):
@@ -131,7 +132,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
             x = EDGE + column * (cell + GAP)
             sheet.paste(thumbnails[start + column], (x, y))
             for number, line in enumerate(caption):
-                _write(draw, (x + 2, y + height + 7 + number * LINE), line, small, "   ")
+                write(draw, (x + 2, y + height + 7 + number * LINE), line, small, "   ")
         y += depth
     out = io.BytesIO()
     sheet.save(out, format="PNG", compress_level=5)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,16 @@ from scenegen.assets.support import base_heights
 from scenegen.errors import DataError, Diagnostic
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.scene.data import Pose, SceneFile, footprint_of
+from scenegen.scene.sizes import check_sizes
 
 Floats = npt.NDArray[np.float64]
 
 MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
 RIM = 0.015  # of the table round what reaches beyond that, likewise
 BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
+REGIONS = 0.25  # and for regions, which are cut off there
 TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
+FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
@@ -74,6 +77,18 @@ class Stage:
         top = [(x, y, self.height) for x in (u0, u1) for y in (v0, v1)]
         return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (-self.thickness, 0.0)] + top)
 
+    def near(self) -> tuple[Stage, tuple[float, float]]:
+        """The stage as it is drawn, and where in the world its origin is: (0, 0), but for a workspace so far out that
+        the renderer's single precision would show. That one is moved to begin at the origin."""
+        x, y = self.workspace[:2]
+        if max(abs(x), abs(y)) <= FAR_OUT * self.side:
+            return self, (0.0, 0.0)
+        workspace, table = (
+            (left - x, low - y, right - x, high - y) for left, low, right, high in (self.workspace, self.table)
+        )
+        patches = tuple(replace(one, pose=(one.pose[0] - x, one.pose[1] - y, one.pose[2])) for one in self.patches)
+        return replace(self, workspace=workspace, table=table, patches=patches), (x, y)
+
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Stage:
         """The stage whose `dataclasses.asdict` went through JSON."""
@@ -95,14 +110,16 @@ def _reach(footprint: Footprint, poses: Floats, axis: int, sign: float) -> float
     return float(np.max(away + np.max(sign * corners @ turn, axis=0)))
 
 
-def _table(workspace: tuple[float, float, float, float], things: list[tuple[Footprint, Floats]]) -> list[float]:
-    """The workspace and a margin, grown to hold all of every thing (footprint, poses) that is not too far off it."""
+def _table(
+    workspace: tuple[float, float, float, float], things: list[tuple[Footprint, Floats]], most: float
+) -> list[float]:
+    """The workspace and a margin, grown to hold all of every thing (footprint, poses), by `most` sides at most."""
     side = max(workspace[2] - workspace[0], workspace[3] - workspace[1])
     table = []
     for axis, sign in ((0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)):
         edge = workspace[axis if sign < 0 else axis + 2]
         reached = max((_reach(footprint, poses, axis, sign) - sign * edge for footprint, poses in things), default=0.0)
-        table.append(edge + sign * min(max(reached + RIM * side, MARGIN * side), (MARGIN + BEYOND) * side))
+        table.append(edge + sign * min(max(reached + RIM * side, MARGIN * side), (MARGIN + most) * side))
     return table
 
 
@@ -119,10 +136,9 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
 
 
 def stage_of(file: SceneFile) -> Stage:
-    """The stage of a scenes file. Raises DataError where its workspace is empty or a scene lacks a pose."""
+    """The stage of a scenes file. Raises DataError for sizes that cannot be drawn, and where a scene lacks a pose."""
+    check_sizes(file)
     (x0, x1), (y0, y1) = file.workspace.x, file.workspace.y
-    if not (x1 > x0 and y1 > y0):
-        raise DataError(Diagnostic("the workspace is empty", help="give its x and y as [lowest, highest] in metres"))
     workspace = (x0, y0, x1, y1)
     side = max(x1 - x0, y1 - y0)
     known = [item.shape.asset if item.shape.asset in {*ASSETS, *PLAIN} else UNKNOWN for item in file.objects]
@@ -141,7 +157,8 @@ def stage_of(file: SceneFile) -> Stage:
     poses = poses_of(file)
     standing = [(shape.footprint, poses[:, k]) for k, shape in enumerate(shapes)] if len(poses) else []
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
-    table = _table(workspace, standing + lying)
+    inner, outer = _table(workspace, lying, REGIONS), _table(workspace, standing, BEYOND)
+    table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
     tops = base_heights(shapes, poses) + np.array([shape.height for shape in shapes])
     tallest = float(tops.max(initial=0.0))
     return Stage(workspace, (table[0], table[1], table[2], table[3]), min(tallest, TALLEST * side), things, patches)

@@ -26,6 +26,7 @@ ZONE, ZONE_EDGE = "#f3f1e9", "#b9b199"
 FONT = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif"
 TYPE, SMALL = 11, 10  # pixels
 MARGIN, LINE = 12, 15
+FAR = 20_000.0  # pixels: nothing is drawn further from the upper left corner
 MOST_LINES = 30  # of the grid, in one direction
 
 
@@ -122,15 +123,16 @@ class _Panel:
         self.labels = Labels(Rect(2.0, 2.0, width - 2.0, self.bottom + MARGIN - 2.0))
 
     def at(self, point: Point) -> Point:
-        """Pixels of a place."""
-        return MARGIN + (point[0] - self.left) * self.scale, MARGIN + (self.top - point[1]) * self.scale
+        """Pixels of a place, far outside of the picture where it is further out than programs that draw can count."""
+        x, y = MARGIN + (point[0] - self.left) * self.scale, MARGIN + (self.top - point[1]) * self.scale
+        return max(-FAR, min(x, FAR)), max(-FAR, min(y, FAR))
 
     def svg(self, shift: int) -> list[str]:
         view = self.view
         objects = [thing for thing in view.things if not thing.zone]
         colors = {id(thing): place % len(TINTS) for place, thing in enumerate(objects)}
-        out = [f'<g transform="translate({shift} 0)">' if shift else "<g>"]
-        out += self._table()
+        opening = f'<g transform="translate({shift} 0)">' if shift else "<g>"
+        out = self._table()
         for thing in view.things:
             if thing.zone:
                 out += self._outline(thing, ZONE, ZONE_EDGE, 'stroke-dasharray="4 2"')
@@ -141,6 +143,7 @@ class _Panel:
             self.labels.avoid(self._box(thing), 0.1)
         for mark in view.marks:
             out += self._mark(mark)
+        out = [opening, *self._clipped(out, shift)]
         for mark in view.marks:
             out += self._measure(mark)
         for thing in (*objects, *(thing for thing in view.things if thing.zone)):
@@ -149,6 +152,17 @@ class _Panel:
             last = place == len(view.caption) - 1
             out.append(self._caption(line, place, view.good if last else None))
         return [*out, "</g>"]
+
+    def _clipped(self, drawn: list[str], shift: int) -> list[str]:
+        """What is drawn, cut off at the frame where something reaches over it: captions and neighbours are beyond."""
+        frame = self.labels.frame
+        boxes = [self._box(thing) for thing in self.view.things]
+        if not any(frame.shared(box) < box.area * (1.0 - 1e-9) for box in boxes):
+            return drawn
+        size = f'width="{_n(frame.right - frame.left)}" height="{_n(frame.bottom - frame.top)}"'
+        rect = f'<rect x="{_n(frame.left)}" y="{_n(frame.top)}" {size}/>'
+        name = f"frame{shift // self.width + 1}"
+        return [f'<clipPath id="{name}">{rect}</clipPath>', f'<g clip-path="url(#{name})">', *drawn, "</g>"]
 
     def _caption(self, line: str, place: int, good: bool | None) -> str:
         """A line below the picture, in smaller type where it would not fit; in colour where it is good or bad."""

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from scipy.spatial.transform import Rotation
 
+from scenegen.assets.meshfile import vertices
 from scenegen.assets.outline import CORNERS, simplified
 from scenegen.assets.urdf import UrdfError, outline
 from scenegen.errors import SpecError
@@ -371,6 +372,14 @@ def test_a_spec_names_a_urdf_and_its_canonical_text_needs_no_file():
     looks = dict(zip(first.objects, first.shapes, strict=True))
     assert looks["server"].path == "urdf/tray.urdf"
     assert looks["server"].footprint == outline((HERE / "tray.urdf").read_bytes(), no_mesh)[0]
+
+
+def test_habits_of_programs_that_write_obj_files():
+    """A byte order mark hides no vertex; long lines may go on; colours and weights may stand behind coordinates."""
+    plain = b"v 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nv 0 0 0\n"
+    for data in (b"\xef\xbb\xbf" + plain, plain.replace(b"0.1 0 0", b"0.1 \\\r\n 0 0 1 0.5 0.5 0.5")):
+        assert vertices("a.obj", data).tolist() == vertices("a.obj", plain).tolist()
+        assert len(vertices("a.obj", data)) == 4
 
 
 def test_a_spec_names_a_mesh_and_its_canonical_text_needs_no_file(tmp_path):

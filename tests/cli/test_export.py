@@ -84,3 +84,17 @@ def test_only_what_is_asked_for_is_loaded(scenes):
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=scenes.parent, capture_output=True, text=True, timeout=60)
     assert done.stdout == "0\n", done.stderr
+
+
+def test_files_of_an_earlier_run_are_told_of_and_left_alone(scenegen, here, scenes):
+    (here / "export").mkdir()
+    for name in ("scene_0001.sdf", "scene_0003.xml", "scene_0004.xml", "scene_00001.xml", "scene_x.xml"):
+        (here / "export" / name).touch()
+    done = scenegen("export", "s.json", "--to", "mjcf", "--out", "export")
+    assert done.err.endswith("note: 2 other files scene_*.xml in export are not of these scenes\n")
+    assert len(files(here / "export")) == 8
+    (here / "views").mkdir()
+    (here / "views" / "scene_0004_topview.svg").touch()
+    done = scenegen("render", "s.json", "--figure", "topview", "--out", "views")
+    assert done.err.endswith("note: another file scene_*_topview.svg in views is not of these scenes\n")
+    assert len(files(here / "views")) == 4

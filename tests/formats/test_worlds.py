@@ -1,6 +1,7 @@
 """What holds for every simulator's format: files appear together or not at all, names are safe, bad scenes are told."""
 
 import hashlib
+import re
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError, SpecError
 from scenegen.formats import folder as folders
+from scenegen.formats.setting import world_of
 from scenegen.formats.simulators import SIMULATORS
 from scenegen.formats.table import ENDINGS, FORMATS
 from scenegen.scene.data import CircleFootprint, PolygonFootprint
@@ -49,7 +51,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
     if there:
         scenes.export(out, to)
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
-    write, count = folders.write_whole, [0]
+    write, count = folders._write, [0]
 
     def failing(path, data):
         count[0] += 1
@@ -57,7 +59,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         write(path, data)
 
-    monkeypatch.setattr(folders, "write_whole", failing)
+    monkeypatch.setattr(folders, "_write", failing)
     with pytest.raises(KeyboardInterrupt):
         scenes[:2].export(out, to)
     assert {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
@@ -109,6 +111,25 @@ def test_the_table_holds_everything(tmp_path):
     np.testing.assert_allclose(data.body("mug").xpos, [1.8, -0.7, 0.0], atol=1e-3)
 
 
+@pytest.mark.parametrize("to", SIMULATORS)
+def test_regions_end_where_the_table_does(to, tmp_path):
+    text = """object mug, plate
+region reach = circle((0.5, 0), 0.5)
+region off = rect(3, 3, 4, 4)
+region seat = rect(0.25, 0.25, 0.75, 0.75)
+task: leftOf(mug, plate)
+"""
+    scenes = scenes_of(text, PLACES)
+    world = world_of(scenes.header, next(scenes.blocks()))
+    left, front, right, back = world.table
+    reach, seat = (np.array(patch.corners) for patch in world.patches)
+    assert reach[:, 1].min() == pytest.approx(front) and reach[:, 1].max() == pytest.approx(0.5)
+    assert reach[:, 0].min() > left and reach[:, 0].max() < right and back > 1.0
+    assert seat.min() == 0.25 and seat.max() == 0.75
+    (path,) = scenes.export(tmp_path / FILES[to])
+    assert len(set(re.findall(r"region_\d", path.read_text()))) == 2
+
+
 def test_files_of_the_user_stand_as_their_outline(tmp_path):
     """The files themselves are not needed: scene files are whole without them."""
     import mujoco
@@ -120,6 +141,24 @@ def test_files_of_the_user_stand_as_their_outline(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(path))
     assert model.body("tray").mass == pytest.approx(500.0 * 0.3 * 0.2 * 0.05)
     np.testing.assert_allclose(model.body("toy").ipos, [0.0, 0.0, 0.05], atol=1e-9)
+
+
+@pytest.mark.parametrize("to", SIMULATORS)
+def test_a_link_stays_and_what_it_points_to_is_written(to, tmp_path):
+    (tmp_path / "there").mkdir()
+    link, target = tmp_path / FILES[to], tmp_path / "there" / "target"
+    link.symlink_to(target)
+    scenes_of(PAIR, PLACES).export(link)
+    assert link.is_symlink() and b"mug" in target.read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {"there", FILES[to], "all_meshes"}
+
+
+def test_a_folder_in_the_way_of_a_file_is_found_before_anything_is_written(tmp_path):
+    (tmp_path / "worlds" / "scene_0002.xml").mkdir(parents=True)
+    with pytest.raises(OutputError, match=r"scene_0002\.xml: is a directory") as caught:
+        scenes_of(PAIR, PLACES, PLACES).export(tmp_path / "worlds", "mjcf")
+    assert caught.value.diagnostics[0].help
+    assert [path.name for path in (tmp_path / "worlds").iterdir()] == ["scene_0002.xml"]
 
 
 def test_places_that_cannot_be(tmp_path):

@@ -5,10 +5,14 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from scenegen.primitives import Polygon
-from scenegen.primitives.hull import area, centroid, convex_hull, is_convex, signed_area
+from scenegen.primitives.hull import area, centroid, clipped, convex_hull, is_convex, signed_area
+
+coordinates = st.floats(-2.0, 2.0)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -57,3 +61,24 @@ def test_far_from_the_origin():
     assert area(far) == 0.125 and centroid(far) == (1e6 + 0.25, 1e6 + 0.125)
     with pytest.raises(ValueError, match="centroid"):
         centroid(Polygon(((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))))
+
+
+def test_what_a_polygon_and_a_rectangle_share():
+    square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+    assert clipped(square, (-1.0, -1.0, 3.0, 3.0)) == square
+    assert signed_area(clipped(square, (1.0, -1.0, 3.0, 1.0))) == 1.0
+    assert signed_area(clipped(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.0, 1.0))) == 1.0
+    assert len(clipped(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.5, 1.5))) == 5
+    assert clipped(square, (2.5, 0.0, 3.0, 1.0)) == ()
+
+
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12))
+def test_what_is_shared_is_what_shapely_says(points):
+    try:
+        hull = convex_hull(points)
+    except ValueError:
+        return
+    shared = clipped(hull.vertices, (-0.5, -0.25, 0.5, 0.75))
+    expected = shapely.Polygon(hull.vertices).intersection(shapely.box(-0.5, -0.25, 0.5, 0.75)).area
+    assert (signed_area(shared) if len(shared) > 2 else 0.0) == pytest.approx(expected, abs=1e-9)
+    assert all(-0.5 - 1e-9 <= x <= 0.5 + 1e-9 and -0.25 - 1e-9 <= y <= 0.75 + 1e-9 for x, y in shared)

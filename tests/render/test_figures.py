@@ -104,6 +104,15 @@ def test_a_heat_map_has_a_panel_per_object_with_its_places_its_regions_and_its_h
     assert white[0] > 50 and white[1] == 0  # headings of the mug agree, of the apple they do not
 
 
+def test_a_heat_map_of_a_thread_has_room_for_its_title():
+    """A spread of 20 km over a workspace of a metre is not worked out metre by metre; titles go on a second line."""
+    file = scene_file(["mug"], [[(5e4, 0.5, 0.0)]], x=(0.0, 1e5), y=(0.0, 1.0))
+    title = "A mug somewhere along a road that is far longer than it is wide."
+    low = opened(heat.heatmap(file))
+    high = opened(heat.heatmap(file.model_copy(update={"spec": file.spec.model_copy(update={"title": title})})))
+    assert high.shape[0] > low.shape[0] and high.shape[1] == low.shape[1]
+
+
 def test_the_gallery_shows_every_asset_whole_and_large():
     names = ["pen", "laptop"]
     found = gallery(names, (96, 72), workers=1)
@@ -111,6 +120,8 @@ def test_the_gallery_shows_every_asset_whole_and_large():
     for name in names:
         picture = opened(found[name])
         assert picture.shape == (72, 96, 3)
+        saturated = np.ptp(picture.astype(int), axis=2) > 12  # the ground behind is grey
+        assert not saturated[0].any() and saturated.any(axis=0).mean() > 0.7
     assert found["pen"] != found["laptop"]
     sheet = opened(library_sheet(found))
     assert sheet.std() > 10

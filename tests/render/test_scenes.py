@@ -115,7 +115,7 @@ def test_a_folder_that_cannot_be_made(tmp_path):
 @pytest.mark.parametrize("after", [3, 6])
 def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
     """`after` = 6 is the contact sheet."""
-    real, written = folder.write_whole, []
+    real, written = folder._write, []
 
     def full(path, data):
         if len(written) == after:
@@ -123,7 +123,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
         real(path, data)
         written.append(path)
 
-    monkeypatch.setattr(folder, "write_whole", full)
+    monkeypatch.setattr(folder, "_write", full)
     with pytest.raises(OutputError, match="no space"):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE)
     assert len(written) == after

@@ -9,11 +9,13 @@ from PIL import Image
 from scenegen.api.sample import sample
 from scenegen.api.spec import load
 from scenegen.assets import Shape
+from scenegen.errors import DataError
 from scenegen.formats.scenes_json import dump
 from scenegen.formats.scenes_json import load as read
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.render import render_scenes
 from scenegen.render.camera import USUAL, frame
+from scenegen.render.heatmap import heatmap
 from scenegen.render.stage import stage_of
 from scenegen.scene.data import Pose, RegionData, footprint_data
 
@@ -166,13 +168,57 @@ def test_the_smallest_and_largest_sizes_are_drawn_without_harm(tmp_path):
         Shape("box", Box(1e3, 1e3), 1e3),
         Shape("cylinder", Circle(1e-6), 1e3),
         Shape("prism", Polygon(((0.0, 0.0), (1e3, 0.0), (1e3, 1e-3))), 1e-6),
-        Shape("prism", Polygon(((0.0, 0.0), (1e300, 0.0), (0.0, 1e300))), 1e300),
-        Shape("mug", Circle(1e300), 1e300),
+        Shape("prism", Polygon(((-1e6, -1e6), (1e6, -1e6), (0.0, 1e6))), 1e3),
+        Shape("mug", Circle(1e3), 1e3),
     ]
     row = [(0.1 * k, 0.1 * k, 1.0) for k in range(len(shapes))]
     regions = [region(f"r{k}", shape.footprint, *row[k]) for k, shape in enumerate(shapes)]
     file = scene_file([f"thing{k}" for k in range(len(shapes))], [row], shapes=shapes, regions=regions)
     assert len(render_scenes(file, tmp_path, size=(96, 72), workers=1).pictures) == 2
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"shapes": [Shape("mug", Circle(1e300), 0.1)]}, "`mug` has a size of 2e\\+300 m"),
+        ({"shapes": [Shape("mug", Circle(0.1), 1e-300)]}, "`mug` has a size of 1e-300 m"),
+        ({"x": (0.0, 1e300)}, "the workspace or a region is 1e\\+300 m away"),
+        ({"x": (0.0, 1e-300)}, "the workspace is 1e-300 m wide"),
+        ({"regions": [region("r", Circle(0.1), 0.0, -1e300)]}, "the workspace or a region is 1e\\+300 m away"),
+        ({"regions": [region("r", Circle(1e300), 0.0, 0.0)]}, "the region `r` is 2e\\+300 m large"),
+    ],
+)
+def test_sizes_that_no_spec_can_say_are_refused(changed, said, tmp_path):
+    file = scene_file(["mug"], [[(0.5, 0.5, 0.0)]], **changed)
+    for draws in (lambda: render_scenes(file, tmp_path / "out"), lambda: heatmap(file)):
+        with pytest.raises(DataError, match=said) as caught:
+            draws()
+        assert caught.value.diagnostics[0].help and not list(tmp_path.iterdir())
+
+
+def test_a_workspace_far_out_is_drawn_as_one_at_the_origin(tmp_path):
+    """Coordinates of 65 km have no millimetres in single precision. Cameras are told in the world's own frame."""
+    pictures, cameras = [], []
+    for name, away in (("near", 0.0), ("far", 65536.0)):
+        file = scene_file(
+            ["mug", "plate"],
+            [[(away + 0.25, 0.5 - away, 1.0), (away + 0.75, 0.5 - away, 0.0)]],
+            x=(away, away + 1.0),
+            y=(-away, 1.0 - away),
+            regions=[region("mat", Box(0.5, 0.25), away + 0.5, 0.25 - away)],
+        )
+        made = render_scenes(file, tmp_path / name, views=("perspective",), size=(96, 72), masks=True, workers=1)
+        pictures.append([made.pictures[0].read_bytes(), made.beside[0].read_bytes()])
+        cameras.append(frame("perspective", stage_of(file).corners(), (96, 72)))
+    assert pictures[0] == pictures[1]
+    there = cameras[1].project([(65536.25, 0.5 - 65536.0, 0.0)])
+    assert there == pytest.approx(cameras[0].project([(0.25, 0.5, 0.0)]), abs=1e-3)
+
+
+def test_a_region_is_cut_off_where_the_table_ends_and_a_thing_is_not():
+    reach = region("reach", Circle(0.6), 0.5, 0.0)
+    assert stage_of(scene_file(["mug"], [[(0.5, 0.5, 0.0)]], regions=[reach])).table[1] == pytest.approx(-0.32)
+    assert stage_of(scene_file(["mug"], [[(0.5, -0.4, 0.0)]], regions=[reach])).table[1] < -0.46
 
 
 @pytest.fixture(scope="module")

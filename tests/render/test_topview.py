@@ -1,6 +1,7 @@
 """Top views: well-formed, the same bytes for the same scene, and lines as long as what they say."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -145,6 +146,29 @@ def test_what_sticks_out_is_drawn_in_full_unless_it_is_far_away():
     assert float(near.get("cx")) + float(near.get("r")) <= 240.0
     far = circle(topview(View([Thing("a", Circle(0.1), (9.0, 0.5, 0.0))])))
     assert float(far.get("cx")) > 240.0
+
+
+def test_what_reaches_over_the_frame_is_cut_off_there():
+    """Else a region would run under the caption, and into the view beside."""
+    over = View([Thing("reach", Circle(0.6), (0.5, 0.0, 0.0), zone=True)], caption=["a", "b"])
+    root = ET.fromstring(topview(over, VIEW))
+    (frame,) = root.iter(f"{SVG}clipPath")
+    (group,) = (one for one in root.iter(f"{SVG}g") if one.get("clip-path") == f"url(#{frame.get('id')})")
+    assert len(list(group.iter(f"{SVG}circle"))) == 1 and not list(group.iter(f"{SVG}text"))
+    (rect,) = frame
+    bottom = float(rect.get("y")) + float(rect.get("height"))
+    captions = [float(one.get("y")) for one in root.iter(f"{SVG}text") if one.text in ("a", "b")]
+    assert min(captions) - 11 >= bottom - 2.0
+    assert "clip" not in topview(VIEW)
+
+
+@pytest.mark.parametrize("far", [1e4, 1e7, 1e300])
+def test_marks_may_end_anywhere(far):
+    """A line of 1e300 pixels is as quickly kept clear of labels as any other, and drawn in numbers that can be read."""
+    marks = [Dimension((0.2, 0.3), (far, 0.6), "far", False), Guide((-far, far), (far, 0.0))]
+    text = topview(View([Thing("mug", Circle(0.05), (far, 0.3, 1.0))], marks=marks))
+    numbers = [abs(float(one)) for one in re.findall(r"[ML]([-\d.]+)", text)]
+    assert len(numbers) >= 4 and max(numbers) <= 20_010.0 and len(text) < 5000
 
 
 def test_a_workspace_of_any_size():

@@ -12,13 +12,18 @@ def experiment(
     name: Annotated[
         str,
         typer.Argument(
-            help="semantics, exp1, exp2, exp3, rejection, space, curriculum-deep or all.",
+            help="semantics, exp1, exp2, exp3, rejection, space, curriculum, curriculum-deep or all.",
             metavar="NAME",
             show_default=False,
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder for the reports.", metavar="DIR", show_default=False)],
-    seeds: Annotated[int, typer.Option("--seeds", help="Trainings of each model: seeds 0, 1, ...")] = 3,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            "--seeds", help="Trainings of each: seeds 0, 1, ...; default: 3, curriculum 5.", show_default=False
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that train; default: one per core.", show_default=False)
     ] = None,
@@ -34,8 +39,8 @@ def experiment(
       scenegen experiment all --out reports --seeds 1
 
     A report is NAME.md, NAME.json and PNG files. Trained models are kept in DIR/trained and used again, so what is
-    broken off goes on where it was. Needs the extra `experiments` (matplotlib, scikit-learn). On two cores and with
-    three seeds these take about
+    broken off goes on where it was. Needs the extra `experiments` (matplotlib, scikit-learn, numba,
+    stable-baselines3). On two cores these take about
 
     \b
       semantics  10 seconds  phi while a mug moves round a plate
@@ -44,6 +49,7 @@ def experiment(
       exp3       90 minutes  3, 5 and 7 blocks in order
       rejection   2 minutes  draws per scene, by every sampler
       space       1 minute   look-up tables against networks and specs
+      curriculum  15 minutes  Q-learning with scenes by phi
       curriculum-deep  10 minutes  two and four objects, moved by a network that learns
     """
     from scenegen.cli.output import print_error

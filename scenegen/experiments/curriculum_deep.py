@@ -21,7 +21,7 @@ from scenegen.experiments.report import Report, picture
 from scenegen.formats.files import ensure_folder, write_whole
 
 NAME = "curriculum-deep"
-FIGURE = "curriculum_deep.png"
+FIGURE = "curriculum-deep.png"
 
 
 def run(plan: Plan) -> Report:

@@ -17,11 +17,13 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Where an experiment's function is, what it shows, and about how long it takes on two cores with three seeds."""
+    """Where an experiment's function is, what it shows, how many seeds it takes unless told otherwise, and about how
+    long that takes on two cores."""
 
     function: str
     about: str
     time: str
+    seeds: int = 3
 
     def run(self, plan: Plan) -> Report:
         """Carry it out. Raises ScenegenError for whatever stands in its way."""
@@ -39,6 +41,7 @@ EXPERIMENTS: dict[str, Entry] = {
     "rejection": Entry("scenegen.experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
     # its networks are those of exp1 and exp2
     "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),
+    "curriculum": Entry("scenegen.experiments.curriculum:run", "Q-learning with scenes by phi", "15 minutes", 5),
     "curriculum-deep": Entry(
         "scenegen.experiments.curriculum_deep:run", "two and four objects, moved by a network that learns", "10 minutes"
     ),

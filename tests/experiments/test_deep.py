@@ -205,12 +205,12 @@ def test_the_whole_experiment_on_one_task(tmp_path, monkeypatch):
     assert sum("learnt in" in line for line in told) == pairs
     report = json.loads((tmp_path / "curriculum-deep.json").read_text())
     assert len({(one["lesson"], one["source"]) for one in report["runs"]}) == len(report["runs"]) == pairs
-    assert [one["task"] for one in report["verdicts"]] == ["two"] and report["figures"] == ["curriculum_deep.png"]
+    assert [one["task"] for one in report["verdicts"]] == ["two"] and report["figures"] == ["curriculum-deep.png"]
     text = (tmp_path / "curriculum-deep.md").read_text()
     for lesson in LESSONS.values():
         for source in lesson.sources:
             assert f"| {lesson.title}; {SOURCES[source]} |" in text
-    assert "object plate, mug" in text and "(curriculum_deep.png)" in text
+    assert "object plate, mug" in text and "(curriculum-deep.png)" in text
     files = {path: path.read_bytes() for path in tmp_path.glob("curriculum*")}
     told.clear()
     run("curriculum-deep", tmp_path, seeds=1, workers=1, quick=True, tell=told.append)

@@ -15,7 +15,8 @@ FIGURES = {
     "exp3": ["exp3_fig9_3.png", "exp3_fig9_5.png", "exp3_fig9_7.png"],
     "rejection": [],
     "space": [],
-    "curriculum-deep": ["curriculum_deep.png"],
+    "curriculum": ["curriculum.png"],
+    "curriculum-deep": ["curriculum-deep.png"],
 }
 
 

@@ -1,0 +1,125 @@
+"""The experiment `curriculum`: what is run, how it is kept, what is said of it. Its learners are tests/curriculum's."""
+
+import dataclasses
+import json
+from itertools import chain
+
+import pytest
+
+from scenegen.errors import RequestError
+from scenegen.experiments.curricula import runs as module
+from scenegen.experiments.curricula import tables, words
+from scenegen.experiments.curricula.cases import MODEL, beyond, figure5, sensitivity, strategies
+from scenegen.experiments.curricula.runs import Record, Runner, key
+from scenegen.experiments.curriculum import _panels
+from scenegen.experiments.figures.episodes import episodes
+
+SEEDS = (0, 1)
+
+
+def cases(size=10):
+    return list(
+        chain(figure5((5, size), SEEDS), sensitivity(5, SEEDS), strategies(size, 15, SEEDS), beyond(size, SEEDS))
+    )
+
+
+def record(case):
+    """Figures that differ with all that a case is; the first seed of one row never converges."""
+    base = {"uniform": 9000, "linear": 5000}.get(case.name, 400) * case.size
+    count = base + 100 * case.seed
+    if case.name == "backward replay, uniform" and case.seed == 0:
+        count = -1
+    return Record(
+        episodes=count, steps=40 * count, resets=count // 7, any_episodes=2 * count if case.both else -1,
+        any_steps=80 * count, any_resets=count // 5, any_share=0.5, level=3, cpu=0.25,
+    )  # fmt: skip
+
+
+def found(size=10):
+    return [(case, record(case)) for case in cases(size)]
+
+
+def test_a_key_holds_all_that_decides_a_run():
+    every = cases()
+    by_key = {}
+    for case in every:
+        by_key.setdefault(key(case), []).append(case)
+    for same in by_key.values():
+        plain = {dataclasses.replace(case, group="", name="") for case in same}
+        assert len(plain) == 1
+    assert len(by_key) < len(every)  # beyond repeats rows of Fig. 5, sensitivity the unchanged setting
+    [case] = [case for case in every if case.name == "map, uniform" and case.seed == 0]
+    assert '"learner is":"Explorer"' in key(case)
+
+
+def test_what_was_found_is_kept_and_used_again(tmp_path, monkeypatch):
+    done = []
+    monkeypatch.setattr(Runner, "draw", lambda self, case: None)
+    monkeypatch.setattr(Runner, "perform", lambda self, case: done.append(case) or record(case))
+    path, few = tmp_path / "runs.json", [case for case in cases() if case.source != MODEL][:40]
+    first = Runner(path, None)
+    first.all(few[:30], 2, lambda text: None)
+    assert {key(case) for case in few[:30]} <= {key(case) for case in done}
+    done.clear()
+    second, told = Runner(path, None), []
+    second.all(few, 2, told.append)
+    kinds = {(type(case.learner), case.relations) for case in few}
+    assert len(done) <= len({key(case) for case in few[30:]}) + len(kinds)  # one of each is run to compile it
+    assert told and "from an earlier run" in told[0]
+    assert all(second.of(case) == record(case) for case in few)
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps(document | {"version": 0}))
+    assert not Runner(path, None).found
+    path.write_text("{")
+    assert not Runner(path, None).found
+
+
+def test_what_fails_on_a_thread_is_raised(tmp_path, monkeypatch):
+    def fail(self, case):
+        if case.most > 1:
+            raise RequestError(module.__name__)
+
+    monkeypatch.setattr(Runner, "draw", lambda self, case: None)
+    monkeypatch.setattr(Runner, "perform", fail)
+    with pytest.raises(RequestError):
+        Runner(tmp_path / "runs.json", None).all(cases()[:9], 2, lambda text: None)
+
+
+def test_tables_and_words(golden):
+    every = found()
+    parts = [
+        *words.summary(every, 10),
+        tables.at_largest(every, 10),
+        words.sources(every, 10),
+        words.corridors(every, 10),
+        words.ties(every),
+        *(tables.by_size(every, setting, (5, 10)) for setting in ("paper-like", "fair")),
+        tables.sensitivity(every),
+        tables.knobs(every),
+        tables.strategies(every),
+        tables.beyond(every, 96),
+        *words.bars(every, 10),
+    ]
+    golden("experiments/curriculum.md", "\n\n".join(parts) + "\n")
+
+
+def test_data_has_every_run():
+    every = found()
+    rows = tables.data(every)
+    assert sum(len(row["seeds"]) for row in rows) == len(every)
+    row = next(row for row in rows if row["name"] == "corridors" and row["M"] == 10)
+    assert row["episodes"] == [4000, 4100] and row["any_episodes"] == [8000, 8200]
+    assert row["learner"]["epsilon"] == 0.1 and row["scenes"] == "exact sampler"
+    json.dumps(rows)
+
+
+def test_the_figure_leaves_out_what_did_not_converge():
+    every = found()
+    panels = _panels(every)
+    assert [panel.words.partition(":")[0] for panel in panels] == [
+        "paper-like, task A", "fair, task A", "paper-like, task B", "fair, task B",
+    ]  # fmt: skip
+    assert set(panels[1].curves) == {"uniform", "linear", "self-paced", "self-paced, model", "corridors"}
+    never = [(case, one.model_copy(update={"episodes": -1}) if case.name == "linear" else one) for case, one in every]
+    assert _panels(never)[0].curves["linear"] == {5: [], 10: []}
+    assert episodes(_panels(never), 2).startswith(b"\x89PNG")

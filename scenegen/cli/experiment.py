@@ -50,7 +50,7 @@ def experiment(
       rejection   2 minutes  draws per scene, by every sampler
       space       1 minute   look-up tables against networks and specs
       curriculum  15 minutes  Q-learning with scenes by phi
-      curriculum-deep  10 minutes  two and four objects, moved by a network that learns
+      curriculum-deep  10 minutes  two and four objects, learnt by PPO
     """
     from scenegen.cli.output import print_error
     from scenegen.experiments.run import run

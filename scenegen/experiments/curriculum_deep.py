@@ -10,7 +10,7 @@ from scenegen.errors import DataError, Diagnostic
 from scenegen.experiments.charts import check_libraries
 from scenegen.experiments.crew import share
 from scenegen.experiments.deep.learner import NETWORK, SETTINGS, check_learner
-from scenegen.experiments.deep.lessons import EXACT, FAST, LESSONS, LEVELS, SLOW
+from scenegen.experiments.deep.lessons import EXACT, LESSONS, LEVELS, SCHEDULE
 from scenegen.experiments.deep.models import KIND, ensure_model
 from scenegen.experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, perform
 from scenegen.experiments.deep.summary import JUDGED, Key, results, verdict
@@ -59,9 +59,10 @@ def run(plan: Plan) -> Report:
         "* **random scenes**: as plain rejection of satisfied scenes gives them, the distribution that is examined.\n"
         "* **uniform in phi**: all of the reach of phi, from the hardest thousandth of the random scenes to satisfied,"
         " equally often. This is already what no rejection gives: easy scenes are rare among random ones.\n"
-        f"* **linear in phi**: {LEVELS} levels, one after the other, over {SLOW:,} episodes (slow: the run is over"
-        f" long before) or {FAST:,} (fast), then uniform. A band that moves, as in the paper, or one that grows and"
-        " keeps the easier levels.\n"
+        f"* **linear in phi**: {LEVELS} levels, each for as many episodes, {SCHEDULE:,} in all: more than a run has, so"
+        " none gets beyond the easier levels, and none needs to. How fast it goes decides: in short trials of the"
+        " second task, with one or two seeds, 10,000 to 40,000 episodes left the easy scenes before they were mastered,"
+        " and nothing was learnt.\n"
         f"* **self-paced**: the newest {pace.band} of {pace.levels} levels, with a share of {pace.share:g} of uniform"
         f" scenes; on when {pace.rate:.0%} of the last {pace.window} outcomes were successes, or after"
         f" {pace.patience:,} outcomes; then uniform.\n"

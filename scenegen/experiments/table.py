@@ -43,7 +43,7 @@ EXPERIMENTS: dict[str, Entry] = {
     "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),
     "curriculum": Entry("scenegen.experiments.curriculum:run", "Q-learning with scenes by phi", "15 minutes", 5),
     "curriculum-deep": Entry(
-        "scenegen.experiments.curriculum_deep:run", "two and four objects, moved by a network that learns", "10 minutes"
+        "scenegen.experiments.curriculum_deep:run", "two and four objects, learnt by PPO", "10 minutes"
     ),
 }
 

@@ -12,7 +12,7 @@ from scenegen.curriculum.strategies.linear import Linear
 from scenegen.curriculum.tasks import PhiBox
 from scenegen.experiments.deep import runs, summary
 from scenegen.experiments.deep.heldout import random_scenes, success
-from scenegen.experiments.deep.lessons import BANDS, LESSONS, SOURCES, AsTheyCome
+from scenegen.experiments.deep.lessons import BANDS, LESSONS, LEVELS, SOURCES, AsTheyCome
 from scenegen.experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastered, perform
 from scenegen.experiments.deep.tasks import TASKS
 from scenegen.experiments.figures.learning import STYLES, band, together
@@ -41,8 +41,8 @@ def test_tasks_are_such_as_the_experiment_takes_them(task):
 def test_lessons_are_told_apart():
     assert set(STYLES) == set(LESSONS) and len(set(STYLES.values())) == len(STYLES)
     assert {"random", "uniform", *summary.CURRICULA} <= set(LESSONS)
-    made = LESSONS["growing"].make(SPACE, 0, [-1.0])
-    assert isinstance(made, Linear) and made.settings.grow and made.space == SPACE
+    made = LESSONS["linear"].make(SPACE, 0, [-1.0])
+    assert isinstance(made, Linear) and made.settings.levels == LEVELS and made.space == SPACE
 
 
 def test_random_scenes_are_asked_for_as_often_as_they_occur():
@@ -171,16 +171,16 @@ def test_the_table():
     [
         ({"uniform": (3000, 5000), "self_paced": (1000, 1000), "linear": (1000, 2000)}, "self_paced", 4.0, "4.0 times"),
         ({"uniform": (1000,), "self_paced": (1100,)}, "self_paced", 1 / 1.1, "hardly matter"),
-        ({"uniform": (1000,), "growing": (2000,)}, "growing", 0.5, "cost steps"),
-        ({"uniform": (1000, None), "growing": (2000,)}, "growing", None, "is needed"),
-        ({"uniform": (1000,), "growing": (2000, None)}, None, None, "no curriculum helps"),
+        ({"uniform": (1000,), "linear": (2000,)}, "linear", 0.5, "cost steps"),
+        ({"uniform": (1000, None), "linear": (2000,)}, "linear", None, "not in all with"),
+        ({"uniform": (1000,), "linear": (2000, None)}, None, None, "no curriculum helps"),
     ],
 )  # fmt: skip
 def test_the_verdict_is_what_the_runs_say(steps, best, factor, words):
     judged = summary.verdict(found(**steps), "two")
     assert (judged.best, judged.factor) == (best, pytest.approx(factor) if factor else None)
     assert words in judged.words and judged.words.startswith("**Two movable objects: ")
-    assert "random scenes not in all runs" in judged.words
+    assert "exact sampler: random scenes not in all runs, " in judged.words
 
 
 def test_the_bands_are_students():

@@ -17,7 +17,7 @@ Found = Mapping[Key, Sequence[Record]]
 
 MARKS = (0.5, 0.8, 0.95)
 JUDGED = 0.8  # the mark that the verdict is about
-CURRICULA = ("linear", "hasty", "growing", "self_paced")
+CURRICULA = ("linear", "self_paced")
 MATTERS = 1.2  # times as many steps that count as a difference
 
 
@@ -76,25 +76,31 @@ class Verdict:
 
 
 def verdict(found: Found, task: str) -> Verdict:
-    """Curricula against scenes uniform in phi, and these against random scenes; all from the exact sampler."""
-    rows = {lesson: records for (which, lesson, source), records in found.items() if (which, source) == (task, EXACT)}
-    steps = {lesson: usual(records) for lesson, records in rows.items()}
-    curricula = {lesson: steps[lesson] for lesson in CURRICULA}
-    reached = {lesson: count for lesson, count in curricula.items() if count is not None}
+    """Curricula against scenes uniform in phi, and these against random scenes; judged by the exact sampler's."""
+    steps = {
+        source: {which[1]: usual(runs) for which, runs in found.items() if (which[0], which[2]) == (task, source)}
+        for source in SOURCES
+    }
+    exact = steps[EXACT]
+    reached = {lesson: count for lesson in CURRICULA if (count := exact[lesson]) is not None}
     best = min(reached, key=reached.__getitem__) if reached else None
-    even, factor = steps["uniform"], None
+    even, factor = exact["uniform"], None
     if best is None:
         judged = "no curriculum helps"
     elif even is None:
-        judged = "a curriculum is needed"
+        judged = "learnt in all runs with a curriculum, not in all with scenes uniform in phi"
     else:
         factor = even / reached[best]
         judged = f"the best curriculum takes {factor:.1f} times fewer steps than scenes uniform in phi"
         if factor < MATTERS:
             judged = "curricula hardly matter" if factor > 1.0 / MATTERS else "curricula cost steps"
-    told = "; ".join(f"{LESSONS[lesson].title} {_count(count)}" for lesson, count in steps.items())
-    words = f"**{TASKS[task].title}: {judged}.** Steps until {JUDGED:.0%} of the held-out scenes are solved: {told}."
-    return Verdict(task, best, factor, words)
+    told = (
+        f"{SOURCES[source]}: {', '.join(f'{LESSONS[lesson].title} {_count(count)}' for lesson, count in row.items())}"
+        for source, row in steps.items()
+        if row
+    )
+    words = f"**{TASKS[task].title}: {judged}.** Steps until {JUDGED:.0%} of the held-out scenes are solved: "
+    return Verdict(task, best, factor, words + "; ".join(told) + ".")
 
 
 def _count(steps: float | None) -> str:

@@ -22,8 +22,6 @@ STYLES = {
     "dense": (QUIET, ":"),
     "uniform": (LINES[0], "-"),
     "linear": (LINES[1], "-"),
-    "hasty": (LINES[1], ":"),
-    "growing": (LINES[3], "-"),
     "self_paced": (LINES[2], "-"),
 }
 CONFIDENCE = 0.95

@@ -42,6 +42,7 @@ def test_lessons_are_told_apart():
     assert set(STYLES) == set(LESSONS) and len(set(STYLES.values())) == len(STYLES)
     assert {"random", "uniform", *summary.CURRICULA} <= set(LESSONS)
     made = LESSONS["linear"].make(SPACE, 0, [-1.0])
+    assert set(LESSONS["linear"].settled()) > {"levels", "episodes"}, "defaults are part of what is asked for"
     assert isinstance(made, Linear) and made.settings.levels == LEVELS and made.space == SPACE
 
 
@@ -114,6 +115,9 @@ def test_a_run_by_other_settings_is_not_taken(done, monkeypatch):
         patch.setitem(runs.SETTINGS, "gamma", 0.9)
         assert kept(job) is None
     with monkeypatch.context() as patch:
+        patch.setitem(LESSONS, "self_paced", dataclasses.replace(job.how, settings={"levels": 7}))
+        assert kept(job) is None
+    with monkeypatch.context() as patch:
         patch.setitem(TASKS, "two", dataclasses.replace(TASKS["two"], text="object a\ntask: closeTo(a, (0, 0), 0.1)"))
         assert kept(job) is None
     assert kept(job) is not None
@@ -181,6 +185,13 @@ def test_the_verdict_is_what_the_runs_say(steps, best, factor, words):
     assert (judged.best, judged.factor) == (best, pytest.approx(factor) if factor else None)
     assert words in judged.words and judged.words.startswith("**Two movable objects: ")
     assert "exact sampler: random scenes not in all runs, " in judged.words
+
+
+def test_the_dense_reward_is_told(monkeypatch):
+    monkeypatch.delitem(TASKS, "setting")
+    told = summary.without(found(dense=(3000,), self_paced=(2000,)))
+    assert told.endswith("Two movable objects: 3k, 1.5 times as many as the best curriculum's.")
+    assert summary.without(found()).endswith("Two movable objects: not in all runs.")
 
 
 def test_the_bands_are_students():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.curriculum.strategies import strategy
+from scenegen.curriculum.strategies import STRATEGIES, strategy
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
 
 EXACT, MODEL = "exact", "model"
@@ -37,6 +37,12 @@ class Lesson:
         if self.strategy is None:
             return AsTheyCome(space, rng, phi)
         return strategy(self.strategy, space, rng, **self.settings)
+
+    def settled(self) -> dict[str, Any]:
+        """All settings of the strategy, its own defaults included."""
+        if self.strategy is None:
+            return {"bands": BANDS}
+        return STRATEGIES[self.strategy].load().settings_class(**self.settings).model_dump(mode="json")
 
 
 LESSONS: dict[str, Lesson] = {

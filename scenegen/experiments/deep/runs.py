@@ -18,7 +18,7 @@ from scenegen.curriculum.wrapper import VectorCurriculum
 from scenegen.engine.threads import one_thread
 from scenegen.experiments.deep.heldout import SEED, random_scenes, success
 from scenegen.experiments.deep.learner import NETWORK, SETTINGS, make_learner
-from scenegen.experiments.deep.lessons import BANDS, LESSONS, MODEL, Lesson
+from scenegen.experiments.deep.lessons import LESSONS, MODEL, Lesson
 from scenegen.experiments.deep.models import digest, model_path
 from scenegen.experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
 from scenegen.formats.files import write_whole
@@ -90,8 +90,7 @@ class Job:
         return {
             "task": asdict(self.what),
             "spec": self.what.load().checked.sha256,
-            "lesson": [self.how.strategy, self.how.reward, dict(self.how.settings)],
-            "bands": BANDS,
+            "lesson": [self.how.strategy, self.how.reward, self.how.settled()],
             "mastered": [MASTERED, IN_A_ROW],
             "effort": asdict(self.effort),
             "learner": [SETTINGS, NETWORK],

@@ -103,5 +103,19 @@ def verdict(found: Found, task: str) -> Verdict:
     return Verdict(task, best, factor, words + "; ".join(told) + ".")
 
 
+def without(found: Found) -> str:
+    """What a dense reward does without any curriculum."""
+    told = []
+    for key, what in TASKS.items():
+        steps, best = usual(found[key, "dense", EXACT]), verdict(found, key)
+        against = None if best.best is None else usual(found[key, best.best, EXACT])
+        times = f", {steps / against:.1f} times as many as the best curriculum's" if steps and against else ""
+        told.append(f"{what.title}: {_count(steps)}{times}")
+    return (
+        "The other way out is a dense reward, the change of phi, with random scenes and no curriculum at all. Steps"
+        f" until {JUDGED:.0%}: {'; '.join(told)}."
+    )
+
+
 def _count(steps: float | None) -> str:
     return "not in all runs" if steps is None else short(steps)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gymnasium import error
 
 from scenegen.api.spec import Spec
+from scenegen.curriculum.faults import names
 from scenegen.errors import quoted, suggest
 from scenegen.lang.core import Core, Junction, gated
 from scenegen.lang.interpret import phi
@@ -35,7 +36,7 @@ class Aim:
 
 def make_aim(spec: Spec, goal: str | Sequence[str] | None) -> Aim:
     """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
-    wanted = spec.labels if goal is None else (goal,) if isinstance(goal, str) else tuple(goal)
+    wanted = spec.labels if goal is None else names("goal", goal, "a label")
     for name in wanted:
         if name not in spec.labels:
             help_ = suggest(name, spec.labels, f"the spec has {quoted(spec.labels)}")

@@ -16,6 +16,7 @@ from scenegen.curriculum.feed import Dealt, Feed
 from scenegen.curriculum.library import Library, open_library
 from scenegen.curriculum.request import Wanted, check_options, everything, read_phi, read_scene
 from scenegen.curriculum.rules import Rules, Tables
+from scenegen.curriculum.sources import check_source
 from scenegen.errors import RequestError
 
 Array = npt.NDArray[np.float64]
@@ -41,6 +42,7 @@ class Dealer:
         self._score = rules.score
         self._usual = None if phi is None else read_phi(rules.aim, phi)
         self._library: Library | None = None
+        check_source(source)
 
     @property
     def library(self) -> Library:
@@ -56,9 +58,9 @@ class Dealer:
 
     def read(self, options: Mapping[str, Any] | None) -> Ask:
         """Check options. Raises gymnasium.error.Error, and InvalidBound for ranges that cannot be."""
-        if not options:
+        if options is None:  # most often
             return Ask()
-        check_options(options)
+        options = check_options(options)
         if options.get("scene") is not None:
             return Ask(scene=self._given(read_scene(self._spec, options["scene"])[:, None]))
         nearest, phi = bool(options.get("nearest", False)), options.get("phi")

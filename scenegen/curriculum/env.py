@@ -106,8 +106,8 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
         """Begin an episode; see the class for options."""
+        ask = self.dealer.read(options)  # before the seed is used: a bad request changes nothing
         super().reset(seed=seed)
-        ask = self.dealer.read(options)
         if seed is not None:
             self._feed = None
         if ask.scene is not None:

@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import error
 
 from scenegen.api.spec import Spec
+from scenegen.bounds import spec_bounds
 from scenegen.curriculum.aim import Aim
 from scenegen.curriculum.request import Wanted, everything
 from scenegen.curriculum.sources import Sampler, Scenes, open_source
@@ -144,11 +146,18 @@ class Library:
 
 
 def make_library(aim: Aim, source: Sampler | Scenes) -> Library:
-    """Raises RequestError where there is nothing to learn, every scene being satisfied."""
+    """Raises gymnasium.error.Error where there is nothing to learn, for every scene satisfies the goal or none does,
+    and RequestError where no scenes are found."""
     goal = aim.goal
+    least, most = spec_bounds(aim.spec.checked)[aim.names[goal]]
+    reach = f"phi of `{aim.names[goal]}` lies between {least:.4g} and {most:.4g} in this workspace"
+    if most < 0.0:
+        raise error.Error(f"no scene satisfies the goal, so there is nothing to learn: {reach}")
     if isinstance(source, Scenes):
         phi = source.phi
         return Library(aim, source, phi.min(axis=0), phi.max(axis=0), float(phi[:, goal].min()), None)
+    if least >= 0.0:
+        raise error.Error(f"every scene satisfies the goal already, so there is nothing to learn: {reach}")
     name = aim.names[goal]
     # what is hard is a matter of the spec, whatever draws the scenes
     pilot = Sampler(aim).draw({name: (None, BELOW)}, PILOT, 0, "base")

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import Space, error, spaces
 
+from scenegen.curriculum.faults import names, number, one_of
 from scenegen.errors import quoted, suggest
 from scenegen.lang.core import Coord, Core, part
 from scenegen.lang.spec import CheckedSpec
@@ -49,20 +50,23 @@ class Moves:
         if self.kind == "grid":
             given = given.reshape(count) if given.size == count else given
             if given.shape != (count,) or given.dtype.kind not in "iu":
-                raise error.InvalidAction(f"an action is a whole number from 0 to {len(self.rows) - 1}, not {actions}")
+                what = "an action is a whole number" if count == 1 else f"{count} actions are wanted, whole numbers"
+                raise error.InvalidAction(f"{what} from 0 to {len(self.rows) - 1}, not {actions}")
             if ((given < 0) | (given >= len(self.rows))).any():
                 bad = given[(given < 0) | (given >= len(self.rows))][0]
                 raise error.InvalidAction(f"there is no action {bad}; they are numbered from 0 to {len(self.rows) - 1}")
             return given
         given = given.reshape(count, -1) if given.ndim == 1 and count == 1 else given
         if given.shape != (count, len(self.rows)) or given.dtype.kind not in "iuf":
-            raise error.InvalidAction(f"an action is {len(self.rows)} numbers ({', '.join(self.names)}), not {actions}")
+            what = "an action is" if count == 1 else f"{count} actions are wanted, each"
+            raise error.InvalidAction(f"{what} {len(self.rows)} numbers ({', '.join(self.names)}), not {actions}")
         wrong = ~(np.abs(given) <= 1.0 + LENIENT)
         if wrong.any():
-            _, place = (int(index) for index in np.argwhere(wrong)[0])
+            table, place = (int(index) for index in np.argwhere(wrong)[0])
+            whose = "the action" if count == 1 else f"the action on table {table}"
             value = given[wrong][0]
             what = "is not a number" if np.isnan(value) else f"is {value:g}; it has to be from -1 to 1"
-            raise error.InvalidAction(f"`{self.names[place]}` of the action {what}")
+            raise error.InvalidAction(f"`{self.names[place]}` of {whose} {what}")
         return np.asarray(np.clip(given, -1.0, 1.0), dtype=np.float64)
 
     def apply(self, rows: Array, actions: npt.NDArray[Any]) -> Array:
@@ -85,16 +89,16 @@ def make_moves(
     spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
 ) -> tuple[Moves, float]:
     """The moves, and the step in metres. Raises gymnasium.error.Error for what cannot be."""
-    if kind not in get_args(Kind):
-        raise error.Error(f"unknown moves `{kind}`; {suggest(kind, get_args(Kind), 'they are `grid` or `continuous`')}")
-    step = min(spec.workspace.width, spec.workspace.height) / STEPS if step is None else step
-    turn = TURN if turn is None else turn
+    one_of("moves", kind, get_args(Kind))
+    shorter = min(spec.workspace.width, spec.workspace.height)
+    step = shorter / STEPS if step is None else number("step", step, "metres")
+    turn = TURN if turn is None else number("turn", turn, "radians")
     for name, value, most in (("step", step, max(spec.workspace.width, spec.workspace.height)), ("turn", turn, TWO_PI)):
         if not 0.0 < value <= most:
             unit = "metres" if name == "step" else "radians"
             raise error.Error(f"`{name}` is {value:g}; it has to be more than 0 and at most {most:g} {unit}")
     turned = headings(spec.core)
-    rows, amounts, names = [], [], []
+    rows, amounts, called = [], [], []
     for index in _movable(spec, move):
         for axis in range(3 if index in turned else 2):
             amount = turn if axis == 2 else step
@@ -102,9 +106,9 @@ def make_moves(
                 rows.append(3 * index + axis)
                 amounts.append(sign * amount)
                 way = "" if kind == "continuous" else " +" if sign > 0 else " -"
-                names.append(f"{spec.objects[index]} {AXES[axis]}{way}")
+                called.append(f"{spec.objects[index]} {AXES[axis]}{way}")
     literal: Kind = "grid" if kind == "grid" else "continuous"
-    return Moves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(names)), step
+    return Moves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(called)), step
 
 
 def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
@@ -115,7 +119,7 @@ def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
     if move is None:
         return free
     chosen = []
-    for name in (move,) if isinstance(move, str) else move:
+    for name in names("move", move, "an object"):
         if name not in spec.objects:
             known = f"the objects are {quoted(spec.objects)}"
             raise error.Error(
@@ -128,4 +132,4 @@ def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
         chosen.append(spec.objects.index(name))
     if not chosen:
         raise error.Error("`move` names no object; leave it out to move all")
-    return list(dict.fromkeys(chosen))
+    return chosen

@@ -23,6 +23,11 @@ def check_render(mode: str | None, view: str, size: tuple[int, int]) -> None:
     """Raises gymnasium.error.UnsupportedMode for a mode, and Error for a view or a size."""
     if mode is not None and mode not in MODES:
         raise error.UnsupportedMode(f'there is no render mode "{mode}"; it is "rgb_array" or None')
+    if not isinstance(view, str):
+        raise error.Error(f"`view` is {view!r}; it has to be the name of a view")
+    sides = size if isinstance(size, tuple | list) else ()
+    if len(sides) != 2 or not all(isinstance(side, int | np.integer) for side in sides):
+        raise error.Error(f"`size` is {size!r}; write (width, height) in whole pixels")
     if mode is not None:
         from scenegen.render.live import check_request
 

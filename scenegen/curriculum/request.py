@@ -22,7 +22,7 @@ from scenegen.data.arrange import check_scenes
 from scenegen.errors import quoted, suggest
 from scenegen.sampling.request import BAND
 from scenegen.scene.data import Pose, SceneData
-from scenegen.scene.workspace import TWO_PI
+from scenegen.scene.workspace import AXES, TWO_PI
 
 Array = npt.NDArray[np.float64]
 
@@ -76,10 +76,12 @@ def read_phi(aim: Aim, phi: object, *, points: bool = False) -> Wanted:
         return phi
     given: Mapping[int, object]
     if isinstance(phi, PhiBox):
-        if len(phi.low) != aim.labels:
-            raise error.Error(
-                f"the task has phi of {len(phi.low)} labels; the spec has {quoted(aim.names[: aim.labels])}"
-            )
+        if not all(isinstance(ends, tuple | list | np.ndarray) for ends in (phi.low, phi.high)):
+            raise error.InvalidBound(f"{phi} is no task; `low` and `high` have one number per label each")
+        for side in (phi.low, phi.high):
+            if len(side) != aim.labels:
+                known = quoted(aim.names[: aim.labels])
+                raise error.Error(f"the task has phi of {len(side)} labels; the spec has {known}")
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
         given = {_label(aim, name): ends for name, ends in phi.items()}
@@ -104,12 +106,17 @@ def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
         raise error.InvalidBound(
             f"phi of `{name}` is asked for as {ends!r}; write (lowest, highest), None for an open end"
         )
-    low = -math.inf if pair[0] is None else float(pair[0])
-    high = math.inf if pair[1] is None else float(pair[1])
+    try:
+        low = -math.inf if pair[0] is None else float(pair[0])
+        high = math.inf if pair[1] is None else float(pair[1])
+    except OverflowError:
+        raise error.InvalidBound(f"phi of `{name}` is asked for with an end too large; None is an open end") from None
     if math.isnan(low) or math.isnan(high):
         raise error.InvalidBound(f"phi of `{name}` is asked for as {ends!r}; NaN is no phi, None is an open end")
     if low > high:
         raise error.InvalidBound(f"phi of `{name}` is asked for from {low:g} to {high:g}, which is reversed")
+    if low == high and math.isinf(low):
+        raise error.InvalidBound(f"phi of `{name}` is asked for as {ends!r}; it is finite, None is an open end")
     if low == high and not points:
         band = f"({low - BAND:g}, {low + BAND:g})"
         raise error.InvalidBound(f"phi of `{name}` is exactly {low:g} with probability 0; ask for a band, say {band}")
@@ -128,8 +135,10 @@ def read_scene(spec: Spec, scene: object) -> Array:
         poses: Mapping[Any, Any] = scene.poses
     elif isinstance(scene, Mapping):
         poses = scene["poses"] if "poses" in scene and "poses" not in spec.objects else scene
+        if not isinstance(poses, Mapping):
+            raise error.Error(f"the `poses` of the scene are a {type(poses).__name__}; write {{object: (x, y, theta)}}")
     else:
-        array = np.asarray(scene, dtype=np.float64) if isinstance(scene, np.ndarray | list | tuple) else np.empty(0)
+        array = _array(scene) if isinstance(scene, np.ndarray | list | tuple) else np.empty(0)
         if array.shape != (len(spec.objects), 3):
             what = f"an array of shape {array.shape}" if array.size else f"a {type(scene).__name__}"
             raise error.Error(
@@ -152,23 +161,47 @@ def read_scene(spec: Spec, scene: object) -> Array:
     return rows
 
 
+def _array(scene: Any) -> Array:
+    try:
+        array = np.asarray(scene)
+        if array.dtype.kind in "iufO":
+            return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise error.Error("the poses of the scene are not all numbers; write a row (x, y, theta) for each object")
+
+
 def _pose(name: str, pose: object) -> tuple[float, float, float]:
     if isinstance(pose, Pose):
         return pose.x, pose.y, pose.theta
-    values = [pose.get("x"), pose.get("y"), pose.get("theta", 0.0)] if isinstance(pose, Mapping) else pose
+    if isinstance(pose, Mapping):
+        extra = [str(key) for key in pose if key not in AXES]
+        if extra:
+            raise error.Error(f"the pose of `{name}` has {quoted(extra)}; it has {quoted(AXES)}, in metres and radians")
+        pose = pose.get("x"), pose.get("y"), pose.get("theta", 0.0)
+    if isinstance(pose, str | bytes):  # "123" would do
+        raise error.Error(f"the pose of `{name}` is {pose!r}; write (x, y, theta) in metres and radians")
     try:
-        x, y, theta = (float(value) for value in values)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+        x, y, theta = (float(value) for value in pose)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
         raise error.Error(f"the pose of `{name}` is {pose!r}; write (x, y, theta) in metres and radians") from None
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
         raise error.Error(f"the pose of `{name}` is ({x:g}, {y:g}, {theta:g}); it has to be finite")
     return x, y, theta
 
 
-def check_options(options: Mapping[str, Any]) -> None:
-    """Raises gymnasium.error.Error for an option that there is not, and for phi and a scene at once."""
+def check_options(options: object) -> Mapping[str, Any]:
+    """Options as a mapping, empty for None. Raises gymnasium.error.Error for what is none, for an option that there is
+    not, and for phi and a scene at once."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise error.Error(f'`options` is {options!r}; write them by name, say {{"phi": (-0.2, -0.1)}}')
     for name in options:
         if name not in OPTIONS:
             raise error.Error(f"unknown option `{name}`; {suggest(str(name), OPTIONS, f'there are {quoted(OPTIONS)}')}")
     if options.get("phi") is not None and options.get("scene") is not None:
         raise error.Error("`phi` and `scene` are both asked for; a given scene has the phi that it has: leave one out")
+    if not isinstance(options.get("nearest", False), bool | np.bool_):
+        raise error.Error(f"`nearest` is {options['nearest']!r}; it is True or False")
+    return options

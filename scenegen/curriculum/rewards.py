@@ -6,9 +6,8 @@ from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import error
 
-from scenegen.errors import suggest
+from scenegen.curriculum.faults import one_of
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -23,8 +22,7 @@ class Reward:
     discount the best policies are the same. Raises gymnasium.error.Error for another kind."""
 
     def __init__(self, kind: str, step: float) -> None:
-        if kind not in get_args(Kind):
-            raise error.Error(f"unknown reward `{kind}`; {suggest(kind, get_args(Kind), 'it is `sparse` or `dense`')}")
+        one_of("reward", kind, get_args(Kind))
         self._scale = 1.0 / step if kind == "dense" else 0.0
 
     def __call__(self, before: Array, after: Array, success: Mask, off: Mask) -> Array:

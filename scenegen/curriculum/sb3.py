@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import error
 
+from scenegen.curriculum.faults import count
 from scenegen.curriculum.tasks import Strategy
 
 try:
@@ -27,6 +28,9 @@ class CurriculumCallback(BaseCallback):
     says, if it is given and has one. Works with environments in other processes, too."""
 
     def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
+        if strategy is not None and not callable(getattr(strategy, "next_task", None)):
+            raise error.Error(f"{strategy!r} is no strategy; give the one that `Curriculum` was given, or none")
+        window = count("window", window)
         super().__init__(verbose)
         self.outcomes: deque[Mapping[str, Any]] = deque(maxlen=window)
         self.episodes = 0

@@ -58,6 +58,12 @@ def stock(aim: Aim, scenes: SceneSet) -> Scenes:
     return Scenes(np.ascontiguousarray(rows.T), Scorer(aim)(rows)[: len(aim.names)].T.copy())
 
 
+def check_source(source: object) -> None:
+    """Raises gymnasium.error.Error for what scenes cannot come from."""
+    if source is not None and not isinstance(source, str | Path | SceneSet | Model):
+        raise error.Error(f"`source` is a model, scenes, or the path of either, not {type(source).__name__}")
+
+
 def open_source(aim: Aim, spec: Spec, source: Any) -> Sampler | Scenes:
     """`source` as people give it: None for the exact sampler, a Model or a SceneSet, or the path of a model file
     (.safetensors) or of a scene file. Raises DataError, RequestError, gymnasium.error.Error."""
@@ -74,14 +80,15 @@ def open_source(aim: Aim, spec: Spec, source: Any) -> Sampler | Scenes:
                 f"the model {source.name} was trained on another spec; make the environment from that one"
             )
         return Sampler(aim, source)
-    raise error.Error(f"`source` is a model, scenes, or the path of either, not {type(source).__name__}")
+    raise AssertionError(source)  # check_source was asked
 
 
 class _Narrowed:
     """A trained model that is told of its own labels alone."""
 
     def __init__(self, trained: Any, labels: int) -> None:
-        self._trained, self._labels, self.name = trained, labels, trained.name
+        self._trained, self._labels = trained, labels
+        self.name, self.steps = trained.name, trained.steps
 
     def propose(self, phi: Any, generator: Any) -> Any:
         return self._trained.propose(phi[: self._labels], generator)

@@ -20,6 +20,7 @@ from scenegen.curriculum.dealer import Ask
 from scenegen.curriculum.env import TableTop
 from scenegen.curriculum.faults import count
 from scenegen.curriculum.feed import Dealt, Feed
+from scenegen.curriculum.request import check_options
 from scenegen.curriculum.rules import Tables
 from scenegen.curriculum.tasks import PhiBox
 
@@ -84,10 +85,14 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, int):
             seeds = [None if seed is None else seed + k for k in range(self.num_envs)]
-        else:
+        elif isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
             seeds = seed
+        else:
+            raise error.Error(f"`seed` is {seed!r}; it is a python integer, or a list of {self.num_envs}")
         if len(seeds) != self.num_envs:
             raise error.Error(f"there are {len(seeds)} seeds for {self.num_envs} tables; give one, or one for each")
+        if options is not None and not isinstance(options, Mapping):
+            check_options(options)
         options = dict(options or {})
         chosen = self._chosen(options.pop("reset_mask", None))
         for k in np.flatnonzero(chosen).tolist():
@@ -167,21 +172,23 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         dealer = self._one.dealer
         given = dealer.read(options)
         places = np.flatnonzero(chosen)
-        if self._tables is None:
-            rows, phi = (3 * len(self.scenes.objects), self.num_envs), (len(self.rules.aim.names), self.num_envs)
-            self._tables = Tables(np.zeros(rows), np.zeros(phi), np.zeros(self.num_envs))
-        tables = self._tables
+        begun = []  # all of them before any table changes: a request that cannot be met leaves the tables as they are
         for k in places.tolist():
             ask = given
             if self.chooser is not None and given.scene is None and given.wanted is None:
                 ask = dealer.read(self.chooser(k))
             if ask.scene is not None:
                 one = ask.scene
-                tables.rows[:, k], tables.phi[:, k], tables.slack[k] = one.rows[:, 0], one.phi[:, 0], one.slack[0]
+                begun.append((k, one.rows[:, 0], one.phi[:, 0], one.slack[0], dealer.task(ask)))
             else:
-                tables.rows[:, k], tables.phi[:, k] = self._deal(k, ask)
-                tables.slack[k] = 0.0
-            self._tasks[k] = dealer.task(ask)
+                row, phi = self._deal(k, ask)
+                begun.append((k, row, phi, 0.0, dealer.task(ask)))
+        if self._tables is None:
+            shape = (3 * len(self.scenes.objects), self.num_envs), (len(self.rules.aim.names), self.num_envs)
+            self._tables = Tables(np.zeros(shape[0]), np.zeros(shape[1]), np.zeros(self.num_envs))
+        tables = self._tables
+        for k, row, phi, slack, task in begun:
+            tables.rows[:, k], tables.phi[:, k], tables.slack[k], self._tasks[k] = row, phi, slack, task
         self._steps[places] = 0
         self._over[places] = False
         return self.rules.success(tables) & chosen

@@ -13,16 +13,56 @@ from typing import Any
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+from gymnasium import error
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
+from scenegen.curriculum.env import TableTop
+from scenegen.curriculum.request import check_options
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
 from scenegen.curriculum.vector import TableTopVector
+
+CALLS = ("next_task", "report")  # of a strategy
 
 
 def _options(task: PhiBox, options: Mapping[str, Any] | None) -> dict[str, Any]:
     """A task as options for `reset`; what cannot be had is replaced by what is nearest to it."""
     return {**(options or {}), "phi": task, "nearest": True}
+
+
+def _check(env: Any, kind: type, strategy: object) -> None:
+    """Raises gymnasium.error.Error for an environment that is none of ours, and for a strategy that is none."""
+    unwrapped = getattr(env, "unwrapped", env)
+    if not isinstance(unwrapped, kind):
+        raise error.Error(f"a curriculum goes around a {kind.__name__}, not around a {type(unwrapped).__name__}")
+    if isinstance(strategy, type) or not all(callable(getattr(strategy, call, None)) for call in CALLS):
+        shown = strategy.__name__ if isinstance(strategy, type) else repr(strategy)
+        raise error.Error(
+            f'{shown} is no strategy; make one: strategy("self_paced", env.unwrapped.space, np.random.default_rng(0))'
+        )
+
+
+def _check_reach(strategy: Strategy, space: PhiBox) -> None:
+    """Raises gymnasium.error.InvalidBound where all of the strategy's reach lies outside of the environment's: what is
+    nearest to its tasks would be the same scenes for ever."""
+    reach = getattr(strategy, "space", None)
+    if not isinstance(reach, PhiBox) or len(reach.low) != len(space.low):
+        return
+    for label, ends in enumerate(zip(reach.low, reach.high, space.low, space.high, strict=True)):
+        low, high, least, most = ends
+        if low > most or high < least:
+            raise error.InvalidBound(
+                f"the strategy is about phi from {low:.4g} to {high:.4g} of label {label}, but starts here "
+                f"have {least:.4g} to {most:.4g}; make it for `env.unwrapped.space`"
+            )
+
+
+def _next_task(strategy: Strategy) -> PhiBox:
+    """Raises gymnasium.error.Error for a task that is none."""
+    task = strategy.next_task()
+    if not isinstance(task, PhiBox):
+        raise error.Error(f"the strategy's next task is {task!r}; it has to be a PhiBox")
+    return task
 
 
 def _told(outcome: Outcome) -> dict[str, Any]:
@@ -38,7 +78,7 @@ def _told(outcome: Outcome) -> dict[str, Any]:
 
 
 def _overridden(options: Mapping[str, Any] | None) -> bool:
-    return options is not None and (options.get("phi") is not None or options.get("scene") is not None)
+    return isinstance(options, Mapping) and (options.get("phi") is not None or options.get("scene") is not None)
 
 
 class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
@@ -49,22 +89,33 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     `total` and `steps`."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], strategy: Strategy) -> None:
+        _check(env, TableTop, strategy)
         RecordConstructorArgs.__init__(self, _disable_deepcopy=True, strategy=strategy)
         gymnasium.Wrapper.__init__(self, env)
         self.strategy = strategy
-        self._labels = env.unwrapped.rules.aim.labels  # type: ignore[attr-defined]
+        self._table: TableTop = env.unwrapped  # type: ignore[assignment]
+        self._fits = False
+        self._labels = self._table.rules.aim.labels
         self._task: PhiBox | None = None
         self._phi: tuple[float, ...] = ()
         self._total, self._steps = 0.0, 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode of the next task."""
-        self._task = None if _overridden(options) else self.strategy.next_task()
+        if options is not None:
+            check_options(options)
+        self._task = None if _overridden(options) else self._next()
         asked = options if self._task is None else _options(self._task, options)
         seen, info = self.env.reset(seed=seed, options=asked)
         self._phi = tuple(info["phi"].values())[: self._labels]
         self._total, self._steps = 0.0, 0
         return seen, info
+
+    def _next(self) -> PhiBox:
+        if not self._fits:  # not before: an environment that is only given scenes never draws one
+            _check_reach(self.strategy, self._table.space)
+            self._fits = True
+        return _next_task(self.strategy)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Do an action; at the end of the episode the strategy hears how it went."""
@@ -84,10 +135,12 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
     none of them. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
 
     def __init__(self, env: TableTopVector, strategy: Strategy) -> None:
+        _check(env, TableTopVector, strategy)
         super().__init__(env)
         self.strategy = strategy
         self._tables: TableTopVector = env.unwrapped
         self._tables.chooser = self._next
+        self._fits = False
         self._labels = self._tables.rules.aim.labels
         self._tasks: list[PhiBox | None] = [None] * env.num_envs
         self._phi = np.zeros((env.num_envs, self._labels))
@@ -95,13 +148,16 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         self._over = np.zeros(env.num_envs, dtype=np.bool_)
 
     def _next(self, number: int) -> Mapping[str, Any]:
-        task = self.strategy.next_task()
+        if not self._fits:
+            _check_reach(self.strategy, self._tables.space)
+            self._fits = True
+        task = _next_task(self.strategy)
         self._tasks[number] = task
         return _options(task, None)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin episodes of the next tasks."""
-        mask = (options or {}).get("reset_mask")
+        mask = options.get("reset_mask") if isinstance(options, Mapping) else None
         begun = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.array(mask, dtype=np.bool_)
         for number in np.flatnonzero(begun).tolist():
             self._tasks[number] = None

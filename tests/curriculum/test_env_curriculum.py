@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import error
 from gymnasium.vector import SyncVectorEnv
 from stable_baselines3 import DQN
 from stable_baselines3.common.logger import KVWriter, Logger
@@ -139,3 +140,10 @@ def test_stable_baselines_learns_with_a_curriculum():
     assert {f"curriculum/{name}" for name in names} <= set(last)
     assert "rollout/success_rate" in last
     assert -0.2 <= last["curriculum/low"] < last["curriculum/phi"] < last["curriculum/high"] <= 0.0
+
+
+def test_what_a_callback_cannot_be():
+    with pytest.raises(error.Error, match="'linear' is no strategy"):
+        CurriculumCallback("linear")
+    with pytest.raises(error.Error, match="`window` is 0; it has to be a whole number"):
+        CurriculumCallback(window=0)

@@ -1,11 +1,13 @@
 """Bad requests raise gymnasium's own errors, in a sentence that helps."""
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium import error
 
 import scenegen
-from scenegen.curriculum import PhiBox, TableTop, TableTopVector
+from scenegen.curriculum import Curriculum, PhiBox, TableTop, TableTopVector, VectorCurriculum
+from scenegen.curriculum.strategies.uniform import Uniform
 
 LEFT = "leftOf(mug, plate)"
 APART = (
@@ -32,6 +34,18 @@ MAKING = [
     ({"spec": LEFT, "render_mode": "rgb_array", "view": "tap"}, error.Error, "did you mean `top`"),
     ({"spec": LEFT, "render_mode": "rgb_array", "size": (4, 4)}, error.Error, "16 to 4096 pixels"),
     ({"spec": LEFT, "phi": (0.3, 0.1)}, error.InvalidBound, "reversed"),
+    ({"spec": LEFT, "goal": 3}, error.Error, "`goal` is 3; write the name of a label"),
+    ({"spec": LEFT, "goal": [3]}, error.Error, r"`goal` is \[3\]; write the name of a label"),
+    ({"spec": LEFT, "goal": b"task"}, error.Error, "write the name of a label"),
+    ({"spec": LEFT, "move": 3}, error.Error, "`move` is 3; write the name of an object"),
+    ({"spec": LEFT, "moves": None}, error.Error, "unknown moves `None`; it is `grid` or `continuous`"),
+    ({"spec": LEFT, "reward": ["dense"]}, error.Error, r"unknown reward `\['dense'\]`"),
+    ({"spec": LEFT, "step": "0.1"}, error.Error, "`step` is '0.1'; it has to be a number of metres"),
+    ({"spec": LEFT, "step": True}, error.Error, "`step` is True; it has to be a number of metres"),
+    ({"spec": LEFT, "turn": [1.0]}, error.Error, r"`turn` is \[1.0\]; it has to be a number of radians"),
+    ({"spec": LEFT, "view": 3}, error.Error, "`view` is 3"),
+    ({"spec": LEFT, "size": (64, 64, 3)}, error.Error, r"`size` is \(64, 64, 3\); write \(width, height\)"),
+    ({"spec": LEFT, "size": (64.5, 64)}, error.Error, "in whole pixels"),
 ]
 
 
@@ -60,6 +74,20 @@ ASKING = [
     ({"scene": {**POSES, "mug": (1.2, 0.5, 0.0)}}, error.Error, "`mug` is outside of the workspace"),
     ({"scene": np.zeros((3, 3))}, error.Error, r"an array \(2, 3\), not an array of shape \(3, 3\)"),
     ({"scene": "mug"}, error.Error, "not a str"),
+    ({"scene": [["a", "b", "c"], [0.5, 0.5, 0.0]]}, error.Error, "not all numbers"),
+    ({"scene": [[0.2, 0.5], [0.5, 0.5, 0.0]]}, error.Error, "not all numbers"),
+    ({"scene": np.full((2, 3), 0.5j)}, error.Error, "not all numbers"),
+    ({"scene": {"poses": 3}}, error.Error, "the `poses` of the scene are a int"),
+    ({"scene": {**POSES, "mug": "123"}}, error.Error, "the pose of `mug` is '123'"),
+    ({"scene": {**POSES, "mug": (10**400, 0.5, 0.0)}}, error.Error, "the pose of `mug`"),
+    ({"scene": {**POSES, "mug": {"x": 0.2, "y": 0.5, "thta": 1.0}}}, error.Error, "the pose of `mug` has `thta`"),
+    ({"phi": (-0.3, 10**400)}, error.InvalidBound, "too large"),
+    ({"phi": (float("inf"), float("inf")), "nearest": True}, error.InvalidBound, "None is an open end"),
+    ({"phi": PhiBox((-0.3,), (-0.1, 0.2))}, error.Error, "phi of 2 labels"),
+    ({"phi": PhiBox(-0.3, -0.1)}, error.InvalidBound, "one number per label"),
+    ({"phi": (-0.3, -0.1), "nearest": "no"}, error.Error, "`nearest` is 'no'; it is True or False"),
+    (3, error.Error, "`options` is 3; write them by name"),
+    ([("phi", (-0.3, -0.1))], error.Error, "write them by name"),
 ]
 
 
@@ -124,9 +152,13 @@ def test_sources(tmp_path):
     with pytest.raises(error.Error, match=r"cannot read|no such|there is no"):
         TableTop(LEFT, source=tmp_path / "nothing.json").reset()
     with pytest.raises(error.Error, match="`source` is a model, scenes"):
-        TableTop(LEFT, source=3).reset()
-    with pytest.raises(error.Error, match="no scene can have phi of `task`"):
+        TableTop(LEFT, source=[])
+    with pytest.raises(error.Error, match="there are no scenes in the file"):
+        TableTop(LEFT, source=scenes[:0]).reset()
+    with pytest.raises(error.Error, match=r"every scene satisfies the goal already.*lies between 0 and 1.414"):
         TableTop("!closeTo(mug, plate, 0)").reset()
+    with pytest.raises(error.Error, match=r"no scene satisfies the goal.*lies between -2 and -1"):
+        TableTop("object mug\nobject plate\ntask: x(mug) >= 2").reset()
 
 
 def test_a_spec_with_mistakes_is_shown(tmp_path):
@@ -160,8 +192,60 @@ def test_what_cannot_be_asked_of_a_vector():
     envs.reset(options={"scene": {"mug": (0.52, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
     with pytest.raises(error.Error, match="2 bools, at least one of them True"):
         envs.reset(options={"reset_mask": np.array([False, False])})
-    with pytest.raises(error.InvalidAction, match="whole number"):
+    with pytest.raises(error.InvalidAction, match="2 actions are wanted, whole numbers from 0 to 7"):
         envs.step([0, 1, 2])
+    with pytest.raises(error.Error, match="`options` is 3"):
+        envs.reset(options=3)
+    with pytest.raises(error.Error, match=r"`seed` is 1.5; it is a python integer, or a list of 2"):
+        envs.reset(seed=1.5)
     envs.step([1, 0])
     with pytest.raises(error.ResetNeeded, match="the episode is over on table 0"):
         envs.step([0, 0])
+
+
+def test_a_request_that_cannot_be_met_changes_nothing():
+    envs = TableTopVector(2, LEFT)
+    with pytest.raises(error.InvalidBound):
+        envs.reset(seed=0, options={"phi": (2.0, 3.0)})
+    with pytest.raises(error.ResetNeeded):  # not on tables with all objects in the corner
+        envs.step([0, 0])
+    env, other = TableTop(LEFT), TableTop(LEFT)
+    env.reset(seed=0)
+    other.reset(seed=0)
+    with pytest.raises(error.Error):
+        env.reset(seed=1, options={"phy": (0.0, 0.1)})
+    np.testing.assert_array_equal(env.reset()[0], other.reset()[0])
+
+
+def test_whose_action_is_none():
+    envs = TableTopVector(2, LEFT, moves="continuous")
+    envs.reset(options={"scene": POSES})
+    with pytest.raises(error.InvalidAction, match="`mug y` of the action on table 1 is not a number"):
+        envs.step([[0.0, 0.0, 0.0, 0.0], [0.0, float("nan"), 0.0, 0.0]])
+
+
+class Wrong:
+    """A strategy whose tasks are none."""
+
+    def next_task(self):
+        return (-0.3, -0.1)
+
+    def report(self, outcome):
+        raise AssertionError(outcome)
+
+
+@pytest.mark.parametrize("kind, made", [(Curriculum, TableTop), (VectorCurriculum, TableTopVector)])
+def test_what_a_curriculum_cannot_be(kind, made):
+    env = made(spec=LEFT)
+    for strategy in (None, "linear", Wrong):
+        with pytest.raises(error.Error, match=r"is no strategy; make one"):
+            kind(env, strategy)
+    with pytest.raises(error.Error, match=f"goes around a {made.__name__}, not around a CartPoleEnv"):
+        kind(gymnasium.make("CartPole-v1"), Wrong())
+    with pytest.raises(error.Error, match=r"next task is \(-0.3, -0.1\); it has to be a PhiBox"):
+        kind(env, Wrong()).reset()
+    far = Uniform(PhiBox((-50.0,), (-40.0,)), np.random.default_rng(0))
+    with pytest.raises(error.InvalidBound, match=r"about phi from -50 to -40 of label 0.*`env.unwrapped.space`"):
+        kind(env, far).reset()
+    with pytest.raises(error.Error, match="`options` is 3"):
+        kind(env, Uniform(env.space, np.random.default_rng(0))).reset(options=3)

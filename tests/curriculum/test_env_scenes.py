@@ -133,7 +133,7 @@ def test_the_scenes_of_a_file(tmp_path):
 class Dreamer:
     """Stands in for a trained model: proposes scenes of the base distribution, whatever phi is wanted."""
 
-    name = "dreamer"
+    name, steps = "dreamer", None
 
     def __init__(self, spec):
         self.card = SimpleNamespace(spec=SimpleNamespace(source=spec.source, name="dream.spec", title=""))

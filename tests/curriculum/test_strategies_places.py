@@ -163,3 +163,18 @@ def test_bad_requests(golden):
             strategy(name, space, np.random.default_rng(0), **settings)
         lines += [f"== {name} {space.low} {space.high} {settings}", str(caught.value), ""]
     golden("curriculum/bad_strategies.txt", "\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    "name, space, rng, text",
+    [
+        (["linear"], PhiBox((-1.0,), (0.0,)), np.random.default_rng(0), "unknown strategy"),
+        ("linear", None, np.random.default_rng(0), "None is no reach of phi"),
+        ("linear", PhiBox(-1.0, 0.0), np.random.default_rng(0), "is no reach of phi"),
+        ("linear", PhiBox(("a",), ("b",)), np.random.default_rng(0), "is no reach of phi"),
+        ("linear", PhiBox((-1.0,), (0.0,)), 0, "draws from a numpy.random.Generator, not from 0"),
+    ],
+)
+def test_what_is_of_another_type(name, space, rng, text):
+    with pytest.raises(RequestError, match=text):
+        strategy(name, space, rng)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 
 import numpy as np
 
@@ -81,6 +82,9 @@ def pick(boxes: Sequence[tuple[float, PhiBox]], rng: np.random.Generator) -> Phi
 
 def check(space: PhiBox) -> None:
     """Raises RequestError unless `space` has as many lows as highs, finite ones, in their order."""
+    if not isinstance(space, PhiBox) or not all(_numbers(ends) for ends in (space.low, space.high)):
+        title = f"{space!r} is no reach of phi"
+        raise RequestError(Diagnostic(title, help="write PhiBox((-0.7,), (0.0,)), or give `env.unwrapped.space`"))
     if len(space.low) != len(space.high) or not space.low:
         title = f"a reach of phi with {len(space.low)} low and {len(space.high)} high ends"
         raise RequestError(Diagnostic(title, help="give one low and one high end per label of the spec"))
@@ -89,3 +93,7 @@ def check(space: PhiBox) -> None:
             title = f"label {label}: no curriculum from phi {low} to {high}"
             help_ = "both ends are finite, the lower one first; `scenegen range` prints what can be reached"
             raise RequestError(Diagnostic(title, help=help_))
+
+
+def _numbers(ends: object) -> bool:
+    return isinstance(ends, tuple) and all(isinstance(end, Real) for end in ends)

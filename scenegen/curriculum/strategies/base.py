@@ -12,7 +12,7 @@ import numpy as np
 from scenegen.curriculum.strategies.axis import Axis
 from scenegen.curriculum.strategies.settings import Settings, checked
 from scenegen.curriculum.tasks import Outcome, PhiBox
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError, Diagnostic, RequestError
 
 
 class Base(ABC):
@@ -32,6 +32,9 @@ class Base(ABC):
     def __init__(self, space: PhiBox, rng: np.random.Generator, **settings: Any) -> None:
         """Raises RequestError for a bad space, an unknown setting, or a value out of its range."""
         self.settings = checked(self.settings_class, self.name(), settings)
+        if not isinstance(rng, np.random.Generator):
+            title = f"a strategy draws from a numpy.random.Generator, not from {rng!r}"
+            raise RequestError(Diagnostic(title, help="give np.random.default_rng(0)"))
         self.axis = Axis(space, self.settings.labels)
         self.space, self.rng = space, rng
         self.begin()

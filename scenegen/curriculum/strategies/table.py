@@ -53,7 +53,7 @@ def strategy(name: str, space: PhiBox, rng: np.random.Generator, **settings: Any
     """A strategy by name, over all the phi in `space`; it draws from `rng`, which nothing else should use if it is to
     be saved. Raises RequestError, with the nearest name, for a strategy or setting there is not, for a value out of its
     range, and for a space that is none."""
-    if name not in STRATEGIES:
+    if not isinstance(name, str) or name not in STRATEGIES:
         help_ = suggest(str(name), STRATEGIES, f"the strategies are {quoted(STRATEGIES)}")
         raise RequestError(Diagnostic(f"unknown strategy `{name}`", help=help_))
     return STRATEGIES[name].load()(space, rng, **settings)

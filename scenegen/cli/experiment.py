@@ -12,7 +12,9 @@ def experiment(
     name: Annotated[
         str,
         typer.Argument(
-            help="semantics, exp1, exp2, exp3, rejection, space, curriculum or all.", metavar="NAME", show_default=False
+            help="semantics, exp1, exp2, exp3, rejection, space, curriculum, curriculum-deep or all.",
+            metavar="NAME",
+            show_default=False,
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder for the reports.", metavar="DIR", show_default=False)],
@@ -37,8 +39,8 @@ def experiment(
       scenegen experiment all --out reports --seeds 1
 
     A report is NAME.md, NAME.json and PNG files. Trained models are kept in DIR/trained and used again, so what is
-    broken off goes on where it was. Needs the extra `experiments` (matplotlib, scikit-learn, numba). On two cores these
-    take about
+    broken off goes on where it was. Needs the extra `experiments` (matplotlib, scikit-learn, numba,
+    stable-baselines3). On two cores these take about
 
     \b
       semantics  10 seconds  phi while a mug moves round a plate
@@ -48,6 +50,7 @@ def experiment(
       rejection   2 minutes  draws per scene, by every sampler
       space       1 minute   look-up tables against networks and specs
       curriculum  15 minutes  Q-learning with scenes by phi
+      curriculum-deep  10 minutes  two and four objects, learnt by PPO
     """
     from scenegen.cli.output import print_error
     from scenegen.experiments.run import run

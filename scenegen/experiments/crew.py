@@ -1,4 +1,4 @@
-"""Trainings on several processes: whoever is free takes the next one."""
+"""Trainings, and other jobs, on several processes: whoever is free takes the next one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.experiments.plan import FOLDER, Plan
@@ -16,6 +17,11 @@ from scenegen.experiments.variants import VARIANTS
 from scenegen.experiments.worker import ANSWER
 from scenegen.formats.files import ensure_folder, write_whole
 from scenegen.render.process import Process
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Some = TypeVar("Some", bound="DataclassInstance")
 
 
 def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
@@ -32,7 +38,7 @@ def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
     if len(missing) < len(files):
         plan.tell(f"{problem.title}: {len(files) - len(missing)} of {len(files)} models are there from an earlier run")
     if missing:
-        _train(missing, plan)
+        share(missing, plan, perform, "trained", "trains models")
     return {
         variant.name: [_whole(job) for job in jobs if job.variant == place] for place, variant in enumerate(VARIANTS)
     }
@@ -45,29 +51,36 @@ def _whole(job: Job) -> Trained:
     return found
 
 
-def _train(jobs: Sequence[Job], plan: Plan) -> None:
-    began, done, lock = time.monotonic(), 0, threading.Lock()
+def share(jobs: Sequence[Some], plan: Plan, perform: Callable[[Some], float], done: str, task: str) -> None:
+    """Perform jobs of one kind on the plan's processes, in this one if that is one, and tell of each.
 
-    def told(job: Job, seconds: float) -> None:
-        nonlocal done
+    `perform` is a function of the module that the kind of job is of, and returns CPU seconds. `done` is what a job is
+    when it is over, `task` completes "a process that ...". Raises the first ScenegenError.
+    """
+    began, over, lock = time.monotonic(), 0, threading.Lock()
+
+    def told(job: Some, seconds: float) -> None:
+        nonlocal over
         with lock:
-            done += 1
-            left = (time.monotonic() - began) / done * (len(jobs) - done) / 60.0
-            more = f"; {len(jobs) - done} to go, about {left:.0f} min" if done < len(jobs) else ""
-            plan.tell(f"{job}: trained in {seconds:.0f} CPU seconds{more}")
+            over += 1
+            left = (time.monotonic() - began) / over * (len(jobs) - over) / 60.0
+            more = f"; {len(jobs) - over} to go, about {left:.0f} min" if over < len(jobs) else ""
+            plan.tell(f"{job}: {done} in {seconds:.0f} CPU seconds{more}")
 
-    if min(plan.workers, len(jobs)) == 1:
-        for job in jobs:
-            told(job, perform(job))
-    else:
-        _share(jobs, min(plan.workers, len(jobs)), told)
+    workers = min(plan.workers, len(jobs))
+    if workers > 1:
+        what = {"module": perform.__module__, "function": perform.__name__, "kind": type(jobs[0]).__name__}
+        crew = [Process("scenegen.experiments.worker", what, task, "fewer --workers") for _ in range(workers)]
+        _serve(jobs, crew, told)
+        return
+    for job in jobs:
+        told(job, perform(job))
 
 
-def _share(jobs: Sequence[Job], workers: int, told: Callable[[Job, float], None]) -> None:
+def _serve(jobs: Sequence[Some], crew: Sequence[Process], told: Callable[[Some, float], None]) -> None:
     waiting = iter(jobs)
     lock = threading.Lock()
     failures: list[ScenegenError] = []
-    crew = [Process("scenegen.experiments.worker", {}, "trains models", "fewer --workers") for _ in range(workers)]
 
     def serve(process: Process) -> None:
         while not failures:

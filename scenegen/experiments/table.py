@@ -42,6 +42,9 @@ EXPERIMENTS: dict[str, Entry] = {
     # its networks are those of exp1 and exp2
     "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),
     "curriculum": Entry("scenegen.experiments.curriculum:run", "Q-learning with scenes by phi", "15 minutes", 5),
+    "curriculum-deep": Entry(
+        "scenegen.experiments.curriculum_deep:run", "two and four objects, learnt by PPO", "10 minutes"
+    ),
 }
 
 

@@ -44,9 +44,9 @@ def experiment(
 
     \b
       semantics  10 seconds  phi while a mug moves round a plate
-      exp1       30 minutes  a mug to the upper left of a plate, two labels
-      exp2       30 minutes  a table set for one, rare
-      exp3       90 minutes  3, 5 and 7 blocks in order
+      exp1       20 minutes  a mug to the upper left of a plate, two labels
+      exp2       20 minutes  a table set for one, rare
+      exp3       70 minutes  3, 5 and 7 blocks in order
       rejection   2 minutes  draws per scene, by every sampler
       space       1 minute   look-up tables against networks and specs
       curriculum  15 minutes  Q-learning with scenes by phi

@@ -17,6 +17,7 @@ _PUBLIC = {
     "CurriculumCallback": "sb3",
     "Outcome": "tasks",
     "PhiBox": "tasks",
+    "SB3Vector": "sb3_vector",
     "Strategy": "tasks",
     "TableTop": "env",
     "TableTopVector": "vector",
@@ -28,6 +29,7 @@ __all__ = [
     "CurriculumCallback",
     "Outcome",
     "PhiBox",
+    "SB3Vector",
     "Strategy",
     "TableTop",
     "TableTopVector",
@@ -37,6 +39,7 @@ __all__ = [
 if TYPE_CHECKING:
     from scenegen.curriculum.env import TableTop
     from scenegen.curriculum.sb3 import CurriculumCallback
+    from scenegen.curriculum.sb3_vector import SB3Vector
     from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
     from scenegen.curriculum.vector import TableTopVector
     from scenegen.curriculum.wrapper import Curriculum, VectorCurriculum

@@ -35,9 +35,9 @@ class Entry:
 # Text, not functions: `scenegen experiment --help` lists them without importing torch.
 EXPERIMENTS: dict[str, Entry] = {
     "semantics": Entry("scenegen.experiments.semantics:run", "phi while a mug moves round a plate", "10 seconds"),
-    "exp1": Entry("scenegen.experiments.exp1:run", "a mug to the upper left of a plate, two labels", "30 minutes"),
-    "exp2": Entry("scenegen.experiments.exp2:run", "a table set for one, rare", "30 minutes"),
-    "exp3": Entry("scenegen.experiments.exp3:run", "3, 5 and 7 blocks in order", "90 minutes"),
+    "exp1": Entry("scenegen.experiments.exp1:run", "a mug to the upper left of a plate, two labels", "20 minutes"),
+    "exp2": Entry("scenegen.experiments.exp2:run", "a table set for one, rare", "20 minutes"),
+    "exp3": Entry("scenegen.experiments.exp3:run", "3, 5 and 7 blocks in order", "70 minutes"),
     "rejection": Entry("scenegen.experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
     # its networks are those of exp1 and exp2
     "space": Entry("scenegen.experiments.space:run", "look-up tables against networks and specs", "1 minute"),

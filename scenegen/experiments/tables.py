@@ -29,7 +29,8 @@ def tables(found: Comparison) -> list[str]:
         f" for the wanted phi +- {BAND} after refinement and verification; KS of both, that is how far the"
         " distributions of coordinates and of their differences are from the truth's where they are furthest (the"
         " Kolmogorov-Smirnov distance, 0 to 1; it sees what coverage does not: scenes that are everywhere, but too"
-        " dense in places); the share of those handed out that lie in that range;"
+        " dense in places; raw scenes all have the wanted phi and true ones are spread over the range, which alone sets"
+        " apart what decides phi, so compare what is handed out); the share of those handed out that lie in that range;"
         f" how much of what was asked for was found within {FULL.patience:g} s; the median distance of a raw scene to"
         " the nearest training scene (in brackets: of fresh true scenes to the same training set; clearly less means"
         " that the model repeats it).",

@@ -92,7 +92,7 @@ def run(plan: Plan) -> Report:
 def _about(task: str, plan: Plan) -> list[str]:
     what = TASKS[task]
     steps = Job(task, "uniform", EXACT, 0, plan.quick, "").steps
-    shown = "```\n" + what.load().source.strip() + "\n```"
+    shown = "```spec\n" + what.load().source.strip() + "\n```"
     return [
         shown,
         f"Moves of up to {what.step:g} m along x and y of every object at once, and {what.turn:g} rad where a heading"

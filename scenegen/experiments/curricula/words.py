@@ -135,7 +135,7 @@ def strategies() -> str:
     return (
         "The strategies for any learner (`scenegen.curriculum.strategies`), in Python, with the fair one-step learner."
         " They know phi and outcomes, nothing of cells. The compiled linear and self-paced curricula above are theirs"
-        " with levels as wide as a cell, without the share of uniform scenes and the patience, and with all cells o"
+        " with levels as wide as a cell, without the share of uniform scenes and the patience, and with all cells of"
         " the two newest levels drawn alike; corridors is not one of them, since it looks at cells instead of phi."
     )
 

@@ -21,7 +21,8 @@ from scenegen.lang.check import check_text
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import Rectangle, clipped, signed_area
 from scenegen.scene.data import RegionData, SceneFile, footprint_of
-from scenegen.scene.sizes import LARGEST, check_sizes
+from scenegen.scene.limits import LARGEST
+from scenegen.scene.sizes import check_sizes
 
 MARGIN = 0.07  # metres of table beyond what is on it
 FARTHEST = 100.0  # metres from the workspace that a table reaches at most

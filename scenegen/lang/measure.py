@@ -14,7 +14,7 @@ from scenegen.lang.trampoline import Call
 from scenegen.lang.values import ListValue, PointValue, Value
 from scenegen.primitives.hull import convex_hull, is_convex
 from scenegen.primitives.units import BARE, LENGTH
-from scenegen.scene.sizes import FARTHEST, LARGEST, SMALLEST
+from scenegen.scene.limits import FARTHEST, LARGEST, SMALLEST
 
 if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering

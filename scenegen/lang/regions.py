@@ -12,7 +12,7 @@ from scenegen.lang.places import Area, disc, polygon, rectangle
 from scenegen.lang.resolve import AREAS
 from scenegen.lang.scope import Declared
 from scenegen.lang.trampoline import Call, run
-from scenegen.scene.sizes import FARTHEST
+from scenegen.scene.limits import FARTHEST
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:

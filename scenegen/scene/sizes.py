@@ -1,13 +1,10 @@
-"""How large and how far away things may be: the language keeps to it, files can hold any number."""
+"""Scene files held against the limits that the language keeps to."""
 
 from __future__ import annotations
 
 from scenegen.errors import DataError, Diagnostic
 from scenegen.scene.data import SceneFile, footprint_of
-
-LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
-FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
-WIDEST = 2.0 * FARTHEST  # metres: what has its corners no further out
+from scenegen.scene.limits import FARTHEST, SMALLEST, WIDEST
 
 
 def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
-from typing import TYPE_CHECKING
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, TypeAlias
 
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
-from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.scene.data import RequestData
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 METHODS = ("auto", "rejection", "splitting", "model")
 
 Ends = tuple[float | None, float | None]
+Wanted: TypeAlias = "Mapping[str, Ends | Range] | Ends | Range"
+"""phi by label, or of the one label of a spec that has no other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Ask:
 
 def ask(
     source: Spec | Model,
-    phi: Mapping[str, Ends | Range] | None,
+    phi: Wanted | None,
     n: int,
     *,
     seed: int,
@@ -54,18 +56,39 @@ def ask(
     """Check a request. Raises RequestError for one that is wrong or provably out of reach."""
     from scenegen.sampling.problem import Budget, pose
 
+    if not isinstance(source, Spec | Model):
+        help_ = "load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model"
+        raise RequestError(Diagnostic(f"scenes are sampled from a Spec or a Model, not from {source!r}", help=help_))
+    for name, value in (("n", n), ("seed", seed)):
+        if not isinstance(value, Integral):
+            raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a whole number"))
+    if not isinstance(fix or {}, Mapping):
+        help_ = 'hold objects by name: fix={"plate": (0.5, 0.5)}'
+        raise RequestError(Diagnostic(f"`fix` is {fix!r}", help=help_))
     spec = source.spec if isinstance(source, Model) else source
     method = _method(method, source, raw)
-    if not (math.isfinite(timeout) and timeout > 0):
+    if not (isinstance(timeout, Real) and math.isfinite(timeout) and timeout > 0):
         raise RequestError(
-            Diagnostic(f"the timeout cannot be {timeout:g} s", help="give it a positive number of seconds")
+            Diagnostic(f"the timeout cannot be {timeout} s", help="give it a positive number of seconds")
         )
     budget = Budget(timeout)
-    ranges = {label: _range(label, ends) for label, ends in (phi or {}).items()}
+    ranges = _ranges(phi, spec.labels)
     if raw and fix:
         title = "`raw` is a model's own output, and a model does not know of objects that are held"
         raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
     return Ask(pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix), method, budget)
+
+
+def _ranges(phi: object, labels: Sequence[str]) -> dict[str, Range]:
+    """The wanted ranges by label. Raises RequestError, also for a lone range where there are several labels."""
+    if phi is None:
+        return {}
+    if isinstance(phi, Mapping):
+        return {label: _range(label, ends) for label, ends in phi.items()}
+    if len(labels) > 1:
+        title = f"this spec has {len(labels)} labels, {quoted(labels)}; of which is phi {phi!r}?"
+        raise RequestError(Diagnostic(title, help=f'name it: phi={{"{labels[0]}": (lowest, highest)}}'))
+    return {label: _range(label, phi) for label in labels}
 
 
 def _range(label: str, ends: object) -> Range:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from scenegen.api.ask import Ask, Ends, ask
+from scenegen.api.ask import Ask, Wanted, ask
 from scenegen.api.scenes import SceneSet, make_header
 from scenegen.api.settled import blamed, refuse_model, settling, told
 from scenegen.api.spec import Spec
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from scenegen.sampling.auto import Choice
     from scenegen.sampling.collect import Sampled
     from scenegen.sampling.held import Held
-    from scenegen.sampling.request import Range
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
@@ -30,7 +29,7 @@ Note = Callable[[str], None]
 
 def sample(
     source: Spec | Model,
-    phi: Mapping[str, Ends | Range] | None = None,
+    phi: Wanted | None = None,
     n: int = 16,
     *,
     seed: int = 0,
@@ -47,15 +46,16 @@ def sample(
 ) -> SceneSet:
     """n scenes whose phi lies in the wanted range of every label, re-scored by the exact spec in float64.
 
-    `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free. With two ends
-    the range is cut into cells that get equal shares of the scenes; `spread="base"` switches that off. From a Spec the
-    scenes are drawn by pruned rejection (`rejection`: independent, and exactly distributed within a cell) or by
-    multilevel splitting (`splitting`: Markov chains that reach rare ranges, exact in the limit of long chains); `auto`
-    takes what needs fewer evaluations of phi and tells `on_note`, and the header, what it took and why. From a Model
-    they are its proposals, moved onto their target: approximately distributed. `raw` returns a model's own output
-    instead, neither moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta) by name, so that
-    the others complete a given scene. `settle` drops every scene in PyBullet for one simulated second and hands out
-    those in which no object moves more than 1 cm or turns more than 5 degrees.
+    `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free, and of a
+    spec's only label the range itself will do. With two ends the range is cut into cells that get equal shares of the
+    scenes; `spread="base"` switches that off. From a Spec the scenes are drawn by pruned rejection (`rejection`:
+    independent, and exactly distributed within a cell) or by multilevel splitting (`splitting`: Markov chains that
+    reach rare ranges, exact in the limit of long chains); `auto` takes what needs fewer evaluations of phi and tells
+    `on_note`, and the header, what it took and why. From a Model they are its proposals, moved onto their target:
+    approximately distributed. `raw` returns a model's own output instead, neither moved nor filtered. `fix` holds
+    objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given scene. `settle` drops
+    every scene in PyBullet for one simulated second and hands out those in which no object moves more than 1 cm or
+    turns more than 5 degrees.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.ask import Ends, ask
+from scenegen.api.ask import Wanted, ask
 from scenegen.api.sample import Note, chosen, partial, sample
 from scenegen.api.scenes import SceneSet, make_header
 from scenegen.api.settled import blamed, refuse_model, settling, told
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from scenegen.engine.stream import Progress
     from scenegen.formats.blocks import Block
     from scenegen.sampling.held import Held
-    from scenegen.sampling.request import Range
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
@@ -53,7 +52,7 @@ class Written:
 def sample_to(
     path: str | Path,
     source: Spec | Model,
-    phi: Mapping[str, Ends | Range] | None = None,
+    phi: Wanted | None = None,
     n: int = 16,
     *,
     seed: int = 0,

@@ -75,11 +75,35 @@ def test_ranges_in_every_form(spec):
         ({"timeout": math.nan}, "timeout"),
         ({"n": 0}, "cannot sample 0"),
         ({"phi": {"tsak": (0, 1)}}, "did you mean `task`"),
+        ({"phi": {"task": 0.1}}, "lowest, highest"),
+        ({"phi": 0.1}, "2 labels, `task` and `safe`"),
+        ({"phi": "task=0:1"}, "2 labels"),
+        ({"n": 2.0}, "a whole number"),
+        ({"seed": "1"}, "a whole number"),
+        ({"timeout": "1"}, "positive number"),
+        ({"fix": "mug"}, "by name"),
     ],
 )
 def test_requests_that_cannot_be(spec, options, said):
     with pytest.raises(scenegen.RequestError, match=said):
         scenegen.sample(spec, **options)
+
+
+@pytest.mark.parametrize("wanted", [(0.1, 0.3), [0.1, 0.3], Range(0.1, 0.3)])
+def test_a_lone_range_is_of_the_lone_label(wanted):
+    phi = scenegen.sample(scenegen.parse("leftOf(mug, plate)"), wanted, n=2).phi["task"]
+    assert 0.1 <= phi.min() <= phi.max() <= 0.3
+
+
+def test_a_lone_range_needs_a_lone_label():
+    two = scenegen.parse("easy: leftOf(mug, plate)\nnear: closeTo(mug, plate, 0.2)")
+    with pytest.raises(scenegen.RequestError, match=r'phi={"easy": \(lowest, highest\)}'):
+        scenegen.sample(two, (0.0, 0.1))
+
+
+def test_a_path_is_no_spec():
+    with pytest.raises(scenegen.RequestError, match=r"scenegen\.load\(FILE\)"):
+        scenegen.sample("specs/first.spec")
 
 
 def test_progress_is_told(spec):

@@ -3,11 +3,11 @@
 For a scene x of the training data with labels phi and branch k, and two scenes g, g' made for the same (phi, k), the
 loss is (d(x, g) + d(x, g')) / 2 - d(g, g') / 2: with Euclidean d the energy score, a strictly proper scoring rule
 (Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", 2007, section 4.3), least in
-expectation where the made scenes have the distribution of the true ones given (phi, k). Ours adds to d the sum of the
-coordinates' own distances, which makes it the energy score plus the continuous ranked probability score of every
-coordinate: a coordinate that has little room moves a Euclidean distance hardly, and would be squeezed to the middle
-of its room by the error of phi. To it come the inconsistency of phi (scenegen.models.conditioned) and the selector's
-cross-entropy.
+expectation where the made scenes have the distribution of the true ones given (phi, k). Ours adds to d the distances of
+every coordinate by itself and of the differences of random pairs of coordinates, which makes it the energy score plus
+the continuous ranked probability scores of both: all proper. The Euclidean distance alone hardly feels a coordinate
+that has little room, nor that two objects are too seldom far apart, and the error of phi squeezes both. To it come the
+inconsistency of phi (scenegen.models.conditioned) and the selector's cross-entropy.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from scenegen.models.conditioned import ConditionedModel, detached
 from scenegen.models.examples import Examples
 from scenegen.models.generator import Generator, noise
 from scenegen.models.layout import Layout
+
+PAIRS = 64
+"""Of coordinates, drawn anew for each step: enough for the few objects of most specs to be compared all with all."""
 
 
 class EnergyHyper(Hyper):
@@ -51,17 +54,20 @@ class Energy(ConditionedModel):
         features = self.view.features(batch.phi)
         x = self.view.encode(batch.x)
         one, two = (self.make(features, batch.branch, generator) for _ in range(2))
-        score = 0.5 * (_distance(x, one) + _distance(x, two) - _distance(one, two)).mean()
+        pairs = torch.randint(x.shape[1], (2, PAIRS), generator=generator, device=x.device)
+        score = 0.5 * (_distance(x, one, pairs) + _distance(x, two, pairs) - _distance(one, two, pairs)).mean()
         off = self.inconsistency(one, batch.phi, batch.branch)
         surprise = self.selector.loss(features, batch.branch)
         self.descend(score + self.weight * off + surprise)
         return detached(energy=score, phi=off, branch=surprise)
 
 
-def _distance(a: Tensor, b: Tensor) -> Tensor:
-    """(B, C) and (B, C) -> (B,): Euclidean, and beside it coordinate by coordinate, both equally large where all
-    coordinates differ alike."""
+def _distance(a: Tensor, b: Tensor, pairs: Tensor) -> Tensor:
+    """(B, C) and (B, C) -> (B,): the Euclidean distance, that of every coordinate by itself, and that of the difference
+    of each of the `pairs` (2, K) of coordinates; each as large as the others where coordinates differ independently."""
     difference = a - b
+    scale = math.sqrt(difference.shape[1])
     together = (difference.square().sum(1) + 1e-8).sqrt()  # the root of 0 would have no gradient
-    apart = difference.abs().sum(1) / math.sqrt(difference.shape[1])
-    return together + apart
+    apart = difference.abs().mean(1) * scale
+    between = (difference[:, pairs[0]] - difference[:, pairs[1]]).abs().mean(1) * scale
+    return together + apart + between

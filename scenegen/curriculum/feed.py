@@ -1,16 +1,17 @@
 """Scenes handed out one at a time, each once, at a few microseconds each.
 
-What comes out is fixed by the seed and by what was asked for since. Of the cells of the library that overlap with what
-is wanted, one is drawn by how much of it does; the cell has its scenes in random order. When they are used up, more are
-drawn, twice as many each time, for planning a draw costs more than hundreds of its scenes: for all cells while requests
-vary, for those that overlap where one comes again and again. What the library does not reach gets draws of its own, and
-so does a band that comes again and again and takes parts of cells: they would be left with their other parts.
+What comes out is fixed by the seed and by what was asked for since. All feeds of a library deal the same scenes, each
+feed in an order of its own. Of the cells of the library that overlap with what is wanted, one is drawn by how much of
+it does; the cell has its scenes in random order. When they are used up, more are drawn, twice as many each time, for
+planning a draw costs more than hundreds of its scenes: for all cells while requests vary, for those that overlap where
+one comes again and again. What the library does not reach gets draws of its own, and so does a band that comes again
+and again and takes parts of cells: they would be left with their other parts.
 """
 
 from __future__ import annotations
 
 from bisect import bisect
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
@@ -90,9 +91,8 @@ class Feed:
 
     def __init__(self, library: Library, entropy: int) -> None:
         self.library = library
-        self._entropy = entropy
-        self._rng = np.random.default_rng(np.random.SeedSequence([entropy, 0]))
-        self._draws = 0
+        self._rng = np.random.default_rng(entropy)
+        self._draws: Counter[frozenset[tuple[str, Ends]]] = Counter()
         self._used: set[int] = set()
         self._plans: OrderedDict[Wanted, _Plan | None] = OrderedDict()
         self._shelves: OrderedDict[tuple[object, int], Shelf] = OrderedDict()
@@ -214,9 +214,9 @@ class Feed:
 
     def _draw(self, ranges: Mapping[str, Ends], count: int) -> Scenes:
         assert self.library.more is not None
-        self._draws += 1
-        seed = np.random.SeedSequence([self._entropy, self._draws]).generate_state(1, np.uint64)[0]
-        return self.library.more.draw(ranges, count, int(seed >> np.uint64(1)))
+        what = frozenset(ranges.items())
+        self._draws[what] += 1
+        return self.library.more.asked(ranges, count, self._draws[what] - 1)
 
     def _stack(self, key: tuple[object, int], shelf: Shelf | None, scenes: Scenes) -> Shelf:
         """A shelf with more scenes."""

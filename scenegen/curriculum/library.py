@@ -21,6 +21,7 @@ from gymnasium import error
 from scenegen.api.spec import Spec
 from scenegen.bounds import spec_bounds
 from scenegen.curriculum.aim import Aim
+from scenegen.curriculum.draws import Draws
 from scenegen.curriculum.request import Wanted, everything
 from scenegen.curriculum.sources import Sampler, Scenes, open_source
 from scenegen.curriculum.tasks import PhiBox
@@ -92,7 +93,7 @@ class Library:
     low: Array
     high: Array
     hard: float
-    more: Sampler | None
+    more: Draws | None
     _indices: dict[tuple[int, ...], Index] = field(default_factory=dict)
 
     @property
@@ -114,7 +115,13 @@ class Library:
 
     def covers(self, wanted: Wanted) -> bool:
         """Whether all that is wanted lies where the scenes are spread."""
-        return all(wanted.low[k] >= self.low[k] and wanted.high[k] <= self.high[k] for k in wanted.dims)
+        least, most = self._ends
+        return all(wanted.low[k] >= least[k] and wanted.high[k] <= most[k] for k in wanted.dims)
+
+    @cached_property
+    def _ends(self) -> tuple[list[float], list[float]]:
+        """`low` and `high` as Python reads them fastest."""
+        return self.low.tolist(), self.high.tolist()
 
     def index(self, dims: tuple[int, ...]) -> Index:
         """The scenes by phi of some labels."""
@@ -165,7 +172,7 @@ def make_library(aim: Aim, source: Sampler | Scenes) -> Library:
     scenes = source.draw({name: (hard, 0.0)}, SCENES, 0)
     low, high = (np.quantile(pilot.phi, share, axis=0) for share in (HARDEST, 1.0 - HARDEST))
     low[goal], high[goal] = hard, 0.0
-    return Library(aim, scenes, low, high, hard, source)
+    return Library(aim, scenes, low, high, hard, Draws(source))
 
 
 def open_library(aim: Aim, spec: Spec, source: Any) -> Library:

@@ -166,6 +166,9 @@ def make_library(aim: Aim, source: Sampler | Scenes) -> Library:
     if least >= 0.0:
         raise error.Error(f"every scene satisfies the goal already, so there is nothing to learn: {reach}")
     name = aim.names[goal]
+    never = f"`{name}` can never be satisfied"
+    if any(one.title == never for one in aim.spec.hopeless()):
+        raise error.Error(f"{never}, so there is nothing to learn; `scenegen check` names the parts that clash")
     # what is hard is a matter of the spec, whatever draws the scenes
     pilot = Sampler(aim).draw({name: (None, BELOW)}, PILOT, 0, "base")
     hard = float(np.quantile(pilot.phi[:, goal], HARDEST))

@@ -94,9 +94,10 @@ class SB3Vector(VecEnv):
 
 
 def _of(infos: dict[str, Any], number: int) -> dict[str, Any]:
-    """What infos say of one table, without the masks."""
+    """What infos say of one table: what its masks are True for, without the masks."""
     found: dict[str, Any] = {}
     for name, value in infos.items():
-        if not name.startswith("_"):
+        mask = infos.get(f"_{name}")
+        if not name.startswith("_") and (mask is None or mask[number]):
             found[name] = _of(value, number) if isinstance(value, dict) else value[number]
     return found

@@ -131,8 +131,9 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
 
 class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
-    """The same around a TableTopVector. Outcomes are reported table by table, in the order of the tables; `infos` has
-    none of them. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
+    """The same around a TableTopVector. Outcomes are reported table by table, in the order of the tables; `infos`, or
+    the `final_info` of the autoreset mode "SameStep", has them as `outcome`, (num_envs,) of objects, with the mask
+    `_outcome`. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
 
     def __init__(self, env: TableTopVector, strategy: Strategy) -> None:
         _check(env, TableTopVector, strategy)
@@ -175,12 +176,17 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         over = terminated | truncated
         same = self._tables.autoreset_mode is AutoresetMode.SAME_STEP
         last = infos["final_info"] if same and over.any() else infos
+        told = np.full(self.num_envs, None, dtype=object)
         for number in np.flatnonzero(over).tolist():
             task = tasks[number]
             if task is not None:
                 phi = tuple(self._phi[number].tolist())
                 total, steps = float(self._total[number]), int(self._steps[number])
-                self.strategy.report(Outcome(task, phi, bool(last["is_success"][number]), total, steps))
+                outcome = Outcome(task, phi, bool(last["is_success"][number]), total, steps)
+                self.strategy.report(outcome)
+                told[number] = _told(outcome)
+        if over.any():
+            last |= {"outcome": told, "_outcome": np.array([one is not None for one in told])}
         if self._tables.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._over = over
             self._begin(again, infos)

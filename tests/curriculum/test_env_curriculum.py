@@ -5,12 +5,20 @@ import numpy as np
 import pytest
 from gymnasium import error
 from gymnasium.vector import SyncVectorEnv
-from stable_baselines3 import DQN
+from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from scenegen.curriculum import Curriculum, CurriculumCallback, Outcome, PhiBox, VectorCurriculum
+from scenegen.curriculum import (
+    Curriculum,
+    CurriculumCallback,
+    Outcome,
+    PhiBox,
+    SB3Vector,
+    TableTopVector,
+    VectorCurriculum,
+)
 
 LEFT = "leftOf(mug, plate)"
 
@@ -140,6 +148,32 @@ def test_stable_baselines_learns_with_a_curriculum():
     assert {f"curriculum/{name}" for name in names} <= set(last)
     assert "rollout/success_rate" in last
     assert -0.2 <= last["curriculum/low"] < last["curriculum/phi"] < last["curriculum/high"] <= 0.0
+
+
+def test_a_callback_hears_of_many_tables_at_once():
+    ladder = Ladder(2)
+    tables = VectorCurriculum(
+        TableTopVector(8, LEFT, move="mug", max_episode_steps=12, autoreset_mode="SameStep"), ladder
+    )
+    callback = CurriculumCallback(ladder)
+    PPO("MlpPolicy", SB3Vector(tables), n_steps=64, batch_size=128, n_epochs=1, seed=0).learn(512, callback=callback)
+    assert callback.episodes == len(ladder.heard) > 30
+    assert [one["phi"] for one in callback.outcomes] == [list(one.phi) for one in ladder.heard[-100:]]
+
+
+def test_outcomes_are_told_of_the_tables_that_ended():
+    tables = VectorCurriculum(TableTopVector(8, LEFT, move="mug", max_episode_steps=6), Ladder(2))
+    tables.reset(seed=0)
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(20):
+        _, _, terminated, truncated, infos = tables.step(rng.integers(4, size=8))
+        over = terminated | truncated
+        assert ("outcome" in infos) == over.any()
+        if over.any():
+            np.testing.assert_array_equal(infos["_outcome"], over)
+            assert [one is not None for one in infos["outcome"]] == over.tolist()
+        ended += over.sum()
+    assert ended > 10
 
 
 def test_what_a_callback_cannot_be():

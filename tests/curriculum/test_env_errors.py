@@ -159,6 +159,9 @@ def test_sources(tmp_path):
         TableTop("!closeTo(mug, plate, 0)").reset()
     with pytest.raises(error.Error, match=r"no scene satisfies the goal.*lies between -2 and -1"):
         TableTop("object mug\nobject plate\ntask: x(mug) >= 2").reset()
+    both = "one: x(mug) - x(plate) >= 0.1\nother: x(plate) - x(mug) >= 0.1"
+    with pytest.raises(error.Error, match=r"`one & other` can never be satisfied, so there is nothing to learn"):
+        TableTop(f"object mug, plate\n{both}").reset(seed=0)
 
 
 def test_a_spec_with_mistakes_is_shown(tmp_path):

@@ -6,23 +6,19 @@ anew.
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
-from scenegen.api.train import Model, load_model, train
-from scenegen.errors import DataError
+from scenegen.api.train import Model
+from scenegen.experiments.kept import digest, kept_model, train_anew
 from scenegen.experiments.plan import FULL, QUICK
 from scenegen.experiments.problems import PROBLEMS
 from scenegen.experiments.variants import VARIANTS, Variant
 from scenegen.formats.files import write_whole
-from scenegen.models.table import parse_hyper
 from scenegen.training.config import TrainConfig
-from scenegen.training.state import state_path
 
 
 class Record(BaseModel):
@@ -73,40 +69,28 @@ class Trained:
 
 def kept(job: Job) -> Trained | None:
     """What an earlier run left, if it is whole and was trained on this spec, by this recipe, with these settings."""
-    config = job.config
+    model = kept_model(job.path, PROBLEMS[job.problem].load(), job.config)
     try:
         record = Record.model_validate_json(_record(job.path).read_bytes())
-        data = job.path.read_bytes()
-        model = load_model(job.path, PROBLEMS[job.problem].load())
-    except (OSError, ValidationError, DataError):
-        return None
-    card = model.trained.card
-    settings = parse_hyper(config.model, config.hyper, config.recipe).model_dump()
-    same = dict(card.training) == asdict(config) and dict(card.hyper) == settings and record.model == _digest(data)
-    if not same:
+        if model is None or record.model != digest(job.path):
+            return None
+        size = job.path.stat().st_size
+    except (OSError, ValidationError):
         return None
     if job.what.steps is not None:
         model = model.in_steps(job.what.steps)
-    return Trained(model, len(data), record.cpu_seconds)
+    return Trained(model, size, record.cpu_seconds)
 
 
 def perform(job: Job) -> float:
     """Train, and keep the model with its record; returns CPU seconds. Raises ScenegenError."""
-    spec, settings = PROBLEMS[job.problem].load(), asdict(job.config)
     _record(job.path).unlink(missing_ok=True)
     began = time.process_time()
-    train(spec, out=job.path, **settings)
-    seconds = time.process_time() - began
-    with contextlib.suppress(OSError):
-        state_path(job.path).unlink()  # a finished training is not resumed
-    record = Record(model=_digest(job.path.read_bytes()), cpu_seconds=seconds)
+    train_anew(job.path, PROBLEMS[job.problem].load(), job.config)
+    record = Record(model=digest(job.path), cpu_seconds=time.process_time() - began)
     write_whole(_record(job.path), record.model_dump_json(indent=1).encode())
-    return seconds
+    return record.cpu_seconds
 
 
 def _record(path: Path) -> Path:
     return path.with_suffix(".json")
-
-
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()

@@ -29,7 +29,7 @@ from scenegen.curriculum.tasks import PhiBox, Strategy
 from scenegen.experiments.curricula.cases import GAP, MODEL, RELATIONS, TASKS, Case
 from scenegen.formats.files import write_whole
 
-VERSION = 1  # of the learners: raise it when their numbers change
+VERSION = 2  # of the learners and of the model's training: raise it when their numbers change
 TOLD = 50  # runs
 KEEP = 5.0  # seconds between two writings of what was found
 SCENES = 12  # for each cell, on average

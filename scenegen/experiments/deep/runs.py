@@ -19,8 +19,9 @@ from scenegen.engine.threads import one_thread
 from scenegen.experiments.deep.heldout import SEED, random_scenes, success
 from scenegen.experiments.deep.learner import NETWORK, SETTINGS, make_learner
 from scenegen.experiments.deep.lessons import LESSONS, MODEL, Lesson
-from scenegen.experiments.deep.models import digest, model_path
+from scenegen.experiments.deep.models import model_path
 from scenegen.experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
+from scenegen.experiments.kept import digest
 from scenegen.formats.files import write_whole
 
 RANDOM = 4096  # scenes that tell how often which phi occurs

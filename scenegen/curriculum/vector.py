@@ -28,6 +28,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Observations = npt.NDArray[np.float32]
 Chooser = Callable[[int], Mapping[str, Any] | None]
+Listener = Callable[[Array, Mask, Mask], None]
 
 
 class TableTopVector(VectorEnv[Observations, Any, Any]):
@@ -35,7 +36,9 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
     `options={"reset_mask": mask}`). `max_episode_steps` truncates; the other arguments are those of TableTop.
 
     `reset(seed=s)` seeds the tables with s, s + 1, ..., a list one by one. `chooser`, where it is set, is asked for
-    the options of table k's next scene whenever one begins without any.
+    the options of table k's next scene whenever one begins without any. `listener`, where it is set, is told of every
+    step before any table begins anew: its rewards, which episodes it ended and which of these as a success, (num_envs,)
+    each.
 
     Raises what TableTop does; ResetNeeded also where a table that is not reset by itself is over.
     """
@@ -66,6 +69,7 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
         self.chooser: Chooser | None = None
+        self.listener: Listener | None = None
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._feeds: list[Feed | None] = [None] * num_envs
         self._tables: Tables | None = None
@@ -118,6 +122,8 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         reward, success, blocked = done.reward, done.success & ~again, done.blocked & ~again
         ended, off = (done.success | done.off) & ~again, done.off & ~again
         late = np.zeros_like(ended) if self._limit is None else (self._steps >= self._limit) & ~again
+        if self.listener is not None:
+            self.listener(np.where(again, 0.0, reward), ended | late, success)
         if again.any():
             reward = np.where(again, 0.0, reward)
             success = np.where(again, self._begin(again, {}), success)

@@ -12,7 +12,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 from gymnasium import error
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
@@ -20,7 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from scenegen.curriculum.env import TableTop
 from scenegen.curriculum.request import check_options
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
-from scenegen.curriculum.vector import TableTopVector
+from scenegen.curriculum.vector import Array, Mask, TableTopVector
 
 CALLS = ("next_task", "report")  # of a strategy
 
@@ -140,13 +139,14 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         super().__init__(env)
         self.strategy = strategy
         self._tables: TableTopVector = env.unwrapped
-        self._tables.chooser = self._next
+        self._tables.chooser, self._tables.listener = self._next, self._hear
         self._fits = False
         self._labels = self._tables.rules.aim.labels
         self._tasks: list[PhiBox | None] = [None] * env.num_envs
         self._phi = np.zeros((env.num_envs, self._labels))
         self._total, self._steps = np.zeros(env.num_envs), np.zeros(env.num_envs, dtype=np.intp)
         self._over = np.zeros(env.num_envs, dtype=np.bool_)
+        self._told = np.full(env.num_envs, None, dtype=object)
 
     def _next(self, number: int) -> Mapping[str, Any]:
         if not self._fits:
@@ -169,24 +169,12 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Do an action on every table; the strategy hears of the episodes that end."""
         again = self._over.copy()
-        tasks = list(self._tasks)  # where tables begin anew in the same step, the next tasks take their place
         seen, reward, terminated, truncated, infos = self.env.step(actions)
-        self._total += np.where(again, 0.0, reward)
-        self._steps += ~again
         over = terminated | truncated
         same = self._tables.autoreset_mode is AutoresetMode.SAME_STEP
-        last = infos["final_info"] if same and over.any() else infos
-        told = np.full(self.num_envs, None, dtype=object)
-        for number in np.flatnonzero(over).tolist():
-            task = tasks[number]
-            if task is not None:
-                phi = tuple(self._phi[number].tolist())
-                total, steps = float(self._total[number]), int(self._steps[number])
-                outcome = Outcome(task, phi, bool(last["is_success"][number]), total, steps)
-                self.strategy.report(outcome)
-                told[number] = _told(outcome)
         if over.any():
-            last |= {"outcome": told, "_outcome": np.array([one is not None for one in told])}
+            last = infos["final_info"] if same else infos
+            last |= {"outcome": self._told, "_outcome": np.array([one is not None for one in self._told])}
         if self._tables.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._over = over
             self._begin(again, infos)
@@ -194,7 +182,21 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
             self._begin(over, infos)
         return seen, reward, terminated, truncated, infos
 
-    def _begin(self, begun: npt.NDArray[np.bool_], infos: dict[str, Any]) -> None:
+    def _hear(self, reward: Array, over: Mask, success: Mask) -> None:
+        """What a step did, before tables begin anew: outcomes for the strategy."""
+        self._total += reward
+        self._steps += ~self._over
+        self._told = np.full(self.num_envs, None, dtype=object)
+        for number in np.flatnonzero(over).tolist():
+            task = self._tasks[number]
+            if task is not None:
+                phi = tuple(self._phi[number].tolist())
+                total, steps = float(self._total[number]), int(self._steps[number])
+                outcome = Outcome(task, phi, bool(success[number]), total, steps)
+                self.strategy.report(outcome)
+                self._told[number] = _told(outcome)
+
+    def _begin(self, begun: Mask, infos: dict[str, Any]) -> None:
         """Remember where episodes begin."""
         if not begun.any():
             return

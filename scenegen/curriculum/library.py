@@ -194,3 +194,8 @@ def open_library(aim: Aim, spec: Spec, source: Any) -> Library:
     if len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
     return made
+
+
+def forget() -> None:
+    """Let go of all libraries that are kept: the next ones are drawn anew, as in a new process."""
+    _KEPT.clear()

@@ -54,9 +54,9 @@ def run(plan: Plan) -> Report:
         f" {effort.each:,} steps, that reached the mark: mean and [least, greatest] over the seeds; where not all"
         " seeds reached it, of those that did. The last columns are means; CPU and wall seconds are those of learning,"
         " acting and dealing scenes, without the measurements, on a core that other work may share. The last column is"
-        " the share of CPU time that choosing tasks and dealing scenes took; it is large where each of the tables draws"
-        " scenes of its own for a narrow band and uses few of them. Drawing the first few thousand scenes is"
-        f" not in it: {max(one.ahead for records in found.values() for one in records):.2f} s at most, once a process.",
+        " the share of CPU time that choosing tasks and dealing scenes took, draws for narrow bands included. Drawing"
+        " the first few thousand scenes is not:"
+        f" {max(one.ahead for records in found.values() for one in records):.2f} s at most.",
         "## What is compared",
         "* **random scenes**: as plain rejection of satisfied scenes gives them, the distribution that is examined.\n"
         "* **uniform in phi**: all of the reach of phi, from the hardest thousandth of the random scenes to satisfied,"

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
 from scenegen.api.train import load_model
+from scenegen.curriculum.library import forget
 from scenegen.curriculum.vector import TableTopVector
 from scenegen.curriculum.wrapper import VectorCurriculum
 from scenegen.engine.threads import one_thread
@@ -33,8 +34,7 @@ R = TypeVar("R")
 class Record(BaseModel):
     """A finished run. `asked` is all that it follows from; `curve` has (steps, success on the held-out scenes). Seconds
     are of the CPU but for `wall`, and without those of the examinations; `ahead` is what it took to draw the library of
-    scenes, next to nothing where a run before in the same process had the same; `sampling` is what choosing tasks and
-    dealing scenes took after that."""
+    scenes, `sampling` is what choosing tasks and dealing scenes took after that."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -126,6 +126,7 @@ def _learn(job: Job) -> Record:
     examination, _ = random_scenes(task, effort.held_out, SEED)
     _, phi = random_scenes(task, RANDOM, SEED + 1)
     source = None if job.model is None else load_model(job.model, spec)
+    forget()  # what a run draws is its own cost
     tables = TableTopVector(
         effort.tables,
         spec,

@@ -203,6 +203,7 @@ def test_states_of_others_are_refused(name):
         ({**teacher.state(), "memory": {"nothing": 1}}, "not a whole one"),
         ({**teacher.state(), "rng": {"bit_generator": "MT19937"}}, "another random generator"),
         ({}, "this state is of another strategy"),
+        (None, "a state is a mapping, not None"),
     ]
     for state, message in cases:
         with pytest.raises(DataError, match=message):

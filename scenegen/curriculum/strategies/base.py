@@ -68,6 +68,8 @@ class Base(ABC):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a `state`, the generator's included. Raises DataError for that of another strategy, another space
         or other settings."""
+        if not isinstance(state, Mapping):
+            raise DataError(Diagnostic(f"a state is a mapping, not {state!r}", help="use what state() gave"))
         for part, mine in self._who().items():
             if state.get(part) != mine:
                 title = f"this state is of another {part}: {state.get(part)}, not {mine}"

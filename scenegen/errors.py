@@ -116,7 +116,7 @@ def quoted(names: Iterable[str]) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` most likely stands for: the same but for case, else a close match, else None."""
-    names = sorted(set(known))
+    name, names = str(name), sorted(set(known))  # whoever calls from Python may have given anything
     folded = {candidate.casefold().replace("_", ""): candidate for candidate in reversed(names)}
     exact = folded.get(name.casefold().replace("_", ""))
     if exact is not None:

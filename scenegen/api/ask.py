@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
-from scenegen.api.spec import Spec
+from scenegen.api.spec import Spec, check_spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.given import whole
 from scenegen.scene.data import RequestData
 
 if TYPE_CHECKING:
@@ -56,13 +57,10 @@ def ask(
     """Check a request. Raises RequestError for one that is wrong or provably out of reach."""
     from scenegen.sampling.problem import Budget, pose
 
-    if not isinstance(source, Spec | Model):
-        help_ = "load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model"
-        raise RequestError(Diagnostic(f"scenes are sampled from a Spec or a Model, not from {source!r}", help=help_))
-    for name, value in (("n", n), ("seed", seed)):
-        if not isinstance(value, Integral):
-            raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a whole number"))
-    if not isinstance(fix or {}, Mapping):
+    if not isinstance(source, Model):
+        check_spec(source, "a Spec or a Model")
+    n, seed = whole("n", n), whole("seed", seed)
+    if fix is not None and not isinstance(fix, Mapping):
         help_ = 'hold objects by name: fix={"plate": (0.5, 0.5)}'
         raise RequestError(Diagnostic(f"`fix` is {fix!r}", help=help_))
     spec = source.spec if isinstance(source, Model) else source

@@ -15,10 +15,10 @@ def card_paths(model: Path) -> tuple[Path, Path]:
     return model.with_name(f"{model.name}.md"), model.with_name(f"{model.name}.png")
 
 
-def check_card(model: Path) -> None:
-    """Raises OutputError, before any work is done, where the card cannot be written."""
+def check_card(model: Path, *inputs: Path) -> None:
+    """Raises OutputError, before any work is done, where the card cannot be written, or would overwrite an input."""
     for path in card_paths(model):
-        check_writable(path)
+        check_writable(path, *inputs)
 
 
 def write_card(model: Model, path: Path) -> list[Path]:

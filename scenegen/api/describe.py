@@ -31,7 +31,8 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     name = str(training.get("data", ""))
     scenes = card.data.scenes if card.data is not None else training.get("scenes")
     held = f", {card.data.held_out:,} more held out (SHA-256 {card.data.sha256[:12]})" if card.data is not None else ""
-    facts.append(("data", f"{scenes:,} {DATA.get(name, f'scenes of {name}')}{held}"))
+    count = f"{scenes:,}" if isinstance(scenes, int) else "an unknown number of"
+    facts.append(("data", f"{count} {DATA.get(name, f'scenes of {name}')}{held}"))
     rest = {key: value for key, value in training.items() if key not in TOLD and value is not None}
     kept = "" if card.kept_epoch is None else f", epoch {card.kept_epoch} kept"
     facts.append(("training", f"{card.epochs_done} of {training.get('epochs')} epochs{kept}{_settings(rest)}"))

@@ -11,6 +11,7 @@ from scenegen.api.labels import chosen_label
 from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.formats.folder import scene_name, whole_files
+from scenegen.given import words
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
@@ -44,9 +45,14 @@ def figures(
     """
     from scenegen.render.request import check_request
 
+    known = f"the figures are {quoted(FIGURES)}"
+    kinds = words("kinds", kinds, '("sheet", "gif")')
+    if not kinds:
+        help_ = f'name the folder first, then what to draw: figures("pictures", "sheet"); {known}'
+        raise RequestError(Diagnostic("no figure was asked for", help=help_))
     for kind in kinds:
         if kind not in FIGURES:
-            help_ = suggest(kind, FIGURES, f"the figures are {quoted(FIGURES)}")
+            help_ = suggest(kind, FIGURES, known)
             raise RequestError(Diagnostic(f"unknown figure `{kind}`", help=help_))
     check_request((view,), size, workers)
     if not len(scenes):

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.api.spec import Spec
+from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.given import whole
 from scenegen.sampling.rarity import Estimate, OutOfReach, Reach, measure
 from scenegen.sampling.request import MAX_SEED
 
@@ -79,6 +80,8 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
     standard error of log10. The same arguments give the same numbers. Raises RequestError for an unknown label, and
     where no scene is found that meets the requirement.
     """
+    check_spec(spec)
+    seed = whole("seed", seed)
     if label is not None and label not in spec.labels:
         otherwise = f"the spec has {', '.join(spec.labels[:8])}"
         raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=suggest(label, spec.labels, otherwise)))

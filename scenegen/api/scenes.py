@@ -156,7 +156,7 @@ class SceneSet:
         for start in range(0, len(self), BLOCK):
             part = slice(start, start + BLOCK)
             rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
-            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), -1)
+            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), rows.shape[1])
             yield Block(rows, phi)
 
     def render(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.lines import block_of
 from scenegen.formats.setting import world_of
 
@@ -25,8 +26,12 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
 
     Raises RequestError where the client is not connected, DataError where an object stands beyond any table.
     """
+    from scenegen.api.scene import Scene
     from scenegen.render.load import load
 
+    if not isinstance(scene, Scene):
+        title = f"one scene is wanted here, not {scene!r}"
+        raise RequestError(Diagnostic(title, help="pick one of a set: scenes[0]"))
     names = [one.name for one in scene.header.objects]
     world = world_of(scene.header, block_of([scene.data()], names, tuple(scene.phi)))
     return load(world, getattr(client, "_client", client), table=table)

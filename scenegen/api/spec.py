@@ -6,7 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, SpecError
+from scenegen import given
+from scenegen.errors import Diagnostic, RequestError, SpecError
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
@@ -92,8 +93,18 @@ class Spec:
         return hopeless(self.checked)
 
 
+def check_spec(spec: object, what: str = "a Spec") -> None:
+    """Raises RequestError for what is no Spec: most often the path of one."""
+    if not isinstance(spec, Spec):
+        help_ = "load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model, which has a `spec`"
+        raise RequestError(Diagnostic(f"{what} is wanted here, not {spec!r}", help=help_))
+
+
 def parse(text: str, name: str = "<spec>") -> Spec:
     """Check a spec's text. Raises SpecError; `name` is what its diagnostics call the text."""
+    if not isinstance(text, str):
+        help_ = "write the spec itself; scenegen.load(FILE) reads a file"
+        raise RequestError(Diagnostic(f"the text of a spec is wanted here, not {text!r}", help=help_))
     return Spec(check_text(text, name))
 
 
@@ -102,6 +113,6 @@ def load(path: str | Path, root: str | Path | None = None) -> Spec:
 
     What it imports must lie in its own folder, or in the folder `root`.
     """
-    path = Path(path)
-    folder = None if root is None else Path(root)
+    path = given.path("path", path)
+    folder = None if root is None else given.path("root", root)
     return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))

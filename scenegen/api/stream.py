@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenegen import given
 from scenegen.api.ask import Wanted, ask
 from scenegen.api.sample import Note, chosen, partial, sample
 from scenegen.api.scenes import SceneSet, make_header
@@ -15,6 +16,7 @@ from scenegen.api.settled import blamed, refuse_model, settling, told
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.formats.files import check_writable
 from scenegen.formats.table import format_of, read_scenes
 from scenegen.scene.data import SceneFile
 
@@ -76,8 +78,10 @@ def sample_to(
     file that cannot be written, and DataError for a damaged folder. A model's scenes are made in memory, and cannot be
     resumed.
     """
-    path = Path(path)
+    path = given.path("path", path)
     format_of(path)
+    check_writable(path)
+    n = given.whole("n", n)
     if path.suffix.lower() == ".json" and n > MAX_JSON:
         title = f"a .json file cannot hold {n:,} scenes: whoever reads it needs all of it in memory"
         help_ = f"write .jsonl or .parquet, or ask for at most {MAX_JSON:,}"

@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.api.spec import Spec
+from scenegen import given
+from scenegen.api.spec import Spec, check_spec
+from scenegen.errors import DataError, Diagnostic
 from scenegen.lang.check import check_text
 
 if TYPE_CHECKING:
@@ -24,10 +26,25 @@ class Model:
         made_from = trained.card.spec
         # the canonical text has no comments, so the title comes from the card
         self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
+        self._refuse_contradictions()
 
     def __repr__(self) -> str:
         card = self.trained.card
         return f"<Model {card.model} of {card.spec.name}, {card.epochs_done} epochs>"
+
+    def _refuse_contradictions(self) -> None:
+        """Objects, labels and workspace of the card are the spec's. Raises DataError for a file that was put together
+        by hand."""
+        card, area = self.trained.card, self.spec.workspace
+        pairs = {
+            "objects": (tuple(card.objects), self.spec.objects),
+            "labels": (tuple(label.name for label in card.labels), self.spec.labels),
+            "workspace": (card.area, area),
+        }
+        for what, (told, true) in pairs.items():
+            if told != true:
+                title = f"the model file contradicts itself: its {what} are not those of the spec in it"
+                raise DataError(Diagnostic(title, help="train anew"))
 
     @property
     def name(self) -> str:
@@ -46,7 +63,9 @@ def load_model(path: str | Path, spec: Spec | None = None) -> Model:
     """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
     from scenegen.models.checkpoint import load_model as load
 
-    return Model(load(Path(path), None if spec is None else spec.checked))
+    if spec is not None:
+        check_spec(spec)
+    return Model(load(given.path("path", path), None if spec is None else spec.checked))
 
 
 def train(
@@ -75,7 +94,8 @@ def train(
     from scenegen.training.config import make_config
     from scenegen.training.loop import train as run
 
-    path = Path(out)
+    check_spec(spec)
+    path = given.path("out", out)
     config = make_config(model, recipe, **options)
     if card:
         from scenegen.api.card import check_card, write_card

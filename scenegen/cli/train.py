@@ -35,6 +35,14 @@ def train(
             metavar="NAME|FILE",
         ),
     ] = None,
+    hyper: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hyper",
+            help="A setting of the model's own, such as width=128; repeat it for more. docs/models.md has them all.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
     patience: Annotated[
         int | None,
         typer.Option(
@@ -77,12 +85,12 @@ def train(
     from scenegen.api.train import train as run
     from scenegen.cli.output import console, print_error
     from scenegen.formats.files import check_writable
-    from scenegen.training.config import make_config
+    from scenegen.training.config import make_config, parse_settings
     from scenegen.training.progress import TrainingProgress
 
     check_writable(out, spec)
     if card:
-        check_card(out)
+        check_card(out, spec)
     checked = load(spec, root)
     options = {
         "epochs": epochs,
@@ -91,6 +99,7 @@ def train(
         "scenes": scenes,
         "data": data,
         "patience": patience,
+        "hyper": parse_settings(hyper or []),
         "seed": seed,
         "device": device,
     }

@@ -30,6 +30,7 @@ import numpy as np
 from scenegen.engine.threads import one_thread
 from scenegen.engine.worker import FAILED, FRAME, NUMBER, READY, SIZE, widen
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
+from scenegen.given import whole
 
 T = TypeVar("T")
 
@@ -58,6 +59,7 @@ def run_pieces(job: Callable[[int], T], pieces: Iterable[int], workers: int = 1)
     done once more by another process; if that dies as well, ScenegenError says so. Raises RequestError for fewer than 1
     or more than 256 workers.
     """
+    workers = whole("workers", workers)
     if not 1 <= workers <= MAX_WORKERS:
         title = f"{workers} worker processes cannot share the work"
         raise RequestError(Diagnostic(title, help=f"ask for 1 to {MAX_WORKERS}"))

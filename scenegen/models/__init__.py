@@ -1,1 +1,2 @@
-"""Learned samplers: GAN and AAE, their codec, and model files. `table` lists them and imports no torch."""
+"""Learned samplers: energy-score generator, flow, GAN and AAE, the published networks, and model files. `table` lists
+them and imports no torch."""

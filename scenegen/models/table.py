@@ -47,14 +47,17 @@ def unknown(what: str, name: str, known: Collection[str]) -> Diagnostic:
 def parse_hyper(name: str, values: Mapping[str, float], recipe: str = "default") -> Hyper:
     """The model's own settings, checked. Raises RequestError for an unknown setting or a value out of its range."""
     settings = model_class(name, recipe).hyper_class
+    if not isinstance(values, Mapping):
+        raise RequestError(Diagnostic(f"`hyper` is {values!r}", help='give settings by name: hyper={"width": 128}'))
     try:
         return settings.model_validate(dict(values))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        known = quoted(settings.model_fields)
+        otherwise = f"`{name}` has settings {quoted(settings.model_fields)}"
+        if first["type"] == "extra_forbidden":
+            help_ = suggest(place, settings.model_fields, otherwise)
+            raise RequestError(Diagnostic(f"model `{name}` has no setting `{place}`", help=help_)) from error
         raise RequestError(
-            Diagnostic(
-                f"setting `{place}` of model `{name}`: {first['msg'].lower()}", help=f"`{name}` has settings {known}"
-            )
+            Diagnostic(f"setting `{place}` of model `{name}`: {first['msg'].lower()}", help=otherwise)
         ) from error

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.given import whole
 from scenegen.models.base import SceneModel
 from scenegen.models.card import ModelCard
 from scenegen.models.codec import Codec
@@ -54,6 +55,7 @@ class TrainedModel:
         if self.steps is None:
             title = f"a scene of the {self.name} is one evaluation of its network: there are no steps to choose"
             raise RequestError(Diagnostic(title, help="leave the steps out, or take a flow"))
+        steps = whole("steps", steps)
         if not 1 <= steps <= MOST_STEPS:
             title = f"{steps} is no number of steps"
             raise RequestError(Diagnostic(title, help=f"choose 1 to {MOST_STEPS:,}; 1 is the fastest"))

@@ -1,4 +1,4 @@
-"""One simulated second of a scene in pybullet: how far its objects move. It and `painter` import pybullet.
+"""One simulated second of a scene in pybullet: how far its objects move. It, `painter` and `load` import pybullet.
 
 The world is made anew for every scene. Moving the bodies of the last scene instead would save 2 ms, but its contacts
 and the engine's order of pairs would live on in the next one, whose last digits, and with them now and then the

@@ -1,4 +1,4 @@
-"""Pictures of scenes with pybullet's software renderer. It and `drop` are the only modules that import pybullet.
+"""Pictures of scenes with pybullet's software renderer. Only it, `drop` and `load` import pybullet.
 
 Bodies are made once and moved from scene to scene; pictures are drawn larger and averaged down where they are not huge.
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.given import whole, words
 from scenegen.render.camera import VIEWS
 from scenegen.render.files import RENDERERS
 
@@ -13,16 +14,20 @@ SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
 
 def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:
     """Raises RequestError for views, a size in pixels, or a number of processes that cannot be."""
+    views = words("views", views, '("top",)')
     if not views:
         raise RequestError(Diagnostic("no view was asked for", help=f"the views are {quoted(VIEWS)}"))
     for view in views:
         if view not in VIEWS:
             help_line = suggest(view, VIEWS, f"the views are {quoted(VIEWS)}")
             raise RequestError(Diagnostic(f"unknown view `{view}`", help=help_line))
+    if not isinstance(size, tuple | list) or len(size) != 2:
+        raise RequestError(Diagnostic(f"`size` is {size!r}", help="give it width and height in pixels, as (640, 480)"))
+    size = whole("width", size[0]), whole("height", size[1])
     if not all(SMALLEST <= side <= LARGEST for side in size):
         help_line = f"width and height are from {SMALLEST} to {LARGEST} pixels each"
         raise RequestError(Diagnostic(f"a picture cannot be {size[0]} x {size[1]} pixels", help=help_line))
-    if workers is not None and workers < 1:
+    if workers is not None and whole("workers", workers) < 1:
         raise RequestError(Diagnostic(f"{workers} workers cannot draw", help="ask for 1 or more"))
 
 

@@ -67,8 +67,8 @@ def render_scenes(
     Raises RequestError for a wrong view, size or number of workers, DataError for a file without scenes, OutputError
     where something cannot be written.
     """
-    views = tuple(dict.fromkeys(views))
     check_request(views, size, workers)
+    views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
     wanted = Wanted(views, size, transparent, depth, masks, renderer)
     if not file.scenes:

@@ -78,7 +78,7 @@ def parse_ranges(options: Sequence[str], labels: Sequence[str]) -> dict[str, Ran
 
 def _unknown_label(name: str, labels: Sequence[str], here: Span | None) -> Diagnostic:
     otherwise = f"the spec has {quoted(labels)}"
-    title = f"the spec has no label `{name}`" if name else "no label stands before `=`"
+    title = "no label stands before `=`" if name == "" else f"the spec has no label `{name}`"
     return Diagnostic(title, here, "", suggest(name, labels, otherwise))
 
 

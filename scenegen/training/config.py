@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from scenegen.data.table import DATASETS, is_file
-from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.errors import Diagnostic, RequestError, Source, Span, suggest
 from scenegen.formats.table import FORMATS
 from scenegen.models.table import MODELS, RECIPES, unknown
+from scenegen.sampling.request import number
 from scenegen.training.recipes import CONSTANT, DEFAULTS
 
 # option -> lowest and highest value; whole numbers where the bounds are
@@ -87,10 +90,44 @@ def make_config(model: str, recipe: str = "default", **options: Any) -> TrainCon
     if model not in RECIPES[recipe]:
         what = "model" if model not in MODELS else f"model of the {recipe} recipe"
         raise RequestError(unknown(what, model, RECIPES[recipe]))
-    given = {name: value for name, value in options.items() if value is not None}
+    known = [entry.name for entry in fields(TrainConfig)][2:]
+    for name in options:
+        if name not in known:
+            raise RequestError(unknown("option", name, known))
+    given: dict[str, Any] = {name: _plain(value) for name, value in options.items() if value is not None}
+    if isinstance(given.get("hyper"), Mapping):
+        given["hyper"] = {name: _plain(value) for name, value in given["hyper"].items()}
+    if not isinstance(given.get("data", ""), str):
+        title = f"`data` is {given['data']!r}"
+        raise RequestError(Diagnostic(title, help=f"it is {', '.join(DATASETS)}, or the path of a scene file"))
     if is_file(str(given.get("data", ""))):
         given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
     return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
+
+
+def parse_settings(options: Sequence[str]) -> dict[str, float]:
+    """The model's own settings as typed, such as ["width=128"]. Raises RequestError with a caret."""
+    found: dict[str, float] = {}
+    for text in options:
+        name, equals, rest = text.partition("=")
+        value = number(rest)
+        here = Span(Source("--hyper", text), len(name) + 1 if equals else 0, len(text))
+        if value is None or not name.strip():
+            title = "a setting is written NAME=VALUE, and its value is a number"
+            raise RequestError(Diagnostic(title, here, "", "for instance width=128"))
+        if name.strip() in found:
+            raise RequestError(Diagnostic(f"`{name.strip()}` is set twice", here, "", "give each setting once"))
+        found[name.strip()] = int(value) if value.is_integer() else value
+    return found
+
+
+def _plain(value: object) -> object:
+    """Numbers of numpy as Python's, paths as text."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value)
+    if isinstance(value, Real) and not isinstance(value, bool):
+        return float(value)
+    return str(value) if isinstance(value, PathLike) else value
 
 
 def _check_ending(data: str) -> list[Diagnostic]:

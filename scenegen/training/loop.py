@@ -10,9 +10,10 @@ from pathlib import Path
 
 import torch
 
+from scenegen.data.table import is_file
 from scenegen.engine.interrupt import stop_signals
 from scenegen.engine.threads import one_thread
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.formats.files import check_writable
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.checkpoint import load_model
@@ -70,8 +71,9 @@ def train(
     Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
     and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
     """
-    check_writable(out)
-    check_writable(state_path(out))
+    inputs = [Path(config.data)] if is_file(config.data) else []
+    check_writable(out, *inputs)
+    check_writable(state_path(out), *inputs)
     _check_device(config.device)
     parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
     saved = load_state(state_path(out), spec, config) if resume else None
@@ -90,7 +92,7 @@ def train(
                 say(f"{session.epoch} epochs are already done; to train on, ask for more with --epochs")
             else:
                 say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
-            if not out.exists():
+            if not _holds(out, spec, session.epoch):  # a crash came between the state and the model
                 session.save(out)
         else:
             listeners = [each for each in (on_epoch, log) if each is not None]
@@ -98,6 +100,14 @@ def train(
             if session.epoch < config.epochs:
                 say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
     return load_model(out, spec)
+
+
+def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:
+    """Whether a file is a model after so many epochs."""
+    try:
+        return load_model(out, spec).card.epochs_done == epochs
+    except DataError:
+        return False
 
 
 def _run(

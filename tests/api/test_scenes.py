@@ -101,11 +101,6 @@ def test_a_lone_range_needs_a_lone_label():
         scenegen.sample(two, (0.0, 0.1))
 
 
-def test_a_path_is_no_spec():
-    with pytest.raises(scenegen.RequestError, match=r"scenegen\.load\(FILE\)"):
-        scenegen.sample("specs/first.spec")
-
-
 def test_progress_is_told(spec):
     calls = []
     scenegen.sample(spec, {"task": (0.5, None)}, n=30_000, progress=lambda *told: calls.append(told))

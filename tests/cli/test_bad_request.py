@@ -81,6 +81,10 @@ TRAIN = {
     "model_of_recipe": ["--recipe", "paper", "--model", "energy"],
     "data": ["--data", "boostd"],
     "device": ["--device", "gpu"],
+    "hyper": ["--hyper", "widht=64"],
+    "hyper_no_number": ["--hyper", "width=wide"],
+    "hyper_twice": ["--hyper", "width=64", "--hyper", "width=32"],
+    "hyper_range": ["--hyper", "width=0"],
     "nothing_to_resume": ["--resume"],
 }
 

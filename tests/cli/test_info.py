@@ -60,3 +60,21 @@ def test_scene_files_as_data_and_patience(scenegen, refused, here, golden):
     golden("cli/errors/train_data_ending.txt", refused(*words, "--data", "s.csv", "--out", "f.safetensors"))
     golden("cli/errors/train_patience.txt", refused(*words, "--patience", "0", "--out", "f.safetensors"))
     assert refused(*words, "--data", "t.json", "--out", "f.safetensors").startswith("error: cannot read t.json")
+
+
+def test_settings_of_the_models_own(scenegen, here):
+    words = [
+        "train",
+        "good.spec",
+        "--model",
+        "energy",
+        "--epochs",
+        "1",
+        "--scenes",
+        "600",
+        "--no-card",
+        "--out",
+        "m.safetensors",
+    ]
+    assert scenegen(*words, "--hyper", "width=32", "--hyper", "consistency=0.5").status == 0
+    assert "width 32, depth 4, consistency 0.5" in scenegen("info", "m.safetensors").out

@@ -10,6 +10,7 @@ import pytest
 import safetensors.torch
 import torch
 
+from scenegen.api.train import Model
 from scenegen.errors import DataError, OutputError
 from scenegen.models.card import FORMAT
 from scenegen.models.checkpoint import load_model, save_model
@@ -203,3 +204,18 @@ def test_a_full_disk_leaves_the_old_model(model_file, exp1, make_model, make_car
         save_model(path, new, make_card("aae", new, exp1))
     assert same(path, old)
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("objects", {"objects": ["a", "b"]}),
+        ("labels", {"labels": [{"name": name, "lowest": -1.0, "highest": 1.0} for name in ("task", "zzz")]}),
+        ("workspace", {"workspace": {"x": [0.0, 5.0], "y": [0.0, 5.0]}}),
+    ],
+)
+def test_a_card_that_contradicts_its_spec_is_refused(model_file, what, change):
+    path, model = model_file
+    rewritten(path, model, change)
+    with pytest.raises(DataError, match=f"its {what} are not those of the spec in it"):
+        Model(load_model(path))

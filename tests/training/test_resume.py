@@ -226,3 +226,14 @@ def test_a_full_disk_keeps_the_earlier_run(tmp_path, exp1, monkeypatch):
             train(exp1, CONFIG, out, resume=True)
     assert files(out) == before
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_crash_between_the_state_and_the_model_is_made_good(tmp_path, exp1):
+    out = tmp_path / "m"
+    train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
+    early = out.read_bytes()
+    train(exp1, CONFIG, out, resume=True)
+    done = files(out)
+    out.write_bytes(early)  # as if the machine had stopped before the last model was written
+    train(exp1, CONFIG, out, resume=True)
+    assert files(out) == done

@@ -1,0 +1,31 @@
+"""Arguments of public calls, held against what they can be: numpy's whole numbers are as good as Python's, and what is
+of another kind is told before any work is done."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from os import PathLike
+from pathlib import Path
+
+from scenegen.errors import Diagnostic, RequestError
+
+
+def whole(name: str, value: object) -> int:
+    """A whole number as Python has it; True and False are none. Raises RequestError."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a whole number"))
+    return int(value)
+
+
+def words(name: str, value: object, example: str) -> tuple[str, ...]:
+    """A list of words, not one by itself, whose letters would be taken for words. Raises RequestError."""
+    if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):
+        raise RequestError(Diagnostic(f"`{name}` is {value!r}", help=f"give it a list: {name}={example}"))
+    return tuple(value)
+
+
+def path(name: str, value: object) -> Path:
+    """Raises RequestError for what is no path."""
+    if not isinstance(value, str | PathLike):
+        raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it the path of a file"))
+    return Path(value)

@@ -67,7 +67,7 @@ def ask(
     method = _method(method, source, raw)
     if not (isinstance(timeout, Real) and math.isfinite(timeout) and timeout > 0):
         raise RequestError(
-            Diagnostic(f"the timeout cannot be {timeout} s", help="give it a positive number of seconds")
+            Diagnostic(f"the timeout cannot be {_number(timeout)} s", help="give it a positive number of seconds")
         )
     budget = Budget(timeout)
     ranges = _ranges(phi, spec.labels)
@@ -75,6 +75,10 @@ def ask(
         title = "`raw` is a model's own output, and a model does not know of objects that are held"
         raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
     return Ask(pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix), method, budget)
+
+
+def _number(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else repr(value)
 
 
 def _ranges(phi: object, labels: Sequence[str]) -> dict[str, Range]:

@@ -8,7 +8,7 @@ half of what is drawn is expected to be kept or nothing helps any more.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,6 +93,10 @@ class Cover:
         return usable, spans
 
 
+class StoppedError(Exception):
+    """There was no time to make a cover."""
+
+
 def prune(
     core: Core,
     lowest: Array,
@@ -100,14 +104,16 @@ def prune(
     wanted: Mapping[int, Ends],
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
+    Raises StoppedError where `stop` says so, which is asked between parts: half a cover is none.
     """
     tape = make_tape(core, lowest, highest) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-    search = _Search(core, tape, lowest, highest, wanted, rng)
+    search = _Search(core, tape, lowest, highest, wanted, rng, stop)
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
         weights = _weights(parts)
@@ -144,6 +150,7 @@ class _Search:
     highest: Array
     wanted: Mapping[int, Ends]
     rng: np.random.Generator
+    stop: Callable[[], bool]
 
     def open_up(self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]]) -> list[Part]:
         """Parts for demands, contracted together; those proved empty are left out."""
@@ -155,6 +162,8 @@ class _Search:
         alive = contract(self.tape.nodes, lo, hi, rounds=1 if len(self.tape.nodes) > LARGE else 4)
         found = []
         for column in np.flatnonzero(alive):
+            if self.stop():
+                raise StoppedError
             demand, apart = entries[int(column)]
             part = Part(apart, demand, lo[:, column].copy(), hi[:, column].copy())
             part.pending = open_nodes(self.tape, demand, part.lo, part.hi)

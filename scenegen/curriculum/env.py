@@ -55,7 +55,8 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
 
     Scenes come from the exact sampler, or from `source`: a model trained on the spec, or scenes, or the path of either
     one. From the same seed and the same requests follow the same scenes, each handed out once; those of a file come
-    again when all others of about the same phi were used.
+    again when all others of about the same phi were used, and with "nearest" those of phi that is hard to find. (A draw
+    has 20 seconds, with "nearest" 2: of a spec whose scenes take longer, a slower machine has others.)
 
     Episodes have no end of their own: gymnasium.make adds a limit of 100 steps (`max_episode_steps=`).
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from scenegen.curriculum.library import Index, Library
 from scenegen.curriculum.request import Wanted
-from scenegen.curriculum.sources import Ends, Scenes
+from scenegen.curriculum.sources import SECONDS, SHORTLY, Ends, Scenes
 from scenegen.errors import Diagnostic, RequestError
 
 Dealt = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
@@ -99,9 +99,10 @@ class Feed:
         self._hopeless: set[Wanted] = set()
         self._fills: dict[tuple[int, ...], int] = {}
 
-    def take(self, wanted: Wanted, *, nearest: bool = False) -> Dealt:
-        """A scene and its phi. With `nearest` it is of the cell nearest to what is wanted where that cannot be had.
-        Raises RequestError."""
+    def take(self, wanted: Wanted, *, nearest: bool = False, patience: float = SECONDS) -> Dealt:
+        """A scene and its phi, after draws of `patience` seconds at most. With `nearest` it is of the cell nearest to
+        what is wanted where that cannot be had shortly. Raises RequestError, but not with `nearest`."""
+        patience = SHORTLY if nearest else patience
         plan = self._plan(wanted)
         if plan is not None:
             plan.asked += 1
@@ -111,22 +112,45 @@ class Feed:
             # a file may have scenes in a part of a cell that is not wanted, and others in the next cell
             rough = nearest and len(wanted.dims) > 1
             for step in range(1 if self.library.more is not None else len(plan.cells)):
-                found = self._of_cell(plan, (first + step) % len(plan.cells), wanted, 0 if rough else DRAWS)
+                try:
+                    found = self._of_cell(
+                        plan, (first + step) % len(plan.cells), wanted, 0 if rough else DRAWS, patience
+                    )
+                except RequestError:
+                    if not nearest:
+                        raise
+                    break
                 if found is not None:
                     return found
             if rough:  # a part of a cell in several labels may well be empty, and finding that out takes long
-                return self.take(self._whole(plan.index, plan.cells[first], wanted))
+                return self._of_whole(plan.index, plan.cells[first], wanted)
         if not nearest:
-            return self._of_its_own(wanted)
+            return self._of_its_own(wanted, patience)
         within = self._within(wanted)
         if within != wanted:
             return self.take(within, nearest=True)
         if plan is not None and wanted not in self._hopeless:
             try:
-                return self._of_its_own(wanted)
+                return self._of_its_own(wanted, patience)
             except RequestError:
                 self._hopeless.add(wanted)
-        return self.take(self._around(wanted))
+        index = self.library.index(wanted.dims)
+        return self._of_whole(index, index.nearest(wanted), wanted)
+
+    def _of_whole(self, index: Index, cell: int, wanted: Wanted) -> Dealt:
+        """A scene of a cell, in place of what is wanted: one of the library's again where no others are found."""
+        low, high = list(wanted.low), list(wanted.high)
+        for k, dim in enumerate(wanted.dims):
+            low[dim], high[dim] = float(index.low[cell, k]), float(index.high[cell, k])
+        whole = Wanted(tuple(low), tuple(high))
+        if whole not in self._hopeless:
+            try:
+                return self.take(whole, patience=SHORTLY)
+            except RequestError:
+                self._hopeless.add(whole)
+        members = index.members[cell]
+        place = members[int(self._rng.random() * len(members))]
+        return self.library.scenes.poses[place], self.library.scenes.phi[place]
 
     def _plan(self, wanted: Wanted) -> _Plan | None:
         if wanted in self._plans:
@@ -144,7 +168,7 @@ class Feed:
             self._plans.popitem(last=False)
         return plan
 
-    def _of_cell(self, plan: _Plan, at: int, wanted: Wanted, draws: int) -> Dealt | None:
+    def _of_cell(self, plan: _Plan, at: int, wanted: Wanted, draws: int, patience: float) -> Dealt | None:
         """A scene that is wanted of one of the plan's cells, after so many draws at most; None where it is better drawn
         by itself."""
         shelf = self._cell(plan.index, plan.cells[at])
@@ -163,7 +187,7 @@ class Feed:
             count = min(FIRST << (shelf.draws if often else self._fills.get(plan.index.dims, 0)), MOST)
             if plan.shares[at] * count / len(cells) < WORTH:
                 break
-            self._fill(plan.index, cells, count)
+            self._fill(plan.index, cells, count, patience)
             shelf = self._cell(plan.index, plan.cells[at])
         return None
 
@@ -181,13 +205,13 @@ class Feed:
         scenes = Scenes(self.library.scenes.poses[members], self.library.scenes.phi[members])
         return Shelf(scenes, [-1] * len(members) if ids is None else ids, self._rng)
 
-    def _fill(self, index: Index, numbers: Sequence[int], count: int) -> None:
+    def _fill(self, index: Index, numbers: Sequence[int], count: int, patience: float) -> None:
         """More scenes for some cells."""
         cells, dims = list(numbers), list(index.dims)
         self._fills[index.dims] = self._fills.get(index.dims, 0) + 1
         low, high = index.low[cells], index.high[cells]
         ends = zip(dims, low.min(axis=0).tolist(), high.max(axis=0).tolist(), strict=True)
-        scenes = self._draw({self.library.aim.names[k]: (least, most) for k, least, most in ends}, count)
+        scenes = self._draw({self.library.aim.names[k]: (least, most) for k, least, most in ends}, count, patience)
         phi = scenes.phi[:, None, dims]
         within = np.asarray(((phi >= low) & (phi <= high)).all(axis=2))
         owner = np.where(within.any(axis=1), within.argmax(axis=1), -1)
@@ -196,7 +220,7 @@ class Feed:
             if len(mine):
                 self._stack((index.dims, cell), self._cell(index, cell), Scenes(scenes.poses[mine], scenes.phi[mine]))
 
-    def _of_its_own(self, wanted: Wanted) -> Dealt:
+    def _of_its_own(self, wanted: Wanted, patience: float) -> Dealt:
         """A scene of a draw for just what is wanted."""
         key, names = (wanted, 0), self.library.aim.names
         shelf = self._shelves.get(key)
@@ -207,16 +231,16 @@ class Feed:
                 return found
         if self.library.more is None:
             raise RequestError(Diagnostic(f"the file has no scene with {wanted.describe(names)}"))
-        scenes = self._draw(wanted.ranges(names), min(ALONE << 2 * (shelf.draws if shelf else 0), MOST))
+        scenes = self._draw(wanted.ranges(names), min(ALONE << 2 * (shelf.draws if shelf else 0), MOST), patience)
         found = self._stack(key, shelf, scenes).take(wanted, self._used)
         assert found is not None
         return found
 
-    def _draw(self, ranges: Mapping[str, Ends], count: int) -> Scenes:
+    def _draw(self, ranges: Mapping[str, Ends], count: int, patience: float) -> Scenes:
         assert self.library.more is not None
         what = frozenset(ranges.items())
         self._draws[what] += 1
-        return self.library.more.asked(ranges, count, self._draws[what] - 1)
+        return self.library.more.asked(ranges, count, self._draws[what] - 1, patience)
 
     def _stack(self, key: tuple[object, int], shelf: Shelf | None, scenes: Scenes) -> Shelf:
         """A shelf with more scenes."""
@@ -242,16 +266,4 @@ class Feed:
             low[k], high[k] = max(low[k], float(self.library.low[k])), min(high[k], float(self.library.high[k]))
             if low[k] >= high[k]:
                 return wanted
-        return Wanted(tuple(low), tuple(high))
-
-    def _around(self, wanted: Wanted) -> Wanted:
-        """The cell that is nearest to what is wanted."""
-        index = self.library.index(wanted.dims)
-        return self._whole(index, index.nearest(wanted), wanted)
-
-    def _whole(self, index: Index, cell: int, wanted: Wanted) -> Wanted:
-        """All of a cell, in place of what is wanted."""
-        low, high = list(wanted.low), list(wanted.high)
-        for k, dim in enumerate(wanted.dims):
-            low[dim], high[dim] = float(index.low[cell, k]), float(index.high[cell, k])
         return Wanted(tuple(low), tuple(high))

@@ -5,6 +5,7 @@ One library serves every environment of the same aim and source, whatever its se
 
 from __future__ import annotations
 
+import contextlib
 import math
 from bisect import bisect_left, bisect_right
 from collections import OrderedDict
@@ -25,12 +26,14 @@ from scenegen.curriculum.draws import Draws
 from scenegen.curriculum.request import Wanted, everything
 from scenegen.curriculum.sources import Sampler, Scenes, open_source
 from scenegen.curriculum.tasks import PhiBox
+from scenegen.errors import RequestError
 
 Array = npt.NDArray[np.float64]
 
 PILOT, SCENES = 4096, 4096  # drawn to see what is hard, and to have
 HARDEST = 1e-3  # share of unsatisfied scenes that are harder than what the library goes to
 CELLS = {1: 32, 2: 16}  # along each label of an index, 8 for more
+LEAST = 1e-9  # share of a cell that is worth a look; rounding makes neighbours overlap by less
 BELOW = math.nextafter(0.0, -1.0)  # the highest phi that is not satisfied
 KEPT = 8  # libraries that are kept
 
@@ -59,7 +62,7 @@ class Index:
             low, high = wanted.low[self.dims[0]], wanted.high[self.dims[0]]
             cells = range(bisect_left(highs, low), bisect_right(lows, high))
             parts = ((cell, _share(low, high, lows[cell], highs[cell])) for cell in cells)
-            found = [(cell, share) for cell, share in parts if share > 0.0]
+            found = [(cell, share) for cell, share in parts if share > LEAST]
             return [cell for cell, _ in found], [share for _, share in found]
         at = list(self.dims)
         lower = np.maximum(np.array(wanted.low)[at], self.low)
@@ -68,7 +71,7 @@ class Index:
         # phi that is the same everywhere has cells without width
         share = np.where(width > 0.0, (upper - lower) / np.where(width > 0.0, width, 1.0), upper >= lower)
         whole = np.clip(share, 0.0, 1.0).prod(axis=1)
-        numbers = np.flatnonzero(whole > 0.0)
+        numbers = np.flatnonzero(whole > LEAST)
         return numbers.tolist(), whole[numbers].tolist()
 
     @cached_property
@@ -109,9 +112,11 @@ class Library:
         """What a curriculum goes through: for labels that have to be satisfied from the hardest to satisfied, for the
         others all that occurs."""
         high = self.high[: self.aim.labels]
-        aimed = self.aim.wanted
-        ends = [min(value, 0.0) if name in aimed else value for name, value in zip(self.aim.names, high, strict=False)]
-        return PhiBox(tuple(map(float, self.low[: self.aim.labels])), tuple(map(float, ends)))
+        low, names = self.low[: self.aim.labels], self.aim.names
+        # a label that is hardly ever violated has nothing to learn below 0, and no end of it there
+        capped = [name in self.aim.wanted and least < 0.0 for name, least in zip(names, low, strict=False)]
+        ends = [min(value, 0.0) if cap else value for value, cap in zip(high, capped, strict=True)]
+        return PhiBox(tuple(map(float, low)), tuple(map(float, ends)))
 
     def covers(self, wanted: Wanted) -> bool:
         """Whether all that is wanted lies where the scenes are spread."""
@@ -133,7 +138,8 @@ class Library:
         """phi (D,) of the scene nearest to what is wanted, of the library and of as many of the base distribution."""
         phi = self.scenes.phi
         if self.more is not None:
-            phi = np.concatenate([phi, Sampler(self.aim).draw({}, PILOT, 0, "base").phi])
+            with contextlib.suppress(RequestError):  # time may be up for these, too
+                phi = np.concatenate([phi, Sampler(self.aim).draw({}, PILOT, 0, "base").phi])
         away = np.maximum(np.maximum(np.array(wanted.low) - phi, phi - np.array(wanted.high)), 0.0)
         return np.asarray(phi[away.sum(axis=1).argmin()])
 
@@ -174,6 +180,8 @@ def make_library(aim: Aim, source: Sampler | Scenes) -> Library:
     hard = float(np.quantile(pilot.phi[:, goal], HARDEST))
     scenes = source.draw({name: (hard, 0.0)}, SCENES, 0)
     low, high = (np.quantile(pilot.phi, share, axis=0) for share in (HARDEST, 1.0 - HARDEST))
+    aimed = [aim.names.index(label) for label in aim.wanted]
+    high[aimed] = np.maximum(high[aimed], 0.0)  # near the goal scenes are easier than they mostly are
     low[goal], high[goal] = hard, 0.0
     return Library(aim, scenes, low, high, hard, Draws(source))
 

@@ -18,8 +18,10 @@ SATISFIED, OFF = 10.0, -10.0  # the paper's, section V
 
 class Reward:
     """`sparse`: 10 where the goal is satisfied, -10 where an object left the table, 0 otherwise, as in the paper.
-    `dense` adds what phi of the goal gained, in steps: a potential (Ng, Harada and Russell, 1999), so that without
-    discount the best policies are the same. Raises gymnasium.error.Error for another kind."""
+    `dense` adds what phi of the goal gained, in steps. Without discount these gains sum up to phi of the last scene
+    less that of the first (a potential in the sense of Ng, Harada and Russell, 1999, but for the last scene, whose
+    phi is paid, too: ending well inside the goal earns more than at its edge). Raises gymnasium.error.Error for
+    another kind."""
 
     def __init__(self, kind: str, step: float) -> None:
         one_of("reward", kind, get_args(Kind))

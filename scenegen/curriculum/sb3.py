@@ -25,8 +25,9 @@ WINDOW = 100  # episodes that means are taken over
 class CurriculumCallback(BaseCallback):
     """Logs, of the last `window` episodes of environments in `Curriculum`: the rate of success, phi of the first scene
     and of the tasks per label, steps and rewards, all under `curriculum/`; and what the `log()` of the strategy
-    says, if it is given and has one. Works with environments in other processes, and with SB3Vector around a
-    `VectorCurriculum`, too."""
+    says, if it is given and has one. Works with SB3Vector around a
+    `VectorCurriculum`, too. Outcomes arrive from environments in other processes as well, but there each process has a
+    strategy of its own, and `strategy` here hears nothing of them."""
 
     def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
         if strategy is not None and not callable(getattr(strategy, "next_task", None)):

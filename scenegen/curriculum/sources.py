@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,12 +18,13 @@ from scenegen.api.spec import Spec
 from scenegen.api.train import Model, load_model
 from scenegen.curriculum.aim import Aim, Scorer
 from scenegen.data.arrange import check_scenes
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError, Diagnostic, RequestError
 
 Array = npt.NDArray[np.float64]
 Ends = tuple[float | None, float | None]
 
 SECONDS = 20.0  # after which a request counts as out of reach; what is found in time does not depend on it
+SHORTLY = 2.0  # the same, where the nearest that there is will do
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +44,23 @@ class Sampler:
     def __init__(self, aim: Aim, model: Model | None = None) -> None:
         self._from: Spec | Model = aim.spec if model is None else _aimed(aim, model)
 
-    def draw(self, ranges: Mapping[str, Ends], n: int, seed: int, spread: str = "flat") -> Scenes:
-        """Up to n scenes with phi in the ranges, at least one. Raises RequestError."""
-        found = sample(self._from, ranges, n, seed=seed, spread=spread, timeout=SECONDS, keep_partial=True, workers=1)
+    def draw(
+        self, ranges: Mapping[str, Ends], n: int, seed: int, spread: str = "flat", patience: float = SECONDS
+    ) -> Scenes:
+        """Up to n scenes with phi in the ranges, at least one, as many as are found in `patience` seconds. Raises
+        RequestError."""
+        try:
+            found = sample(
+                self._from, ranges, n, seed=seed, spread=spread, timeout=patience, keep_partial=True, workers=1
+            )
+        except RequestError as problem:
+            first = problem.diagnostics[0]
+            if "--timeout" not in first.help:
+                raise
+            help_ = (
+                f"a draw has {patience:g} s here; draw scenes with `scenegen sample` first, and give them as `source`"
+            )
+            raise RequestError(replace(first, help=help_)) from problem
         return Scenes(found.poses.reshape(len(found), -1), np.stack(list(found.phi.values()), axis=1))
 
 

@@ -98,7 +98,7 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         if options is not None and not isinstance(options, Mapping):
             check_options(options)
         options = dict(options or {})
-        chosen = self._chosen(options.pop("reset_mask", None))
+        chosen = self.chosen(options.pop("reset_mask", None))
         for k in np.flatnonzero(chosen).tolist():
             if seeds[k] is not None or self._rngs[k] is None:
                 self._rngs[k], _ = seeding.np_random(seeds[k])
@@ -158,8 +158,8 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         """End the process that draws, if there is one."""
         self._one.close()
 
-    def _chosen(self, mask: Any) -> Mask:
-        """Which tables a reset is about."""
+    def chosen(self, mask: Any) -> Mask:
+        """Which tables a reset is about: those of a mask (num_envs,), all for None. Raises gymnasium.error.Error."""
         if mask is None:
             return np.ones(self.num_envs, dtype=np.bool_)
         if (

@@ -103,9 +103,10 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """Begin an episode of the next task."""
         if options is not None:
             check_options(options)
-        self._task = None if _overridden(options) else self._next()
-        asked = options if self._task is None else _options(self._task, options)
+        task = None if _overridden(options) else self._next()
+        asked = options if task is None else _options(task, options)
         seen, info = self.env.reset(seed=seed, options=asked)
+        self._task = task  # not before: where the reset failed, the episode goes on
         self._phi = tuple(info["phi"].values())[: self._labels]
         self._total, self._steps = 0.0, 0
         return seen, info
@@ -143,6 +144,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         self._fits = False
         self._labels = self._tables.rules.aim.labels
         self._tasks: list[PhiBox | None] = [None] * env.num_envs
+        self._asked: dict[int, PhiBox] = {}  # tasks of episodes that are about to begin
         self._phi = np.zeros((env.num_envs, self._labels))
         self._total, self._steps = np.zeros(env.num_envs), np.zeros(env.num_envs, dtype=np.intp)
         self._over = np.zeros(env.num_envs, dtype=np.bool_)
@@ -153,22 +155,20 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
             _check_reach(self.strategy, self._tables.space)
             self._fits = True
         task = _next_task(self.strategy)
-        self._tasks[number] = task
+        self._asked[number] = task
         return _options(task, None)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin episodes of the next tasks."""
-        mask = options.get("reset_mask") if isinstance(options, Mapping) else None
-        begun = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.array(mask, dtype=np.bool_)
-        for number in np.flatnonzero(begun).tolist():
-            self._tasks[number] = None
+        self._asked = {}
         seen, infos = self.env.reset(seed=seed, options=options)
-        self._begin(begun, infos)
+        self._begin(self._tables.chosen((options or {}).get("reset_mask")), infos)
         return seen, infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Do an action on every table; the strategy hears of the episodes that end."""
         again = self._over.copy()
+        self._asked = {}
         seen, reward, terminated, truncated, infos = self.env.step(actions)
         over = terminated | truncated
         same = self._tables.autoreset_mode is AutoresetMode.SAME_STEP
@@ -200,6 +200,8 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         """Remember where episodes begin."""
         if not begun.any():
             return
+        for number in np.flatnonzero(begun).tolist():
+            self._tasks[number] = self._asked.get(number)
         phi = [infos["phi"][name] for name in self._tables.rules.aim.names[: self._labels]]
         self._phi[begun] = np.stack(phi, axis=1)[begun]
         self._total[begun], self._steps[begun] = 0.0, 0

@@ -29,7 +29,7 @@ def run(plan: Plan) -> Report:
         *figure5(sizes, plan.seeds),
         *sensitivity(changed, plan.seeds[:3]),
         *beyond(largest, plan.seeds),
-        *strategies(largest, grid.levels, plan.seeds),
+        *strategies(largest, grid.levels, plan.seeds[:3]),
     ]
     folder = plan.out / FOLDER
     ensure_folder(folder)
@@ -60,7 +60,7 @@ def run(plan: Plan) -> Report:
         words.ties(found),
         tables.sensitivity(found),
         tables.knobs(found),
-        f"## Strategies for any learner (fair, task A, M = {largest})",
+        f"## Strategies for any learner (fair, task A, M = {largest}, seeds {', '.join(map(str, plan.seeds[:3]))})",
         words.strategies(),
         tables.strategies(found),
         f"## Beyond (task A, M = {largest})",

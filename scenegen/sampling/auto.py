@@ -48,7 +48,7 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
 
 
 def _better(problem: Problem, budget: Budget) -> Choice:
-    trial = make_trial(problem)
+    trial = make_trial(problem, budget)
     if not trial.rate.hits:
         return _rare(problem, budget, trial)
     mine = plan_rejection(problem, budget, trial)

@@ -44,6 +44,9 @@ SHUFFLE, PILOT, GUIDED, PLAN, REJECTION = 1, 2, 3, 4, 5
 LARGE = 1 << 22  # nodes times cells from which on cells are held against plain bounds, not contracted
 
 
+GRACE = 1.0  # seconds
+
+
 @dataclass(frozen=True, slots=True)
 class Budget:
     """When to stop looking. Time only ever cuts a run short; what it hands out until then does not depend on it."""
@@ -54,6 +57,11 @@ class Budget:
     @property
     def spent(self) -> bool:
         return time.monotonic() - self.started >= self.seconds
+
+    @property
+    def overdrawn(self) -> bool:
+        """Time has long been up: even what is better finished is stopped."""
+        return time.monotonic() - self.started >= self.seconds + GRACE
 
 
 @dataclass(frozen=True, slots=True)

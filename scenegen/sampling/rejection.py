@@ -8,14 +8,14 @@ spec, request and seed; piece k of it depends on nothing but the plan and k.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.proposal import BELOW_TURN
-from scenegen.bounds.prune import Cover, prune
+from scenegen.bounds.prune import Cover, StoppedError, prune
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.lang.interpret import evaluate
@@ -159,7 +159,7 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
     Raises RequestError where there is provably no scene, and where time is up before it is known which cells get
     scenes: what time cuts short, it must not change.
     """
-    trial = make_trial(problem) if trial is None else trial
+    trial = make_trial(problem, budget) if trial is None else trial
     if problem.cells.count == 1:
         return _alone(problem, trial, frozenset({0}), frozenset())
     possible = sorted(problem.possible)
@@ -172,11 +172,13 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
     for cell in possible:
         if cell in common:
             continue
-        if budget.spent:
+        try:
+            if budget.spent:
+                raise StoppedError
+            mine = _cover(problem, budget, problem.wanted(cell), (seed, PLAN, cell + 1))
+        except StoppedError:
             undecided = len(possible) - len(common) - len(own) - len(ruled_out)
-            raise RequestError(too_early(problem, f"{draws:,} draws", undecided))
-        wanted = problem.wanted(cell)
-        mine = prune(problem.core, problem.lowest, problem.highest, wanted, (seed, PLAN, cell + 1), problem.tape)
+            raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
         if not mine.parts:
             ruled_out.add(cell)
             continue
@@ -197,11 +199,19 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
     return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected)
 
 
-def make_trial(problem: Problem) -> Trial:
+def _cover(problem: Problem, budget: Budget, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...]) -> Cover:
+    """Raises StoppedError where time has long been up."""
+    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, lambda: budget.overdrawn)
+
+
+def make_trial(problem: Problem, budget: Budget) -> Trial:
     """The cover of the whole range and a first look at what it gives. Raises RequestError where it proves that there is
-    no scene."""
+    no scene, or time is up before there is a cover."""
     seed = problem.request.seed
-    cover = prune(problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape)
+    try:
+        cover = _cover(problem, budget, problem.wanted(), (seed, PLAN))
+    except StoppedError:
+        raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
     if not cover.parts:
         raise RequestError(impossible(problem))
     rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))

@@ -93,6 +93,32 @@ def test_options_take_precedence_and_are_not_reported():
     assert ladder.asked == 2 and not ladder.heard
 
 
+def test_a_reset_that_fails_leaves_the_episode_as_it_is():
+    ladder = Ladder()
+    env = Curriculum(make(max_episode_steps=3), ladder)
+    _, begun = env.reset(seed=0)
+    with pytest.raises(error.Error):
+        env.reset(seed=-1)
+    _, _, info = walk(env, begun)
+    assert ladder.heard[0].task == ladder.tasks[0] and info["outcome"]["low"] == list(ladder.tasks[0].low)
+    assert ladder.heard[0].task.holds(ladder.heard[0].phi)
+
+
+@pytest.mark.parametrize(
+    "options", [{"phy": 1}, {"reset_mask": np.ones(2, dtype=bool)}, {"reset_mask": [[True], [False, True]]}, 3]
+)
+def test_a_reset_of_tables_that_fails_leaves_them_as_they_are(options):
+    ladder = Ladder()
+    env = VectorCurriculum(TableTopVector(3, LEFT, move="mug", max_episode_steps=3), ladder)
+    env.reset(seed=0)
+    with pytest.raises(error.Error):
+        env.reset(options=options)
+    for _ in range(3):
+        env.step(np.ones(3, dtype=int))
+    assert [one.task for one in ladder.heard] == ladder.tasks[:3]
+    assert all(one.task.holds(one.phi) for one in ladder.heard)
+
+
 def test_it_can_be_made_again():
     env = Curriculum(make(), Ladder())
     again = gymnasium.make(env.spec)

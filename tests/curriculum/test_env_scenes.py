@@ -1,13 +1,20 @@
 """Where episodes begin: the scenes of a reset, the same from the same seed, each once, and verified."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
+from gymnasium import error
 
 import scenegen
 from scenegen.curriculum import PhiBox, TableTop
+from scenegen.curriculum.library import forget
+from scenegen.curriculum.request import Wanted
+from scenegen.curriculum.sources import SECONDS, SHORTLY, Sampler
+from scenegen.curriculum.strategies import strategy
+from scenegen.errors import Diagnostic, RequestError
 
 LEFT = "leftOf(mug, plate)"
 TWO = "near: closeTo(mug, plate, 0.2)\nside: leftOf(mug, plate)"
@@ -136,7 +143,12 @@ class Dreamer:
     name, steps = "dreamer", None
 
     def __init__(self, spec):
-        self.card = SimpleNamespace(spec=SimpleNamespace(source=spec.source, name="dream.spec", title=""))
+        self.card = SimpleNamespace(
+            spec=SimpleNamespace(source=spec.source, name="dream.spec", title=""),
+            objects=spec.objects,
+            labels=[SimpleNamespace(name=label) for label in spec.labels],
+            area=spec.workspace,
+        )
         self.labels = len(spec.labels)
 
     def propose(self, phi, generator):
@@ -196,3 +208,60 @@ def test_the_nearest_scenes_where_a_task_is_out_of_reach():
     point = PhiBox((-0.3,), (-0.3,))
     _, infos = starts(TableTop(LEFT), [{"phi": point, "nearest": True}] * 5, seed=0)
     assert all(-0.34 < info["phi"]["task"] < -0.26 for info in infos)
+
+
+@pytest.mark.parametrize("text", [LEFT, TWO], ids=["one label", "two labels"])
+def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
+    """However slow sampling is: the library's scenes serve again."""
+    forget()
+    env = TableTop(text)
+    env.reset(seed=0)
+    waited = []
+
+    def no_time(self, ranges, n, seed, spread="flat", patience=SECONDS):
+        waited.append(patience)
+        raise RequestError(Diagnostic("time was up"))
+
+    monkeypatch.setattr(Sampler, "draw", no_time)
+    low, high = (np.array(ends) for ends in (env.space.low, env.space.high))
+    box = PhiBox(tuple((low + 0.31 * (high - low)).tolist()), tuple((low + 0.39 * (high - low)).tolist()))
+    away = []
+    for _ in range(400):
+        _, info = env.reset(options={"phi": box, "nearest": True})
+        phi = np.array([info["phi"][label] for label in env.rules.aim.names[: len(low)]])
+        away.append(np.maximum(np.maximum(box.low - phi, phi - box.high), 0.0) / (high - low))
+    assert np.max(away) < 0.25 and len(waited) < 20 and set(waited) == {SHORTLY}
+    with pytest.raises(error.InvalidBound, match="time was up"):
+        for _ in range(400):
+            env.reset(options={"phi": box})
+    forget()
+
+
+def test_a_cell_overlaps_with_itself_alone():
+    index = TableTop(TWO).dealer.library.index((0, 1))
+    for cell in range(len(index.members)):
+        low, high = index.low[cell], index.high[cell]
+        whole = Wanted((*low.tolist(), -math.inf), (*high.tolist(), math.inf))
+        assert index.overlap(whole)[0] == [cell]
+
+
+def test_a_curriculum_ends_where_the_goal_is():
+    """Though most unsatisfied scenes are far from it, and some labels are hardly ever violated."""
+    rare = "task: leftOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.01)"
+    space = TableTop(f"object mug, plate\n{rare}").space
+    assert space.high[0] == 0.0 and space.low[1] < space.high[1]
+    chain = " & ".join(f"closeTo({a}, {b}, 0.05)" for a, b in ("ab", "bc", "cd"))
+    space = TableTop(f"object a, b, c, d\none: {chain}\ntwo: leftOf(a, d)").space
+    assert space.high == (0.0, 0.0) and space.low[0] < -0.8
+    for name in ("uniform", "self_paced", "learnability"):
+        assert strategy(name, space, np.random.default_rng(0)).next_task().low[0] >= space.low[0]
+
+
+def test_draws_that_take_too_long_say_what_helps(monkeypatch):
+    def late(*given, **options):
+        raise RequestError(Diagnostic("time was up", help="give it more time with --timeout"))
+
+    sampler = Sampler(TableTop(LEFT).rules.aim)
+    monkeypatch.setattr("scenegen.curriculum.sources.sample", late)
+    with pytest.raises(RequestError, match=r"a draw has 3 s here(.|\n)*give them as `source`"):
+        sampler.draw({"task": (0.1, 0.2)}, 1000, 0, patience=3.0)

@@ -204,10 +204,19 @@ def test_states_of_others_are_refused(name):
         ({**teacher.state(), "rng": {"bit_generator": "MT19937"}}, "another random generator"),
         ({}, "this state is of another strategy"),
         (None, "a state is a mapping, not None"),
+        ({**teacher.state(), "memory": 3}, "not a whole one"),
+        ({**teacher.state(), "memory": list(teacher.state()["memory"])}, "not a whole one"),
+        *(
+            ({**teacher.state(), "memory": {**teacher.state()["memory"], part: damaged}}, "not a whole one")
+            for part in teacher.memory
+            for damaged in ("abc", None, {"a": 1}, [[[[1.0]]]])
+        ),
     ]
     for state, message in cases:
+        before = teacher.state()
         with pytest.raises(DataError, match=message):
             teacher.restore(state)
+        assert teacher.state() == before  # nothing is restored by halves
 
 
 def test_labels_that_do_not_matter_are_left_alone(name):

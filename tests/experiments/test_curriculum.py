@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import threading
+import time
 from itertools import chain
 
 import pytest
@@ -83,6 +85,30 @@ def test_what_fails_on_a_thread_is_raised(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "perform", fail)
     with pytest.raises(RequestError):
         Runner(tmp_path / "runs.json", None).all(cases()[:9], 2, lambda text: None)
+
+
+def test_what_was_done_before_a_failure_is_kept(tmp_path, monkeypatch):
+    few = [case for case in cases() if case.source != MODEL][:12]
+    drawn, path = [], tmp_path / "runs.json"
+
+    def draw(self, case):
+        drawn.append(case)
+        if len(drawn) > 8:
+            deadline = time.monotonic() + 30.0
+            while len(self.found) < 5 and time.monotonic() < deadline:
+                time.sleep(0.01)
+            raise RequestError(module.__name__)
+
+    before = threading.active_count()
+    monkeypatch.setattr(Runner, "draw", draw)
+    monkeypatch.setattr(Runner, "perform", lambda self, case: record(case))
+    with pytest.raises(RequestError):
+        Runner(path, None).all(few, 2, lambda text: None)
+    assert len(drawn) == 9 and len(Runner(path, None).found) >= 5
+    deadline = time.monotonic() + 30.0
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() == before
 
 
 def test_tables_and_words(golden):

@@ -42,6 +42,7 @@ class AlpGmmSettings(Settings):
 class AlpGmm(Base):
     settings_class = AlpGmmSettings
     settings: AlpGmmSettings
+    fixed_shapes = False  # there are as many Gaussians as fit best
     memory = ("told", "scenes", "scores", "pairs", "worth", "means", "roots", "drawn")
     told: int
     scenes: Floats
@@ -62,7 +63,7 @@ class AlpGmm(Base):
         self.told = 0
         self.scenes, self.scores = np.zeros((self.settings.memory, labels)), np.zeros(self.settings.memory)
         self.pairs = np.zeros((self.settings.window, labels + 1))
-        self.worth = self.means = self.roots = np.zeros(0)
+        self.worth, self.means, self.roots = np.zeros(0), np.zeros((0, labels)), np.zeros((0, labels, labels))
         self.drawn = []
 
     def next_task(self) -> PhiBox:

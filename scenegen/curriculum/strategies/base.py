@@ -27,6 +27,9 @@ class Base(ABC):
     """Attributes (`name`, or `part.name`) that change from episode to episode: numbers, arrays and lists of numbers.
     `begin` sets them."""
 
+    fixed_shapes: ClassVar[bool] = True
+    """Whether the arrays in `memory` keep the shapes that `begin` gives them."""
+
     settings: Settings
 
     def __init__(self, space: PhiBox, rng: np.random.Generator, **settings: Any) -> None:
@@ -74,24 +77,51 @@ class Base(ABC):
             if state.get(part) != mine:
                 title = f"this state is of another {part}: {state.get(part)}, not {mine}"
                 raise DataError(Diagnostic(title, help="restore into a strategy made like the one that was saved"))
-        if set(state.get("memory", ())) != set(self.memory):
-            raise DataError(
-                Diagnostic(f"this state is not a whole one of `{self.name()}`", help="use what state() gave")
-            )
+        memory = state.get("memory")
+        if not isinstance(memory, Mapping) or set(memory) != set(self.memory):
+            raise self._not_whole()
+        found = {name: self._like(attrgetter(name)(self), saved) for name, saved in memory.items()}
         try:
             self.rng.bit_generator.state = state["rng"]
         except (KeyError, TypeError, ValueError) as error:
             title = f"this state is of another random generator: {error}"
             raise DataError(Diagnostic(title, help="restore with a generator of the same kind")) from error
-        for name, saved in state["memory"].items():
+        for name, value in found.items():
             path, _, last = name.rpartition(".")
-            owner = attrgetter(path)(self) if path else self
-            mine = getattr(owner, last)
-            setattr(owner, last, np.array(saved, dtype=mine.dtype) if isinstance(mine, np.ndarray) else _plain(saved))
+            setattr(attrgetter(path)(self) if path else self, last, value)
+
+    def _like(self, mine: Any, saved: Any) -> Any:
+        """A saved value as one of ours. Raises DataError for one of another kind; lists and arrays may grow."""
+        if isinstance(mine, np.ndarray):
+            try:
+                array = np.array(saved, dtype=mine.dtype)
+            except (TypeError, ValueError, OverflowError):
+                raise self._not_whole() from None
+            free = not self.fixed_shapes and (array.ndim == mine.ndim or not array.size)
+            if array.shape != mine.shape and not free:
+                raise self._not_whole()
+            return array
+        if not (_numbers(saved) if isinstance(mine, list) else _number(saved)):
+            raise self._not_whole()
+        return _plain(saved)
+
+    def _not_whole(self) -> DataError:
+        return DataError(Diagnostic(f"this state is not a whole one of `{self.name()}`", help="use what state() gave"))
 
     def _who(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}
         return {"strategy": self.name(), "space": space, "settings": self.settings.model_dump(mode="json")}
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _numbers(value: object) -> bool:
+    """Whether it is a list of numbers, or of lists of them."""
+    return isinstance(value, list) and all(
+        _number(one) or (isinstance(one, list) and all(map(_number, one))) for one in value
+    )
 
 
 def _plain(value: Any) -> Any:

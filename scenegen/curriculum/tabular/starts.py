@@ -10,7 +10,7 @@ from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.curriculum.tabular.grid import Cells, GridTask
-from scenegen.errors import RequestError
+from scenegen.errors import Diagnostic, RequestError, quoted
 
 PATIENCE = 60.0  # seconds for the scenes of a level
 
@@ -36,8 +36,11 @@ def of_scenes(task: GridTask, source: Spec | Model, each: int = 12, seed: int = 
 
     The middle of a cell has a phi of its own, and that is what counts: a scene from the edge of a cell may end up one
     level from where it was drawn. A level for which a model has no scene gets none. Raises RequestError where the exact
-    sampler fails.
+    sampler fails, and for a spec with several labels.
     """
+    if len(task.spec.labels) > 1:
+        title = f"levels of phi are drawn of one label; the spec has {quoted(task.spec.labels)}"
+        raise RequestError(Diagnostic(title, help="join them with & under one label"))
     edge, label = task.edge, task.spec.labels[0]
     counts = np.bincount(task.level[task.unsatisfied], minlength=task.levels + 1)
     found = []

@@ -82,8 +82,8 @@ def figure5(sizes: tuple[int, ...], seeds: tuple[int, ...]) -> Iterator[Case]:
                     blank = Case(f"fig5 {setting}", "", task, size, seed, learner, both=setting == "fair")
                     for name, curriculum in shown.items():
                         yield replace(blank, name=name, curriculum=curriculum)
-                    # a model that leaves cells out may never get there: this is ten times what true scenes need
-                    drawn = replace(blank, source=MODEL, most=100 * (2 * size + 1) ** 2)
+                    # a model that leaves cells out may never get there: this is five times what true scenes need
+                    drawn = replace(blank, source=MODEL, most=50 * (2 * size + 1) ** 2)
                     yield replace(drawn, name="self-paced, model", curriculum=shown["self-paced"])
                     if setting == "fair" and task == "A":
                         yield replace(blank, name="corridors", curriculum=Curriculum(LINES))

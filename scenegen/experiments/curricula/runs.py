@@ -141,12 +141,12 @@ class Runner:
         }.values():
             self.perform(dataclasses.replace(case, most=1))  # compiled before anything is timed
         waiting: queue.SimpleQueue[Case | None] = queue.SimpleQueue()
-        failures, lock = list[Exception](), threading.Lock()
+        failures, lock, ended = list[Exception](), threading.Lock(), threading.Event()
         done, written = 0, time.monotonic()
 
         def serve() -> None:
             nonlocal done, written
-            while (case := waiting.get()) is not None and not failures:
+            while (case := waiting.get()) is not None and not failures and not ended.is_set():
                 try:
                     record = self.perform(case)
                 except Exception as error:
@@ -165,15 +165,23 @@ class Runner:
         threads = [threading.Thread(target=serve, daemon=True) for _ in range(min(workers, len(missing)))]
         for thread in threads:
             thread.start()
-        for case in missing:
-            self.draw(case)  # on this thread: what samples and trains wants the main one
-            waiting.put(case)
-        for _ in threads:
-            waiting.put(None)
-        for thread in threads:
-            while thread.is_alive():
-                thread.join(0.5)
-        self.keep()
+        try:
+            for case in missing:
+                if failures:
+                    break
+                self.draw(case)  # on this thread: what samples and trains wants the main one
+                waiting.put(case)
+            for _ in threads:
+                waiting.put(None)
+            for thread in threads:
+                while thread.is_alive():
+                    thread.join(0.5)
+        finally:
+            ended.set()
+            for _ in threads:
+                waiting.put(None)  # for those that wait still
+            with lock:
+                self.keep()
         if failures:
             raise failures[0]
 

@@ -165,14 +165,20 @@ def data(found: Found) -> list[dict[str, Any]]:
                 "M": case.size,
                 "scenes": case.source,
                 "learner": _plain(case.learner),
-                "curriculum": _plain(case.curriculum),
+                "curriculum": _plain(case.curriculum) if not case.strategy else None,
+                "strategy": {"name": case.strategy, **dict(case.options)} if case.strategy else None,
+                "order": list(case.order),
+                "shared_by_relations": case.relations,
+                "until_right_however_ties_go": case.both,
+                "most_episodes": case.most,
                 "seeds": [],
-                **{what: [] for what in (*kept, "any_share", "cpu")},
+                **{what: [] for what in (*kept, "level", "any_share", "cpu")},
             },
         )
         one["seeds"].append(case.seed)
         for what in kept:
             one[what].append(getattr(record, what))
+        one["level"].append(record.level)
         one["any_share"].append(round(record.any_share, 4))
         one["cpu"].append(round(record.cpu, 3))
     return list(rows.values())

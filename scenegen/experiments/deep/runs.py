@@ -27,6 +27,7 @@ from scenegen.formats.files import write_whole
 
 RANDOM = 4096  # scenes that tell how often which phi occurs
 MASTERED, IN_A_ROW = 0.99, 5  # success in so many measurements ends a run
+VERSION = 2  # of the environment and of what is measured: raise it when numbers change
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -89,6 +90,7 @@ class Job:
     def asked(self) -> dict[str, Any]:
         """All that the run follows from, as JSON has it. Raises OSError where the model is missing."""
         return {
+            "version": VERSION,
             "task": asdict(self.what),
             "spec": self.what.load().checked.sha256,
             "lesson": [self.how.strategy, self.how.reward, self.how.settled()],

@@ -8,6 +8,7 @@ import pytest
 from scenegen.engine.exact import draw
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
+from scenegen.sampling import problem as module
 from scenegen.sampling.auto import choose
 from scenegen.sampling.problem import Budget, pose
 from scenegen.sampling.request import Range
@@ -67,6 +68,16 @@ def test_neither_gets_there():
 def test_no_time_for_a_plan():
     with pytest.raises(RequestError, match="found none of 200 scenes in "):
         choose(pose(check_text(RARE), {"task": Range(0.0)}, n=200), "auto", Budget(1e-9))
+
+
+@pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])
+@pytest.mark.parametrize("method", ["auto", "rejection"])
+def test_planning_ends_soon_after_time_is_up(ends, method, exp1, monkeypatch):
+    """A cover of many objects with footprints takes tens of seconds."""
+    monkeypatch.setattr(module, "GRACE", 0.0)
+    with pytest.raises(RequestError, match="time was up after no draws at all") as caught:
+        choose(pose(exp1, {"task": Range(*ends)}, n=200), method, Budget(1e-9))
+    assert "--timeout" in caught.value.diagnostics[0].help
 
 
 def test_what_phi_does_not_depend_on_is_left_to_rejection():

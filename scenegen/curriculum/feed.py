@@ -41,12 +41,12 @@ class Shelf:
 
     def __init__(self, scenes: Scenes, ids: Sequence[int], rng: np.random.Generator) -> None:
         self.scenes, self._ids, self.draws = scenes, list(ids), 0
-        self._phi: list[list[float]] = scenes.phi.tolist()
         self._left: list[int] = rng.permutation(len(scenes)).tolist()
 
     def take(self, wanted: Wanted, used: set[int]) -> Dealt | None:
         """A scene that is wanted and was not taken before; None where there is none left."""
-        ends = [(k, wanted.low[k], wanted.high[k]) for k in wanted.dims]
+        columns = self.scenes.columns
+        ends = [(columns[k], wanted.low[k], wanted.high[k]) for k in wanted.dims]
         left = self._left
         at = len(left)
         while at:
@@ -56,9 +56,8 @@ class Shelf:
             if number >= 0 and number in used:
                 del left[at]
                 continue
-            phi = self._phi[place]
-            for k, low, high in ends:
-                if not low <= phi[k] <= high:
+            for phi, low, high in ends:
+                if not low <= phi[place] <= high:
                     break
             else:
                 del left[at]

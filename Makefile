@@ -4,9 +4,6 @@ PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(
 BIN    := .venv/bin
 STAMP  := .venv/.installed
 
-# Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
-unexport PYTHONDONTWRITEBYTECODE
-
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-slow fuzz lint goldens pictures tables bench experiments clean
 
@@ -27,8 +24,8 @@ test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 c
 	$(MAKE) --no-print-directory lint
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
 
-test-slow: $(STAMP) ## all tests, those that take minutes too, and twice as many random examples
-	SCENEGEN_THOROUGH=1 $(BIN)/python -m pytest
+test-slow: $(STAMP) ## the tests that take minutes
+	$(BIN)/python -m pytest -m slow
 
 FUZZ_MINUTES ?= 30
 FUZZ_SEED    ?= 0

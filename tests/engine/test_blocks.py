@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from scenegen.engine.blocks import Filler
 from scenegen.formats.blocks import Block
-from tests.breadth import many
 
 
 def offered(cells):
@@ -34,7 +33,7 @@ CELLS = st.lists(st.integers(-1, 6), max_size=400)
 REACHED = st.sets(st.integers(0, 6), min_size=1)
 
 
-@settings(deadline=None, max_examples=many(100))
+@settings(deadline=None, max_examples=100)
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.lists(st.integers(0, 400), max_size=6))
 def test_laws(cells, reached, wanted, size, cuts):
     filler = Filler(sorted(reached), wanted, 5, size)
@@ -60,7 +59,7 @@ def test_laws(cells, reached, wanted, size, cuts):
     assert filler.strays == {cell for cell in cells if cell >= 0 and cell not in reached}
 
 
-@settings(deadline=None, max_examples=many(100))
+@settings(deadline=None, max_examples=100)
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.data())
 def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, data):
     cut = data.draw(st.integers(0, len(cells)))

@@ -9,7 +9,6 @@ from scenegen.lsp.diagnose import problems
 from scenegen.lsp.document import Document
 from scenegen.lsp.format import formatted
 from scenegen.lsp.hover import hover
-from tests.breadth import THOROUGH
 
 SEED = """workspace [0, 2] x [0, 1]
 object plate, mug = cup, tray at (0.5, 0.5, 90 deg), block[3] = box(5 cm, 6 cm, 7 cm)
@@ -51,7 +50,7 @@ def test_mutations(at, cut, new, cursor, near):
 def test_every_place_of_a_good_text():
     document = Document(SEED.replace('import "no.spec"\n', ""))
     assert [one.severity for one in problems(document)] == []
-    for offset in range(0, len(document.text) + 1, 9 if THOROUGH else 25):
+    for offset in range(0, len(document.text) + 1, 9):
         hover(document, offset)
         complete(document, offset)
         definition(document, offset)

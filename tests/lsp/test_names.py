@@ -11,7 +11,6 @@ from scenegen.lang.print import print_module
 from scenegen.lsp.document import Document
 from scenegen.lsp.names import index
 from scenegen.resources import shipped_specs
-from tests.breadth import many
 
 from ..lang import trees
 
@@ -75,7 +74,7 @@ def nodes(module):
         stack.extend(ast.children(node))
 
 
-@settings(max_examples=many(60), deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.lists(trees.statements, min_size=1, max_size=4))
 def test_tokens_and_tree_agree(statements):
     agree(print_module(ast.Module(Source("", ""), tuple(statements), None)))

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval, Polygon
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.outline import measures
-from tests.breadth import many
 
 from .drawing import within
 
@@ -45,7 +44,7 @@ def poses(seed, width, turn):
     return rng, low, low + wide * rng.uniform(size=low.shape) * rng.integers(0, 2, size=low.shape)
 
 
-@settings(max_examples=many(150), deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     st.sampled_from(["gap", "room"]),
     footprints,

@@ -10,12 +10,11 @@ from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.primitives import NUMPY
 from scenegen.robustness.explain import deciding_atoms
-from tests.breadth import many
 
 from .formulas import scenes, seeds, specs
 
 
-@settings(max_examples=many(50), deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_counts_agree_scene_by_scene(spec, seed):
     core, rows = spec.core, scenes(len(spec.objects), 12, seed)

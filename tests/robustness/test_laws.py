@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
-from tests.breadth import many
 
 from .formulas import formulas, objects, scenes, seeds, spec_text
 
@@ -28,7 +27,7 @@ EQUAL = [
 ]
 
 
-@settings(max_examples=many(40), deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(pairs, seeds)
 def test_what_negation_and_the_connectives_do(pair, seed):
     names, f, g = pair

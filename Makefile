@@ -4,6 +4,9 @@ PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(
 BIN    := .venv/bin
 STAMP  := .venv/.installed
 
+# Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-slow fuzz lint goldens pictures tables bench experiments clean
 

@@ -3,6 +3,7 @@ of another kind is told before any work is done."""
 
 from __future__ import annotations
 
+import os
 from numbers import Integral
 from os import PathLike
 from pathlib import Path
@@ -25,7 +26,19 @@ def words(name: str, value: object, example: str) -> tuple[str, ...]:
 
 
 def path(name: str, value: object) -> Path:
-    """Raises RequestError for what is no path."""
-    if not isinstance(value, str | PathLike):
+    """Raises RequestError for what is no path, and for a name that no file can have."""
+    given = os.fspath(value) if isinstance(value, str | PathLike) else None
+    if not isinstance(given, str):
         raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it the path of a file"))
-    return Path(value)
+    odd = "a NUL character" if "\0" in given else "" if _encodes(given) else "half of a character"
+    if odd:
+        raise RequestError(Diagnostic(f"`{name}` is {given!a}", help=f"no file name can hold {odd}; leave it out"))
+    return Path(given)
+
+
+def _encodes(text: str) -> bool:
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
+    return True

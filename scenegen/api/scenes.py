@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import reprlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 import numpy.typing as npt
 
+from scenegen import given
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
 from scenegen.assets import Shape
@@ -81,9 +84,8 @@ class SceneSet:
     @overload
     def __getitem__(self, index: Picked) -> SceneSet: ...
     def __getitem__(self, index: int | Picked) -> Scene | SceneSet:
-        if not isinstance(index, int | np.integer):
-            if isinstance(index, list) and not index:
-                index = slice(0)  # numpy takes an empty list for one of floats
+        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+            index = _picked(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
             return SceneSet(self.poses[index], phi, self.header)
         poses = {
@@ -136,7 +138,7 @@ class SceneSet:
 
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
-        path = Path(path)
+        path = given.path("path", path)
         table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
 
@@ -149,7 +151,7 @@ class SceneSet:
         """
         from scenegen.api import export
 
-        return export.export(self, Path(out), to)
+        return export.export(self, given.path("out", out), to)
 
     def blocks(self) -> Iterator[Block]:
         """The scenes as file formats take them."""
@@ -184,7 +186,7 @@ class SceneSet:
 
         return render_scenes(
             self.file(),
-            Path(out),
+            given.path("out", out),
             views=views,
             size=size,
             transparent=transparent,
@@ -211,9 +213,25 @@ class SceneSet:
         return figures(self, out, kinds, view=view, size=size, label=label, workers=workers)
 
 
+def _picked(index: object, count: int) -> Picked:
+    """What picks some of `count` scenes, once it is a thing that does: numpy makes something else of None, of tuples
+    and of lists of lists. Raises RequestError, also for a mask of another length."""
+    with contextlib.suppress(TypeError, ValueError):  # slices of words, ragged lists
+        if isinstance(index, slice):
+            range(count)[index]
+            return index
+        if isinstance(index, list | np.ndarray):
+            chosen = np.asarray(index) if len(index) else np.empty(0, dtype=np.intp)  # [] would be one of floats
+            mask = chosen.dtype == np.bool_ and len(chosen) == count
+            if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
+                return chosen
+    help_ = f"pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values"
+    raise RequestError(Diagnostic(f"{reprlib.repr(index)} does not pick scenes", help=help_))
+
+
 def read_scenes(path: str | Path) -> SceneSet:
     """Read a scene file of any format. Raises DataError, and RequestError for an ending that no format has."""
-    reading = table.read_scenes(Path(path))
+    reading = table.read_scenes(given.path("path", path))
     return _scene_set(reading.header, reading.labels, reading.whole())
 
 

@@ -107,7 +107,7 @@ def train(
             config,
             path,
             resume=resume,
-            log_dir=None if log_dir is None else Path(log_dir),
+            log_dir=None if log_dir is None else given.path("log_dir", log_dir),
             on_epoch=on_epoch,
             on_step=on_step,
             on_note=on_note,

@@ -210,9 +210,11 @@ def looks_like_model(path: Path) -> bool:
     """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header."""
     if path.suffix == ".safetensors":
         return True
-    if path.suffix == ".spec" or not path.is_file():
+    if path.suffix == ".spec":
         return False
     try:
+        if not path.is_file():
+            return False
         with path.open("rb") as file:
             start = file.read(9)
     except OSError:

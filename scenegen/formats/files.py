@@ -22,6 +22,9 @@ _WRITE_HELP = {
     errno.EROFS: "that file system is read-only; choose another folder",
     errno.ENOSPC: "the disk is full; nothing was left behind",
     errno.EDQUOT: "your quota on that disk is used up; nothing was left behind",
+    errno.EFBIG: "that is more than one file may hold there (`ulimit -f`); nothing was left behind",
+    errno.ENAMETOOLONG: "that name is too long for a file; choose a shorter one",
+    errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
 
 
@@ -36,19 +39,46 @@ def output_error(path: Path, error: OSError) -> OutputError:
 def check_writable(path: Path, *inputs: Path) -> None:
     """Refuse, before any work is done, an output file whose folder is missing or read-only, one that is not a regular
     file, and one that is also an input. Raises OutputError."""
-    _refuse_special(path)
-    for given in inputs:
-        if path.exists() and given.exists() and path.samefile(given):
-            raise OutputError(
-                Diagnostic(f"{path} would overwrite what it is made from", help="name another output file")
-            )
-    # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
-    with reported(path), tempfile.TemporaryFile(dir=path.parent):
-        pass
+    with reported(path):
+        _refuse_special(path)
+        for given in inputs:
+            if _same(path, given):
+                title = f"{path} would overwrite what it is made from"
+                raise OutputError(Diagnostic(title, help="name another output file"))
+        # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
+        with tempfile.TemporaryFile(dir=target(path).parent):
+            pass
+
+
+def _same(path: Path, given: Path) -> bool:
+    """Whether both are one file. An input that cannot be looked at is left to whoever reads it."""
+    if not path.exists():
+        return False
+    try:
+        return given.exists() and path.samefile(given)
+    except (OSError, ValueError):
+        return False
+
+
+def target(path: Path) -> Path:
+    """What a link leads to, step by step; any other path as it is. Raises OSError for a link that leads to itself, and
+    for names that are too long."""
+    _exists(path)
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def _exists(path: Path) -> bool:
+    """As Path.exists, but for links that lead to themselves, which that calls missing: OSError."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def _refuse_special(path: Path) -> None:
     """Folders, devices, pipes and sockets are not replaced by a file."""
+    _exists(path)
     if path.is_dir():
         raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     if path.exists() and not path.is_file():
@@ -60,7 +90,7 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     the output `file` as well. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
         raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
-    with reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
         pass
 
 
@@ -91,8 +121,9 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
     """
     with reported(path):
         _refuse_special(path)
-        path = path.resolve() if path.is_symlink() else path  # the link stays, what it points to is written
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        path = target(path)  # a link stays, what it points to is written
+        # a name may be as long as names can be, so the temporary one has its beginning only
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:32]}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
                 yield file

@@ -25,7 +25,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
 from scenegen.formats.blocks import Array, Block
-from scenegen.formats.files import whole_file, write_whole
+from scenegen.formats.files import reported, target, whole_file, write_whole
 
 MANIFEST = "manifest.json"
 LOCK = "lock"
@@ -194,7 +194,8 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
     `request` is JSON that fixes the scenes: a folder of another one is refused. At the end the folder stays if there is
     a checkpoint in it. Raises RequestError, DataError (damage), OutputError.
     """
-    path = path.resolve() if path.is_symlink() else path
+    with reported(path):
+        path = target(path)
     folder = folder_of(path)
     wanted = json.loads(json.dumps(dict(request)))
     shards = Shards(path, _Manifest(request=wanted, coordinates=coordinates))

@@ -292,6 +292,7 @@ BAD = {
     "no such file": (mesh(""), "it has no filename"),
     "obj without vertices": (mesh("empty.obj"), "it has no vertices"),
     "obj with a word": (mesh("word.obj"), "not three numbers"),
+    "obj with an underscore": (mesh("underscore.obj"), "not three numbers"),
     "obj with nan": (mesh("nan.obj"), "no number"),
     "stl cut": (mesh("cut.stl"), "cut short"),
     "stl tiny": (mesh("word.stl"), "no STL file"),

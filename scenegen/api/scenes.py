@@ -108,6 +108,8 @@ class SceneSet:
 
     def file(self) -> SceneFile:
         """The scene file: validated data, ready to be written."""
+        if not len(self):
+            return self.header.without_scenes(tuple(self.phi))
         return self.header.model_copy(update={"scenes": [scene.data() for scene in self]})
 
     def to_numpy(self) -> tuple[Array, Array]:
@@ -238,8 +240,8 @@ def read_scenes(path: str | Path) -> SceneSet:
 def from_file(file: SceneFile) -> SceneSet:
     """The arrays of a scene file."""
     names = [one.name for one in file.objects]
-    labels = tuple(file.scenes[0].phi) if file.scenes else ()
-    return _scene_set(file.model_copy(update={"scenes": []}), labels, block_of(file.scenes, names, labels))
+    labels = file.label_names
+    return _scene_set(file.without_scenes(), labels, block_of(file.scenes, names, labels))
 
 
 def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:

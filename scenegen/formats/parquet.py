@@ -31,7 +31,7 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     """Scenes block by block. Raises OutputError where an object `phi` and a label `x` would share a column."""
     names = columns([one.name for one in header.objects], labels)
     fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
-    schema = pa.schema(fields, metadata={KEY: dump_header(header).encode()})
+    schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
     with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
         for block in regrouped(blocks):
@@ -75,7 +75,7 @@ def _open(path: Path, opening: contextlib.ExitStack) -> tuple[pq.ParquetFile, Sc
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
     if KEY not in metadata:
         raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
-    header = load_header(metadata[KEY], f"the header of {path}")
+    header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
     return parquet, header, _labels(path, schema, header)
 
 

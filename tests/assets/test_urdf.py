@@ -303,6 +303,7 @@ MESHES = {
     "empty": b"# nothing\n",
     "word": b"v 1 2 x\n",
     "nan": b"v 1 2 nan\n",
+    "underscore": b"v 1_0 0 0\nv 0 0 0\nv 0 1 1\n",
     "cut": b"\0" * 80 + b"\xff\0\0\0" + b"0" * 99,
 }
 

@@ -231,10 +231,16 @@ def _picked(index: object, count: int) -> Picked:
     raise RequestError(Diagnostic(f"{reprlib.repr(index)} does not pick scenes", help=help_))
 
 
-def read_scenes(path: str | Path) -> SceneSet:
-    """Read a scene file of any format. Raises DataError, and RequestError for an ending that no format has."""
+def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None) -> SceneSet:
+    """Read a scene file of any format, or its scenes from `start` up to, not including, `stop` (counted from 0).
+
+    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has.
+    """
+    ends = [given.whole(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
+    if min(ends) < 0:
+        raise RequestError(Diagnostic("`start` and `stop` count scenes from 0", help="leave them out to read all"))
     reading = table.read_scenes(given.path("path", path))
-    return _scene_set(reading.header, reading.labels, reading.whole())
+    return _scene_set(reading.header, reading.labels, reading.whole(start, stop))
 
 
 def from_file(file: SceneFile) -> SceneSet:

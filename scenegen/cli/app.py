@@ -19,7 +19,7 @@ import typer
 from scenegen.cli import assets, check, eval, experiment, export, fmt, info, lsp, render, sample, train
 from scenegen.cli import range as range_command
 from scenegen.cli.output import complain, print_error
-from scenegen.cli.streams import give_up_output, prepare
+from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, ScenegenError
 
 # click's exceptions, wherever they live: typer brought its own copy of click along from some version on
@@ -91,6 +91,10 @@ class _Interrupted(Exception):  # noqa: N818 - no error
     """Ctrl-C on its way past typer, which would swallow what it says."""
 
 
+class _NobodyReads(Exception):  # noqa: N818 - no error
+    """A broken pipe on its way past typer, which would exit with status 1."""
+
+
 def _audible(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def run_command(*args: Any, **options: Any) -> Any:
@@ -98,6 +102,8 @@ def _audible(command: Callable[..., Any]) -> Callable[..., Any]:
             return command(*args, **options)
         except KeyboardInterrupt as error:
             raise _Interrupted(str(error)) from error
+        except BrokenPipeError as error:
+            raise _NobodyReads from error
 
     return run_command
 
@@ -125,9 +131,14 @@ def run(words: list[str]) -> int:
     except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
         print_error(str(error) or "interrupted")
         return 130
-    except BrokenPipeError:
-        give_up_output()
-        return 1
+    except (_NobodyReads, BrokenPipeError):
+        # `scenegen check x.spec | head -1`: whoever reads the data has had enough. That is no failure, as it is none
+        # for ripgrep; with `set -o pipefail`, 1 (or 141, a death by SIGPIPE) would make it one. A
+        # run whose *messages* nobody reads any more was cut short before its work was done, and fails.
+        status = 0 if reader_left() else 1
+        give_up(sys.stdout)
+        give_up(sys.stderr)
+        return status
     except MemoryError:
         if debug:
             raise
@@ -137,7 +148,7 @@ def run(words: list[str]) -> int:
         if debug:
             raise
         if isinstance(error, OSError) and error.filename is None:
-            give_up_output()
+            give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()
             complain(Diagnostic(f"cannot write to standard output: {reason}", help="name a file with --out"))
             return 1

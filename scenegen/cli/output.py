@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenegen.cli.streams import give_up
 from scenegen.errors import Diagnostic, render_all
 
 if TYPE_CHECKING:
@@ -28,8 +29,11 @@ def use_color() -> bool:
 
 
 def print_error(text: str) -> None:
-    """Text on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    """Text on standard error. Where nobody reads it any more it goes nowhere: the exit status says enough."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        give_up(sys.stderr)
 
 
 def note_others(folder: Path, total: int, ending: str) -> None:

@@ -109,6 +109,7 @@ def sample(
     from scenegen.api.sample import sample as draw_scenes
     from scenegen.cli.output import complain, print_error
     from scenegen.cli.render import draw
+    from scenegen.cli.streams import check_output
     from scenegen.errors import Diagnostic, RequestError
     from scenegen.formats.blocks import BLOCK
     from scenegen.formats.files import check_folder, check_writable
@@ -119,6 +120,8 @@ def sample(
         check_writable(out, source)
     elif resume:
         raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
+    else:
+        check_output()
     subject = _load(source, spec, root)
     if steps is not None:
         subject = _in_steps(subject, steps)

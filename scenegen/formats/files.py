@@ -13,6 +13,7 @@ from typing import IO
 
 from scenegen.errors import DataError, Diagnostic, OutputError, ScenegenError
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
     errno.ENOENT: "the folder does not exist; create it first, or name one that is there",
     errno.ENOTDIR: "a part of the path is a file, not a folder",
@@ -149,14 +150,14 @@ def _umask() -> int:
     return mask
 
 
-def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
-    """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"). Raises DataError."""
+def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str = "") -> bytes:
+    """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"), `remedy` what to do
+    about one that is longer than the limit. Raises DataError."""
     with opened(path, what) as file:
         size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
-            raise DataError(
-                Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=f"the limit is {limit:,}")
-            )
+            help_ = f"the limit is {limit:,}" + (f"; {remedy}" if remedy else "")
+            raise DataError(Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=help_))
         return file.read()
 
 

@@ -13,6 +13,7 @@ from scenegen.errors import DataError, Diagnostic, Source, Span, quoted
 from scenegen.formats.blocks import Block
 from scenegen.scene.data import FORMAT, VERSION, SceneFile
 
+HEADING = ("format", "version")  # what is looked at before all else
 HELP = "make one with `scenegen sample ... --out scenes.json`"
 
 

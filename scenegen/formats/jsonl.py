@@ -15,6 +15,8 @@ from scenegen.formats.header import dump_header, first_problem, labelled, load_h
 from scenegen.formats.lines import SceneLines, block_from, numbers_of
 from scenegen.scene.data import SceneData, SceneFile
 
+LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
+
 Lines = Iterator[tuple[int, bytes]]
 
 
@@ -40,15 +42,21 @@ def read(path: Path) -> Reading:
     named = header.labels
     header, labels = header.without_scenes(), header.label_names
     if head is None:
-        return Reading(header, labels, iter(()))
+        return Reading(header, labels, iter(()), 0, str(path))
     if named is None:
         labels = tuple(_scene(head[1], f"line {head[0]} of {path}", objects, None).phi)
-    return Reading(header, labels, _blocks(path, head, lines, objects, labels))
+    return Reading(header, labels, _blocks(path, head, lines, objects, labels), None, str(path))
 
 
 def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
     with opened(path, "a scenes file") as file:
-        yield from enumerate(file, 1)
+        number = 0
+        while line := file.readline(LONGEST + 1):
+            number += 1
+            if len(line) > LONGEST:
+                title = f"line {number} of {path} is longer than {LONGEST:,} bytes"
+                raise DataError(Diagnostic(title, help="every line after the first is a scene"))
+            yield number, line
 
 
 def _blocks(

@@ -3,8 +3,9 @@ of another kind is told before any work is done."""
 
 from __future__ import annotations
 
+import math
 import os
-from numbers import Integral
+from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 
@@ -16,6 +17,13 @@ def whole(name: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a whole number"))
     return int(value)
+
+
+def seconds(name: str, value: object) -> float:
+    """A span of time. Raises RequestError for what is none, or not above 0."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
+        raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a number of seconds above 0"))
+    return float(value)
 
 
 def words(name: str, value: object, example: str) -> tuple[str, ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -80,6 +82,8 @@ def train(
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_step: Callable[[int, int], None] | None = None,
     on_note: Callable[[str], None] | None = None,
+    on_gather: Callable[[str, int, int], None] | None = None,
+    timeout: float | None = None,
     **options: Any,
 ) -> Model:
     """Train a model of the table (gan, aae, flow, energy) on a spec and write it to `out`.
@@ -89,7 +93,13 @@ def train(
     recipe's own where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to
     the same result as one run without a break. `log_dir` gets TensorBoard event files. `card` writes the model card,
     `out`.md and `out`.png, when training is done. `on_epoch` gets an EpochReport, `on_step` the steps that are done and
-    planned. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
+    planned, `on_gather`, before the first epoch, what is being done and how many of how many training scenes are there.
+
+    After `timeout` seconds the gathering of scenes is given up: RequestError, and nothing is written. Training stops
+    there after the step under way: the model is what it has come to, `resume` goes on, and no card is written.
+
+    Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM, KeyboardInterrupt while scenes are
+    gathered.
     """
     from scenegen.training.config import make_config
     from scenegen.training.loop import train as run
@@ -97,6 +107,8 @@ def train(
     check_spec(spec)
     path = given.path("out", out)
     config = make_config(model, recipe, **options)
+    seconds = math.inf if timeout is None else given.seconds("timeout", timeout)
+    until = time.monotonic() + seconds
     if card:
         from scenegen.api.card import check_card, write_card
 
@@ -111,8 +123,10 @@ def train(
             on_epoch=on_epoch,
             on_step=on_step,
             on_note=on_note,
+            on_gather=on_gather,
+            timeout=seconds,
         )
     )
-    if card:
-        write_card(done, path)
+    if card and time.monotonic() < until:
+        write_card(done, path, until - time.monotonic())
     return done

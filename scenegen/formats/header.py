@@ -68,9 +68,7 @@ def scene_file(raw: Any, text: str, name: str) -> SceneFile:
     return file
 
 
-def labelled(
-    header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]
-) -> tuple[SceneFile, Iterator[Block]]:
+def labelled(header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> tuple[SceneFile, Iterator[Block]]:
     """The header as it is to be written before these scenes, and the scenes: where there are none it names the labels,
     which are in the scenes otherwise."""
     found = (block for block in blocks if block.count)

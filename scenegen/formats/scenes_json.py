@@ -15,7 +15,6 @@ from scenegen.formats.header import HEADING, labelled, odd_objects, parse, scene
 from scenegen.formats.lines import SceneLines, block_of
 from scenegen.scene.data import SceneFile
 
-
 MOST_BYTES = 1 << 28  # of a file: read as a whole, that takes some thirty times as much memory
 BYTES = 32  # of a number with its name, about
 REMEDY = ".jsonl and .parquet files are read part by part, and may be of any size"
@@ -38,7 +37,9 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
             size += len(part)
             if size > MOST_BYTES:
                 title = f"these scenes do not fit into a .json file of {MOST_BYTES:,} bytes, the most that can be read"
-                raise OutputError(Diagnostic(title, help="write .jsonl or .parquet, of which readers need a part at a time"))
+                raise OutputError(
+                    Diagnostic(title, help="write .jsonl or .parquet, of which readers need a part at a time")
+                )
             sink.write(part)
             between = ",\n"
     sink.write(b"\n ]\n}\n" if between == ",\n" else b"]\n}\n")
@@ -76,4 +77,3 @@ def load(data: bytes, name: str) -> SceneFile:
             title = f"scene {number} of {name} has other labels than {whose}"
             raise DataError(Diagnostic(title, help=f"these are {quoted(sorted(labels))}"))
     return file
-

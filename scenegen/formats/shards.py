@@ -181,7 +181,9 @@ class Shards:
             if self.state:  # else `leave` removes the folder
                 help_ = f"{self.folder} keeps {self._kept:,} scenes: mend that, then go on with --resume"
                 if cause.errno in FULL:
-                    help_ = f"the disk is full; {self.folder} keeps {self._kept:,} scenes: make room, go on with --resume"
+                    help_ = (
+                        f"the disk is full; {self.folder} keeps {self._kept:,} scenes: make room, go on with --resume"
+                    )
                 found = OutputError(dataclasses.replace(found.diagnostics[0], help=help_))
             raise found from error
 
@@ -290,7 +292,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _save(file: IO[bytes], table: Array) -> None:
-    """By way of memory: numpy writes into files by itself, and of a full disk it knows no more than a count of bytes."""
+    """By way of memory: numpy writes into files by itself, and its error for a full disk has no reason in it."""
     buffer = io.BytesIO()
     np.save(buffer, table, allow_pickle=False)
     file.write(buffer.getbuffer())

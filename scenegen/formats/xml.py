@@ -38,8 +38,8 @@ def document(root: Element) -> bytes:
 
 def gathered(root: Element, children: Iterable[Element]) -> bytes:
     """The bytes of a file as of `document`, with `children` below the empty `root`. One after the other is written out:
-    all of them may be one element that has changed in between. Raises RequestError for more than MOST_BYTES: all of them
-    are in memory at once, here and in the simulator."""
+    all of them may be one element that has changed in between. Raises RequestError for more than MOST_BYTES: all are
+    in memory at once, here and in the simulator."""
     mark = node(root, "mark")
     head, _, foot = document(root).partition(b"<mark />")
     root.remove(mark)

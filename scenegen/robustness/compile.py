@@ -28,8 +28,8 @@ class Robustness:
 
     Works in the dtype and on the device of its input. Values are the paper's quantitative semantics (Definition 2) with
     hard min and max, in metres and radians; they are differentiable, and `beta` asks for the straight-through gradient.
-    The transforms of torch.func (vmap, grad, jacrev, jacfwd, ...) work on it; inside vmap the message about a coordinate
-    that is not finite cannot say whose it is.
+    The transforms of torch.func (vmap, grad, jacrev, jacfwd, ...) work on it; inside them, the message about a
+    coordinate that is not finite cannot say whose it is.
 
     With `compiled`, torch.compile makes one kernel of the formula: several times as fast on large batches. The first
     call in each dtype pays for that, with seconds (half a minute for a formula of 4,000 operations; larger ones are not

@@ -1,4 +1,4 @@
-"""Names that no file can have, links that lead nowhere, half characters: one diagnostic each, wherever they are given."""
+"""Names that no file can have, links that lead nowhere, half characters: one diagnostic each, wherever they stand."""
 
 import os
 
@@ -45,14 +45,14 @@ def test_names_that_no_file_has(call, path, spec, scenes, tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.spec").write_text("leftOf(mug, plate)")
     for ending in ("", ".json", ".jsonl", ".xml"):
-        os.symlink(f"loop{ending}", f"loop{ending}")
-    before = sorted(os.listdir())
+        (tmp_path / f"loop{ending}").symlink_to(f"loop{ending}")
+    before = sorted(tmp_path.iterdir())
     if (call, path) == ("load_root", LONG) or (call, path) == ("load_root", "loop"):
         return  # nothing is read there as long as nothing is imported
     with pytest.raises(scenegen.ScenegenError) as caught:
         CALLS[call](spec, scenes, path)
     assert len(caught.value.diagnostics) == 1 and caught.value.diagnostics[0].help
-    assert sorted(os.listdir()) == before
+    assert sorted(tmp_path.iterdir()) == before
 
 
 COMMANDS = (
@@ -86,12 +86,12 @@ def test_no_command_calls_it_a_bug(words, path, scenes, tmp_path, monkeypatch, c
     (tmp_path / "good.spec").write_text("leftOf(mug, plate)")
     scenes.save("scenes.json")
     for ending in ("", ".json", ".jsonl", ".parquet", ".png"):
-        os.symlink(f"loop{ending}", f"loop{ending}")
-    before = sorted(os.listdir())
+        (tmp_path / f"loop{ending}").symlink_to(f"loop{ending}")
+    before = sorted(tmp_path.iterdir())
     assert run(words.format(path).split()) == 1
     said = capfd.readouterr().err
     assert said.startswith("error: ") and "itself failed" not in said and said.count("error:") == 1, said
-    assert "= help: " in said and sorted(os.listdir()) == before
+    assert "= help: " in said and sorted(tmp_path.iterdir()) == before
 
 
 def test_a_name_as_long_as_names_can_be(spec, scenes, tmp_path):
@@ -121,7 +121,7 @@ def test_half_characters_in_a_spec(text):
     ids=repr,
 )
 def test_what_does_not_pick_scenes(index, scenes):
-    with pytest.raises(scenegen.RequestError, match="does not pick scenes(.|\n)*a mask of 3 truth values"):
+    with pytest.raises(scenegen.RequestError, match=r"does not pick scenes(.|\n)*a mask of 3 truth values"):
         scenes[index]
 
 

@@ -108,7 +108,7 @@ def train(
     if card:
         check_card(out, spec)
     checked = load(spec, root)
-    options = {
+    options: dict[str, Any] = {
         "epochs": epochs,
         "batch_size": batch_size,
         "lr": lr,

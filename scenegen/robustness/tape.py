@@ -41,7 +41,8 @@ class _Junction(torch.autograd.Function):
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> Tensor:
         (stacked,) = ctx.saved_tensors
-        return (torch.softmax(ctx.beta * stacked, dim=0) * tangents[0]).sum(0)
+        tangent: Tensor = (torch.softmax(ctx.beta * stacked, dim=0) * tangents[0]).sum(0)
+        return tangent
 
 
 def run(

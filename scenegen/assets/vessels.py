@@ -31,7 +31,7 @@ def bowl(color: RGB) -> tuple[Part, ...]:
         ]
     )  # fmt: skip
     inner = mix(color, WHITE, 0.72)
-    mark = crescent([(0.0755, 0.0585), (0.067, 0.0400), (0.051, 0.0215), (0.036, 0.0135)], 3.4, 0.0012)
+    mark = crescent([(0.0755, 0.0585), (0.067, 0.0400), (0.058, 0.0290)], 3.6, 0.0012)
     return Part(body, color), Part(lining(inside), inner), Part(mark, color)
 
 

@@ -68,11 +68,11 @@ def model_scenes(console: Console, file: Path, n: int, epochs: int, scenes: int)
     with TrainingProgress(epochs, "energy", console) as progress:
         model = scenegen.train(spec, "energy", out=file, epochs=epochs, scenes=scenes, on_epoch=progress)
     drawn = scenegen.sample(model, CLOSE, n=n, seed=0)
-    table = Table("label", "requested phi", "lowest", "mean", "highest")
+    table = Table("label", "target phi", "lowest", "mean", "highest")
     for label, values in drawn.phi.items():
         low, high = CLOSE[label]
-        requested = f"{low:g}:" if high is None else f"{low:g}:{high:g}"
-        table.add_row(label, requested, *(f"{value:+.3f}" for value in (values.min(), values.mean(), values.max())))
+        target = f"{low:g}:" if high is None else f"{low:g}:{high:g}"
+        table.add_row(label, target, *(f"{value:+.3f}" for value in (values.min(), values.mean(), values.max())))
     console.print(table)
     return drawn
 

@@ -81,7 +81,7 @@ def figures(
         if kind not in FIGURES:
             help_ = suggest(kind, FIGURES, known)
             raise RequestError(Diagnostic(f"unknown figure `{kind}`", help=help_))
-    size = usual_size(scenes.header.workspace) if size is None else size
+    size = usual_size(scenes.header) if size is None else size
     check_request((view,), size, workers)
     look = Look(view, size, distinct, workers, progress)
     if not len(scenes):

@@ -44,7 +44,7 @@ def _drawn(file: SceneFile, width: int, *, sheet: bool) -> bytes:
     from scenegen.render import render_scenes
     from scenegen.render.request import usual_size
 
-    size = usual_size(file.workspace, width)
+    size = usual_size(file, width)
     with tempfile.TemporaryDirectory() as folder:
         drawn = render_scenes(file, Path(folder), views=("perspective",), size=size)
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
@@ -76,7 +76,7 @@ def _heading(scenes: SceneSet) -> str:
 def _table(scenes: SceneSet) -> str:
     if not len(scenes):
         return ""
-    rows = ["<tr><th>label</th><th>asked phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
+    rows = ["<tr><th>label</th><th>target phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
     for label, values in scenes.phi.items():
         low, high = scenes.header.request.phi.get(label, (None, None))
         ends = ["" if end is None else f"{end:g}" for end in (low, high)]

@@ -70,7 +70,7 @@ def render_scenes(
     Raises RequestError for a wrong view, size or number of workers, DataError for a file without scenes, OutputError
     where something cannot be written.
     """
-    size = usual_size(file.workspace) if size is None else size
+    size = usual_size(file) if size is None else size
     check_request(views, size, workers)
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)

@@ -15,6 +15,7 @@ SHOWN = 64  # scenes at most
 PAPER, INK, QUIET, WARM = (250, 250, 249), (38, 40, 44), (112, 116, 124), (178, 58, 44)
 EDGE, GAP, LINE = 28, 18, 20  # pixels: margin of the sheet, space between pictures, height of a caption line
 CAPTION_LINES = 8
+WIDEST = 2000  # pixels of a sheet that gets one more column than it needs
 OVERLAPS = 3  # lines of a caption, at most, that say what overlaps
 TITLE, TEXT, SMALL = 24, 16, 15  # sizes of type
 
@@ -23,7 +24,7 @@ Item = tuple[str, tuple[int, int, int]]
 
 
 def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
-    """The asked ranges in words: `task 0.05..0.2, safe >= 0`."""
+    """The target ranges in words: `task 0.05..0.2, safe >= 0`."""
     words = []
     for label, (low, high) in phi.items():
         if low is not None and high is not None:
@@ -104,6 +105,8 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     width, height = thumbnails[0].size
     cell = max(width, 200)
     columns = min(count, max(2, math.ceil(math.sqrt(count * (height + 2 * LINE) / cell))), 8)
+    if count % columns and count % (columns + 1) == 0 and (columns + 1) * (cell + GAP) <= WIDEST:
+        columns += 1  # no row with gaps
     inner = max(columns * cell + (columns - 1) * GAP, 480)
     overlaps = overlaps_of(file.model_copy(update={"scenes": file.scenes[:count]}))
     captions = [_caption(k + 1, file.scenes[k].phi, overlaps[k], small, cell) for k in range(count)]
@@ -111,7 +114,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
 
     many = f"{total} scene{'s' * (total != 1)}"
     shown = many if count == total else f"first {count} of {many}"
-    facts = [f"asked: {asked(file.request.phi)}", f"method: {_method(file)}"]
+    facts = [f"target: {asked(file.request.phi)}", f"method: {_method(file)}"]
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title

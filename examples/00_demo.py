@@ -52,10 +52,8 @@ def exact_scenes(console: Console, n: int) -> scenegen.SceneSet:
     spec = scenegen.load(ROOT / "specs" / "dinner_for_two.spec")
     console.print(f"[bold]1. Exact scenes.[/bold] {spec.checked.title}")
     scenes = scenegen.sample(spec, phi=SOLVED, n=n, seed=0)
-    digits = -scenes.header.sampler["log10_probability"]
-    console.print(
-        f"{n} scenes that satisfy it. Of random scenes, 1 in about {round(10.0**digits, -int(digits)):,.0f} does."
-    )
+    digits = int(-scenes.header.sampler["log10_probability"])
+    console.print(f"{n} scenes that satisfy it. Of random scenes, fewer than 1 in {10**digits:,} do.")
     return scenes
 
 

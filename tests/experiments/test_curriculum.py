@@ -8,13 +8,13 @@ from itertools import chain
 
 import pytest
 
+from experiments.curricula import runs as module
+from experiments.curricula import tables, words
+from experiments.curricula.cases import MODEL, beyond, figure5, sensitivity, strategies
+from experiments.curricula.runs import Record, Runner, key
+from experiments.curriculum import _panels
+from experiments.figures.episodes import episodes
 from scenegen.errors import RequestError
-from scenegen.experiments.curricula import runs as module
-from scenegen.experiments.curricula import tables, words
-from scenegen.experiments.curricula.cases import MODEL, beyond, figure5, sensitivity, strategies
-from scenegen.experiments.curricula.runs import Record, Runner, key
-from scenegen.experiments.curriculum import _panels
-from scenegen.experiments.figures.episodes import episodes
 
 SEEDS = (0, 1)
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from experiments.deep import runs, summary
+from experiments.deep.heldout import random_scenes, success
+from experiments.deep.lessons import BANDS, LESSONS, LEVELS, SOURCES, AsTheyCome
+from experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastered, perform
+from experiments.deep.tasks import TASKS
+from experiments.figures.learning import STYLES, band, together
+from experiments.run import run
 from scenegen.curriculum.rules import make_rules
 from scenegen.curriculum.strategies.linear import Linear
 from scenegen.curriculum.tasks import PhiBox
-from scenegen.experiments.deep import runs, summary
-from scenegen.experiments.deep.heldout import random_scenes, success
-from scenegen.experiments.deep.lessons import BANDS, LESSONS, LEVELS, SOURCES, AsTheyCome
-from scenegen.experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastered, perform
-from scenegen.experiments.deep.tasks import TASKS
-from scenegen.experiments.figures.learning import STYLES, band, together
-from scenegen.experiments.run import run
 
 SPACE = PhiBox((-2.0,), (0.0,))
 

@@ -5,8 +5,8 @@ import json
 import pytest
 from PIL import Image
 
-from scenegen.experiments.run import run
-from scenegen.experiments.variants import VARIANTS
+from experiments.run import run
+from experiments.variants import VARIANTS
 
 FIGURES = {
     "semantics": ["semantics_fig3.png"],

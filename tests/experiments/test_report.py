@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.experiments.bench import Row
-from scenegen.experiments.compare import Comparison
-from scenegen.experiments.plan import Plan
-from scenegen.experiments.problems import ORDERINGS, PROBLEMS
-from scenegen.experiments.report import Report, picture, short, spread, table, write
-from scenegen.experiments.samplers import EXACT
-from scenegen.experiments.tables import best, data, tables
+from experiments.bench import Row
+from experiments.compare import Comparison
+from experiments.plan import Plan
+from experiments.problems import ORDERINGS, PROBLEMS
+from experiments.report import Report, picture, short, spread, table, write
+from experiments.samplers import EXACT
+from experiments.tables import best, data, tables
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import inspect
 
 import pytest
 
+from experiments.table import ALL, EXPERIMENTS, chosen
 from scenegen.cli import experiment as command
 from scenegen.errors import RequestError
-from scenegen.experiments.table import ALL, EXPERIMENTS, chosen
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

@@ -4,11 +4,11 @@ import dataclasses
 
 import pytest
 
-from scenegen.experiments import crew, trainings
-from scenegen.experiments.plan import FULL, Plan
-from scenegen.experiments.problems import PROBLEMS
-from scenegen.experiments.trainings import Job, kept, perform
-from scenegen.experiments.variants import VARIANTS
+from experiments import crew, trainings
+from experiments.plan import FULL, Plan
+from experiments.problems import PROBLEMS
+from experiments.trainings import Job, kept, perform
+from experiments.variants import VARIANTS
 from scenegen.models.table import MODELS
 
 

@@ -53,6 +53,7 @@ def test_what_the_wheel_holds(wheel, root):
     assert "scenegen/py.typed" in names
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     shipped = {name.split("/")[0] for name in names}
+    # experiments/ and tests/ stay in the repository
     assert shipped == {"scenegen", next(name for name in shipped if name.endswith(".dist-info"))}
 
 

@@ -34,12 +34,7 @@ def run(plan: Plan) -> Report:
     bound = -(-95 * len(grid.unsatisfied) // (100 * 4 * largest))
     blocks = {
         "fig5": picture("curriculum.png", "Fig. 5 of the paper"),
-        "largest": tables.at_largest(found, largest),
-        **{f"sizes-{setting}": tables.by_size(found, setting, sizes) for setting in SETTINGS},
-        "sensitivity": tables.sensitivity(found),
-        "knobs": tables.knobs(found),
-        "strategies": tables.strategies(found),
-        "beyond": tables.beyond(found, bound),
+        **tables.tables(found, sizes, bound),
         "bars": bars.bars(found, largest),
     }
     facts = {"bound": bound, "runs": tables.data(found)}

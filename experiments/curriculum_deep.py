@@ -10,7 +10,7 @@ from experiments.crew import share
 from experiments.deep.learner import NETWORK, SETTINGS, check_learner
 from experiments.deep.lessons import EXACT, LESSONS
 from experiments.deep.runs import Job, Record, kept, perform
-from experiments.deep.summary import JUDGED, Key, judged, results, verdict
+from experiments.deep.summary import JUDGED, Key, tables, verdict
 from experiments.deep.tasks import FULL, QUICK, TASKS
 from experiments.figures.learning import curves
 from experiments.page import picture, table
@@ -30,11 +30,8 @@ def run(plan: Plan) -> Report:
     found = _learnt(plan)
     effort = QUICK if plan.quick else FULL
     verdicts = [verdict(found, task) for task in TASKS]
-    blocks = {"verdicts": judged(found), "fig": picture(FIGURE, "Learning curves")}
-    for task, what in TASKS.items():
-        blocks[f"{task}-spec"] = "```spec\n" + what.load().source.strip() + "\n```"
-        blocks[f"{task}-runs"] = results(found, task)
-    blocks |= {"limits": _limits(plan), "settings": _settings(plan)}
+    blocks = {"fig": picture(FIGURE, "Learning curves"), **tables(found), "limits": _limits(plan)}
+    blocks["settings"] = _settings(plan)
     data: dict[str, Any] = {
         "tasks": {key: asdict(task) | {"spec": task.load().source} for key, task in TASKS.items()},
         "learner": {"tables": effort.tables, **SETTINGS, **NETWORK},
@@ -80,7 +77,7 @@ def _learnt(plan: Plan) -> dict[Key, list[Record]]:
             plan.tell(f"{job.what.title}: a model was trained")
     missing = [job for job in everything if kept(job) is None]
     if len(missing) < len(everything):
-        plan.tell(f"{len(everything) - len(missing)} of {len(everything)} runs are there from before")
+        plan.tell(f"{len(everything) - len(missing)} of {len(everything)} runs are there from an earlier run")
     if missing:
         share(missing, plan, perform, "learnt", "learns")
     return {key: [_whole(job) for job in row] for key, row in jobs.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from experiments.known import HITS
@@ -17,15 +18,18 @@ from scenegen.engine.threads import one_thread
 
 def run(plan: Plan) -> Report:
     """One table over the five problems."""
-    lines, facts = [], []
+    facts = []
     with one_thread():
         for problem in PROBLEMS.values():
             plan.tell(f"{problem.title}: counting draws")
-            found = _counts(plan, problem)
-            facts.append({"problem": problem.key, **found})
-            lines.append([problem.title, *_cells(found, problem)])
+            facts.append({"problem": problem.key, **_counts(plan, problem)})
+    return Report("rejection", "Draws per scene", tables(facts), {"problems": facts, "band": BAND})
+
+
+def tables(facts: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The table of what was counted, a line per problem."""
     head = [
-        "phi as wanted +- 0.0125",
+        f"phi as wanted +- {BAND}",
         "one scene in",
         "plain rejection: draws a scene",
         "scenes/s",
@@ -35,7 +39,7 @@ def run(plan: Plan) -> Report:
         "scenes/s",
         "published model and filter, scenes/s",
     ]
-    return Report("rejection", "Draws per scene", {"draws": table(head, lines)}, {"problems": facts, "band": BAND})
+    return {"draws": table(head, [_cells(found, PROBLEMS[found["problem"]]) for found in facts])}
 
 
 def _counts(plan: Plan, problem: Problem) -> dict[str, Any]:
@@ -60,9 +64,10 @@ def _counts(plan: Plan, problem: Problem) -> dict[str, Any]:
     return found
 
 
-def _cells(found: dict[str, Any], problem: Problem) -> list[str]:
+def _cells(found: Mapping[str, Any], problem: Problem) -> list[str]:
     one_in = 10.0 ** -float(found["log10_probability"])
     return [
+        problem.title,
         short(one_in),
         short(found["plain_draws"]),
         short(found["plain_speed"]),

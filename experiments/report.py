@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
-from experiments.page import fill
+from experiments.page import block, fill
 from experiments.plan import Plan
 from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.files import ensure_folder, write_whole
@@ -57,7 +57,7 @@ def _page(plan: Plan, report: Report) -> str:
     made = f"Tables and figures: `{command}`, seeds {seeds}; scenegen {version('scenegen')}, torch {version('torch')}."
     blocks = {"made": f"{made}\n\n{QUICK_NOTE}" if plan.quick else made, **report.blocks}
     try:
-        old = path.read_text(encoding="utf-8") if path.exists() else f"# {report.title}\n"
+        old = path.read_text(encoding="utf-8") if path.exists() else f"# {report.title}\n\n{block('made', '')}\n"
     except (OSError, ValueError) as error:
         title = f"cannot read {path}, whose tables were to be replaced"
         help_ = f"move it away and run the experiment again; the numbers are in {report.name}.json"

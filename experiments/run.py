@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,9 +31,10 @@ def run(
     """Carry out an experiment, or `all`, and write the reports into the folder `out` (made if its parent is there).
 
     Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes,
-    by default one per core, unless the cache in `out` holds them. `tell` is told what happens. Raises
-    RequestError for an unknown name, for numbers out of range and where matplotlib or scikit-learn is missing,
-    OutputError where something cannot be written; KeyboardInterrupt with words on how to go on.
+    by default one per core, unless the cache in `out` holds them. `tell` is told what happens. Raises RequestError for
+    an unknown name, for numbers out of range, for a quick run among the reports of real ones and where matplotlib or
+    scikit-learn is missing, OutputError where something cannot be written; KeyboardInterrupt with words on how to go
+    on.
     """
     entries = chosen(name)
     if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
@@ -40,6 +42,9 @@ def run(
     if workers is not None and workers < 1:
         raise RequestError(Diagnostic(f"{workers} workers cannot train", help="ask for 1 or more"))
     check_libraries()
+    if quick:
+        for which in entries:
+            _check_quick(out / f"{which}.json")
     ensure_folder(out)
     for which, entry in entries.items():
         plan = Plan(out, tuple(range(seeds or entry.seeds)), quick, workers or cores(), tell)
@@ -52,3 +57,14 @@ def run(
             again = f"interrupted; the same command goes on with what is in {out / FOLDER}"
             raise KeyboardInterrupt(again) from error
         tell(f"{which}: wrote {', '.join(files)} in {out} ({(time.monotonic() - began) / 60.0:.1f} min)")
+
+
+def _check_quick(path: Path) -> None:
+    """Refuse to replace the numbers of a real run by those of a quick one. Raises RequestError."""
+    try:
+        real = json.loads(path.read_bytes()).get("quick") is False
+    except (OSError, ValueError, AttributeError):
+        return  # no report
+    if real:
+        title = f"{path} is the report of a run that was not quick"
+        raise RequestError(Diagnostic(title, help="give --quick another folder"))

@@ -44,6 +44,18 @@ def ratio(base: float | None, other: float | None) -> str:
     return "-" if base is None or not other else f"{base / other:.1f}"
 
 
+def tables(found: Found, sizes: Sequence[int], bound: int) -> dict[str, str]:
+    """All tables by name, for tables of the given sizes; `bound` is the least number of episodes there can be."""
+    return {
+        "largest": at_largest(found, sizes[-1]),
+        **{f"sizes-{setting}": by_size(found, setting, sizes) for setting in SETTINGS},
+        "sensitivity": sensitivity(found),
+        "knobs": knobs(found),
+        "strategies": strategies(found),
+        "beyond": beyond(found, bound),
+    }
+
+
 def at_largest(found: Found, size: int) -> str:
     """Episodes, steps, resets and time of Fig. 5 at the largest table."""
     head = ["setting, task, curriculum", "episodes", "times fewer", "however ties go", "times fewer"]
@@ -180,8 +192,8 @@ def data(found: Found) -> list[dict[str, Any]]:
         for what in kept:
             one[what].append(getattr(record, what))
         one["level"].append(record.level)
-        one["any_share"].append(round(record.any_share, 4))
-        one["cpu"].append(round(record.cpu, 3))
+        one["any_share"].append(record.any_share)
+        one["cpu"].append(record.cpu)
     return list(rows.values())
 
 

@@ -32,6 +32,15 @@ def usual(records: Sequence[Record], mark: float = JUDGED) -> float | None:
     return statistics.mean(steps for steps in found if steps is not None) if None not in found else None
 
 
+def tables(found: Found) -> dict[str, str]:
+    """All tables by name, and the specs that they are about."""
+    made = {"verdicts": judged(found)}
+    for task, what in TASKS.items():
+        made[f"{task}-spec"] = "```spec\n" + what.load().source.strip() + "\n```"
+        made[f"{task}-runs"] = results(found, task)
+    return made
+
+
 def results(found: Found, task: str) -> str:
     """The table of a task."""
     head = ["", *(f"steps to {mark:.0%}" for mark in MARKS), "success at the end", "episodes"]

@@ -45,8 +45,8 @@ def curves(found: Found) -> bytes:
         row[0].set_ylabel("held-out scenes solved", fontsize=8, color=QUIET)
     lines = needed("matplotlib.lines")
     keys = [
-        lines.Line2D([], [], color=color, linestyle=style, label=LESSONS[lesson].title)
-        for lesson, (color, style) in STYLES.items()
+        lines.Line2D([], [], color=STYLES[key][0], linestyle=STYLES[key][1], label=lesson.title)
+        for key, lesson in LESSONS.items()
     ]
     drawn.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
     return png(drawn)

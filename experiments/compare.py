@@ -20,9 +20,9 @@ from experiments.trained import Trained
 from experiments.training_data import data_source, training_rows
 from experiments.trainings import trained
 from experiments.variants import VARIANTS
+from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.engine.threads import one_thread
 from scenegen.errors import RequestError
 from scenegen.metrics.training import training_distances

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import torch
 
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.engine.threads import one_thread
 
 

@@ -11,8 +11,9 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 
 from experiments.cache import Cache, Request
+from scenegen.api.model import Model, load_model
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model, load_model, train
+from scenegen.api.train import train
 from scenegen.errors import DataError
 from scenegen.models.table import parse_hyper
 from scenegen.training.config import TrainConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.data.split import split
 from scenegen.data.table import dataset_maker
 from scenegen.errors import DataError, Diagnostic

@@ -23,8 +23,8 @@ from experiments.tabular.qlearning import Learner, Result, Stop, train
 from experiments.tabular.rng import seeded
 from experiments.tabular.starts import Starts, of_scenes
 from experiments.trained import Training, ensure, find
+from scenegen.api.model import Model
 from scenegen.api.spec import Spec, parse
-from scenegen.api.train import Model
 from scenegen.curriculum.strategies.table import strategy
 from scenegen.curriculum.tasks import PhiBox, Strategy
 from scenegen.errors import DataError, Diagnostic

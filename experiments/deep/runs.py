@@ -18,7 +18,7 @@ from experiments.deep.learner import NETWORK, SETTINGS, make_learner
 from experiments.deep.lessons import LESSONS, MODEL, Lesson
 from experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
 from experiments.trained import Training, find
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.curriculum.library import forget
 from scenegen.curriculum.vector import TableTopVector
 from scenegen.curriculum.wrapper import VectorCurriculum

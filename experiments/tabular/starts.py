@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.tabular.grid import Cells, GridTask
+from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, quoted
 
 PATIENCE = 60.0  # seconds for the scenes of a level

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.api.labels import chosen_label
-from scenegen.api.scenes import SceneSet, rows_of
+from scenegen.api.scene_arrays import SceneArrays, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.given import words
@@ -24,7 +24,7 @@ FRAMES = 36  # scenes of an animation
 
 
 def figures(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     out: str | Path,
     kinds: tuple[str, ...],
     *,
@@ -75,7 +75,9 @@ def figures(
     return tuple(folder / name for name in made)
 
 
-def _sheet(scenes: SceneSet, view: str, size: tuple[int, int], workers: int | None, progress: Progress | None) -> bytes:
+def _sheet(
+    scenes: SceneArrays, view: str, size: tuple[int, int], workers: int | None, progress: Progress | None
+) -> bytes:
     from PIL import Image
 
     from scenegen.render.sheet import SHOWN as MOST
@@ -90,7 +92,7 @@ def _sheet(scenes: SceneSet, view: str, size: tuple[int, int], workers: int | No
 
 
 def _sweep(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     kinds: tuple[str, ...],
     view: str,
     size: tuple[int, int],
@@ -122,7 +124,7 @@ def _sweep(
     return made
 
 
-def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
+def _topviews(scenes: SceneArrays, label: str | None) -> dict[str, bytes]:
     from scenegen.render.dimensions import dimensions, short
     from scenegen.render.topview import Thing, View, topview
 

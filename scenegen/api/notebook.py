@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import html
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from scenegen.errors import ScenegenError
 from scenegen.scene.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
+    from scenegen.api.scene_arrays import SceneArrays
 
 SHOWN = 8  # scenes of a sheet
 SIZE = (320, 240)  # pixels of one of its pictures
@@ -43,10 +44,10 @@ def _drawn(file: SceneFile, size: tuple[int, int], *, sheet: bool) -> bytes:
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
 
 
-def page(scenes: SceneSet) -> str:
+def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
     """A set of scenes as HTML, on its own: the picture is part of the text. Nothing in a scene file is trusted."""
     try:
-        drawn = scenes._repr_png_()
+        drawn = draw()
     except ScenegenError as error:
         drawn, said = None, f"<pre>{html.escape(str(error))}</pre>"
     else:
@@ -60,13 +61,13 @@ def page(scenes: SceneSet) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _heading(scenes: SceneSet) -> str:
+def _heading(scenes: SceneArrays) -> str:
     title = scenes.header.spec.title
     count = f"{len(scenes):,} scene{'s' * (len(scenes) != 1)} of {html.escape(scenes.names())}"
     return f"<b>{html.escape(title)}</b><br>{count}" if title else f"<b>{count}</b>"
 
 
-def _table(scenes: SceneSet) -> str:
+def _table(scenes: SceneArrays) -> str:
     if not len(scenes):
         return ""
     rows = ["<tr><th>label</th><th>asked phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]

@@ -155,7 +155,7 @@ def _path(uri: str) -> Path | None:
 
 def build(root: Path | None = None) -> LanguageServer:
     """A server with every feature, not yet started."""
-    from scenegen import __version__
+    from scenegen.version import __version__
 
     server = LanguageServer("scenegen", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
     desk = Desk(server, root)

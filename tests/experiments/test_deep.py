@@ -199,13 +199,23 @@ def test_a_run_that_was_over_keeps_what_it_reached():
     assert steps.tolist() == [0, 10, 20] and values.tolist() == [[0.0, 0.9, 0.9], [0.1, 0.2, 0.3]]
 
 
+@pytest.fixture
+def few_lessons():
+    """Three lessons instead of five, one of them with a model's scenes; the order of the table is kept."""
+    all_lessons = dict(LESSONS)
+    for key in ("random", "dense"):
+        del LESSONS[key]
+    for key in summary.CURRICULA:
+        LESSONS[key] = dataclasses.replace(LESSONS[key], sources=(EXACT,))
+    yield
+    LESSONS.clear()
+    LESSONS.update(all_lessons)
+
+
+@pytest.mark.usefixtures("few_lessons")
 def test_the_whole_experiment_on_one_task(tmp_path, monkeypatch):
     """Learnt for a moment; the second time nothing is. The slow tests take all lessons and both tasks."""
     monkeypatch.delitem(TASKS, "setting")
-    for key in ("random", "dense"):
-        monkeypatch.delitem(LESSONS, key)
-    for key in summary.CURRICULA:
-        monkeypatch.setitem(LESSONS, key, dataclasses.replace(LESSONS[key], sources=(EXACT,)))
     told: list[str] = []
     run("curriculum-deep", tmp_path, seeds=1, workers=1, quick=True, tell=told.append)
     pairs = sum(len(lesson.sources) for lesson in LESSONS.values())

@@ -60,7 +60,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/curriculum.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
-	$(BIN)/scenegen experiment all --out docs/experiments
+	$(BIN)/python -m experiments all --out docs/experiments
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv build dist demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
+from scenegen.api.model import Model
 from scenegen.api.spec import Spec, check_spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.given import whole
 from scenegen.scene.data import RequestData

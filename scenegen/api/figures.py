@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenegen.api.labels import chosen_label
-from scenegen.api.scenes import SceneSet, rows_of
+from scenegen.api.scene_arrays import SceneArrays, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.given import words
@@ -49,7 +49,7 @@ class Look:
 
 
 def figures(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     out: str | Path,
     kinds: tuple[str, ...],
     *,
@@ -104,7 +104,7 @@ def figures(
     return tuple(folder / name for name in made)
 
 
-def _sheet(scenes: SceneSet, look: Look) -> bytes:
+def _sheet(scenes: SceneArrays, look: Look) -> bytes:
     from PIL import Image
 
     from scenegen.render.sheet import SHOWN as MOST
@@ -117,7 +117,7 @@ def _sheet(scenes: SceneSet, look: Look) -> bytes:
     return contact_sheet(file, [picture.resize(small, Image.Resampling.LANCZOS) for picture in drawn])
 
 
-def _sweep(scenes: SceneSet, kinds: tuple[str, ...], label: str | None, look: Look) -> dict[str, bytes]:
+def _sweep(scenes: SceneArrays, kinds: tuple[str, ...], label: str | None, look: Look) -> dict[str, bytes]:
     from PIL import Image
 
     from scenegen.api.sweep import sweep
@@ -144,7 +144,7 @@ def _sweep(scenes: SceneSet, kinds: tuple[str, ...], label: str | None, look: Lo
     return made
 
 
-def _topviews(scenes: SceneSet, label: str | None) -> dict[str, bytes]:
+def _topviews(scenes: SceneArrays, label: str | None) -> dict[str, bytes]:
     from scenegen.render.dimensions import dimensions, short
     from scenegen.render.topview import Thing, View, topview
 

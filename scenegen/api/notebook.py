@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +17,8 @@ from scenegen.errors import ScenegenError
 from scenegen.scene.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
-    from scenegen.api.spec import Spec
+    from scenegen.api.outline import Checked
+    from scenegen.api.scene_arrays import SceneArrays
 
 SHOWN = 8  # scenes of a sheet
 WIDTH = 320  # pixels of one of its pictures, where the workspace is square
@@ -50,10 +50,10 @@ def _drawn(file: SceneFile, width: int, *, sheet: bool) -> bytes:
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
 
 
-def page(scenes: SceneSet) -> str:
+def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
     """A set of scenes as HTML, on its own: the picture is part of the text. Nothing in a scene file is trusted."""
     try:
-        drawn = scenes._sheet()
+        drawn = draw()
     except ScenegenError as error:
         drawn, said = None, f"<pre>{html.escape(str(error))}</pre>"
     else:
@@ -67,13 +67,13 @@ def page(scenes: SceneSet) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _heading(scenes: SceneSet) -> str:
+def _heading(scenes: SceneArrays) -> str:
     title = scenes.header.spec.title
     count = f"{len(scenes):,} scene{'s' * (len(scenes) != 1)} of {html.escape(scenes.names())}"
     return f"<b>{html.escape(title)}</b><br>{count}" if title else f"<b>{count}</b>"
 
 
-def _table(scenes: SceneSet) -> str:
+def _table(scenes: SceneArrays) -> str:
     if not len(scenes):
         return ""
     rows = ["<tr><th>label</th><th>target phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
@@ -86,13 +86,13 @@ def _table(scenes: SceneSet) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def spec_page(spec: Spec) -> str:
+def spec_page(spec: Checked) -> str:
     """A spec as HTML: its objects, and for each label the tree of its formula with the bounds of phi."""
     from scenegen.api.outline import Outline
 
     outline = Outline(spec)
     title = html.escape(spec.checked.title)
-    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_listed(spec.objects))}</p>"]
+    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_listed(spec.checked.objects))}</p>"]
     for label in outline.labels:
         lines, more = outline.lines(label, most=LINES)
         rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-from scenegen.api.spec import Spec
 from scenegen.bounds import node_bounds
 from scenegen.lang.core import REQUIRE, Atom, Core, Junction, gated
 from scenegen.lang.describe import describe
 from scenegen.lang.interpret import deciding_atom
+from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives.interval import Interval
 
 
@@ -29,10 +30,17 @@ class Line:
     decides: bool = False
 
 
+class Checked(Protocol):
+    """Anything that holds a checked spec: scenegen.Spec, which shows itself as an outline, does."""
+
+    @property
+    def checked(self) -> CheckedSpec: ...
+
+
 class Outline:
     """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
-    def __init__(self, spec: Spec) -> None:
+    def __init__(self, spec: Checked) -> None:
         self._core: Core = gated(spec.checked.core)
         self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
         self.labels = tuple(self._core.labels)

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import assets, check, eval, experiment, export, fmt, info, lsp, render, sample, train
+from scenegen.cli import assets, check, eval, export, fmt, info, lsp, render, sample, train
 from scenegen.cli import range as range_command
 from scenegen.cli.output import complain, print_error
 from scenegen.cli.streams import give_up_output, prepare
@@ -51,7 +51,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "render": render.render,
     "export": export.export,
     "assets": assets.assets,
-    "experiment": experiment.experiment,
     "lsp": lsp.lsp,
 }
 ALONE = ("assets", "lsp")  # commands that need no argument; any other shows its help instead

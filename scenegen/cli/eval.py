@@ -83,7 +83,7 @@ def evaluate(
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
     from scenegen.api.outline import Outline
-    from scenegen.api.scenes import rows_of
+    from scenegen.api.scene_arrays import rows_of
     from scenegen.cli.tree import tree
     from scenegen.lang.core import REQUIRE
     from scenegen.lang.interpret import evaluate as interpret

@@ -12,10 +12,10 @@ from scenegen.cli.options import Root
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from scenegen.api.model import Model
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.api.stream import Met
-    from scenegen.api.train import Model
     from scenegen.scene.data import SceneFile
 
 
@@ -123,7 +123,7 @@ def sample(
     subject = _load(source, spec, root)
     if steps is not None:
         subject = _in_steps(subject, steps)
-    from scenegen.api.train import Model
+    from scenegen.api.model import Model
     from scenegen.sampling.held import parse_fixed
     from scenegen.sampling.request import parse_ranges
 
@@ -185,7 +185,7 @@ def _refuse_raw(raw: bool) -> None:
 
 
 def _in_steps(subject: Spec | Model, steps: int) -> Model:
-    from scenegen.api.train import Model
+    from scenegen.api.model import Model
     from scenegen.errors import Diagnostic, RequestError
 
     if not isinstance(subject, Model):
@@ -196,8 +196,8 @@ def _in_steps(subject: Spec | Model, steps: int) -> Model:
 
 def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
     """A model if the file is one, else a spec."""
+    from scenegen.api.model import load_model
     from scenegen.api.spec import load
-    from scenegen.api.train import load_model
     from scenegen.errors import Diagnostic, RequestError
 
     if looks_like_model(source):

@@ -13,7 +13,7 @@ from scenegen.primitives.units import ANGLE, LENGTH, Unit
 from scenegen.scene.workspace import AXES
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 
@@ -25,7 +25,7 @@ def key_of(value: Value) -> object:
     return id(value.items) if listed else value  # type: ignore[attr-defined]
 
 
-def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
+def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
@@ -40,7 +40,7 @@ def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, f
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
@@ -78,7 +78,7 @@ def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call,
     return lowering.apply(name, units, args, tuple(shapes), node, frame)
 
 
-def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
+def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
         help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"

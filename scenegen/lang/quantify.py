@@ -17,14 +17,14 @@ from scenegen.lang.values import AnyValue, FormulaValue, NeighboursValue, Number
 from scenegen.primitives.units import BARE
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
 MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of an outer one have less to do inside
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
-def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
     over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and TooLarge."""
     names = [variable.id for variable in node.variables]
@@ -58,13 +58,13 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
 
 
-def too_many(lowering: Lowering, node: ast.Expr, frame: Frame) -> SpecError:
+def too_many(lowering: Context, node: ast.Expr, frame: Frame) -> SpecError:
     """Whoever nests quantifiers does not see how large a spec gets."""
     help_ = "use fewer objects, or fewer quantifiers inside each other"
     return lowering.error(f"quantifiers take more than {MAX_STEPS:,} rounds in all", node, frame, "", help_)
 
 
-def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
+def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
     ends = []
     for end in (node.lowest, node.highest):
         value = yield lowering.lower(end, env, frame)
@@ -83,7 +83,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
 
 
 def _choices(
-    lowering: Lowering, domain: Value | range, node: ast.Quantifier, frame: Frame
+    lowering: Context, domain: Value | range, node: ast.Quantifier, frame: Frame
 ) -> tuple[int, Iterator[tuple[Value, ...]]]:
     """How many ways there are to choose the variables, and the ways. Raises SpecError where there is none."""
     many = len(node.variables)
@@ -110,6 +110,6 @@ def _choices(
     return comb(len(items), many), combinations(items, many)
 
 
-def _may_be_empty(lowering: Lowering, frame: Frame) -> bool:
+def _may_be_empty(lowering: Context, frame: Frame) -> bool:
     """Relations of the prelude hold of too few things as they do of many: one object overlaps no other."""
     return frame.source is lowering.scope.prelude

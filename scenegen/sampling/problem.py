@@ -24,7 +24,7 @@ from scenegen.primitives import NUMPY
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.collect import Collector
 from scenegen.sampling.held import Held, hold
-from scenegen.sampling.pieces import piece_size
+from scenegen.sampling.piece_size import piece_size
 from scenegen.sampling.request import Range, Request, check_request, empty_range
 
 if TYPE_CHECKING:

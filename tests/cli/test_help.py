@@ -2,7 +2,7 @@
 
 import pytest
 
-COMMANDS = "check fmt range train info sample eval render export assets experiment lsp".split()
+COMMANDS = "check fmt range train info sample eval render export assets lsp".split()
 ALONE = ["assets", "lsp"]  # these say or do something without an argument
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
+from scenegen.lang.describe import describe
 from scenegen.primitives import MATH, PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
 
@@ -59,17 +60,11 @@ class CoreBuilder:
 
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
-        values = [self.value(arg) for arg in args]
-        if primitive == "mul" and 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
-            return args[1 - values.index(1.0)]
-        if primitive == "mul" and 0.0 in values:
-            return self.const(0.0)
-        if primitive in ("add", "sub") and values[1] == 0.0:
-            return args[0]
-        if primitive == "add" and values[0] == 0.0:
-            return args[1]
-        if (primitive == "sub" and args[0] == args[1]) or (primitive == "dist" and args[:2] == args[2:]):
-            return self.const(0.0)  # a thing beside itself: the same in every scene, and the checker says so
+        nodes = self.nodes
+        values = [node.value if isinstance(node := nodes[arg], Const) else None for arg in args]
+        short = self.shortened(primitive, args, values)
+        if short is not None:
+            return short
         known = [value for value in values if value is not None]
         if len(known) == len(values):
             result = float(PRIMITIVES[primitive].evaluate(MATH, *shapes, *known))
@@ -84,14 +79,43 @@ class CoreBuilder:
         known_ = self._index.get(key)
         return self._add(Apply(*key), key) if known_ is None else known_
 
+    def shortened(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
+        """A number that needs no primitive: x + 0, x * 1. `values` are those of the arguments that are constants."""
+        if primitive == "mul":
+            if 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
+                return args[1 - values.index(1.0)]
+            return self.const(0.0) if 0.0 in values else None
+        if primitive in ("add", "sub"):
+            if values[1] == 0.0:
+                return args[0]
+            if primitive == "add":
+                return args[1] if values[0] == 0.0 else None
+            return self.const(0.0) if args[0] == args[1] else None
+        # a thing beside itself: the same in every scene, and the checker says so
+        return self.const(0.0) if primitive == "dist" and args[:2] == args[2:] else None
+
+    def known(self, key: object) -> int | None:
+        """The node of (primitive, args, shapes), if there is one already."""
+        return self._index.get(key)
+
+    def text(self, number: int) -> str:
+        """A number as the text of an atom shows it."""
+        return describe(self.nodes, self.objects, number)
+
     # ---- formulas
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
-        margin = self.apply("sub", (upper, lower))
-        holds = self._add(Atom(margin, text, unit, spans), ("atom", margin, text))
-        self._sides.setdefault(holds, (lower, upper))
-        return holds
+        return self.atom_of(self.apply("sub", (upper, lower)), lower, upper, text, unit, spans)
+
+    def atom_of(self, margin: int, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
+        """The atom with the margin upper - lower, which is there already."""
+        key = ("atom", margin, text)
+        known = self._index.get(key)
+        if known is None:
+            known = self._add(Atom(margin, text, unit, spans), key)
+            self._sides[known] = lower, upper
+        return known
 
     def _opposite(self, index: int, atom: Atom) -> None:
         """Makes the negation of an atom: most are never asked for."""

@@ -15,14 +15,14 @@ from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
-from scenegen.lang.describe import describe
 from scenegen.lang.functions import function, key_of, list_function
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
-from scenegen.lang.quantify import quantify
+from scenegen.lang.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
 from scenegen.lang.resolve import bind
 from scenegen.lang.scope import LIST_FUNCTIONS, Declared, Scope
 from scenegen.lang.select import index, member
+from scenegen.lang.template import placeholders
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
     FormulaValue,
@@ -40,7 +40,12 @@ from scenegen.scene.workspace import TWO_PI
 
 Environment = Mapping[str, Value]
 
-MAX_WORK = 4_000_000  # expressions to expand: a large body in many rounds of a quantifier may make few nodes
+MAX_WORK = 4_000_000  # expressions to expand
+MAX_INSIDE = 500_000  # of these, in rounds of quantifiers; about five seconds
+
+def too_much_inside() -> TooLarge:
+    return TooLarge(f"takes more than {MAX_INSIDE:,} steps to expand the rounds of its quantifiers")
+
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
@@ -55,15 +60,32 @@ class Lowering:
 
     def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
         self.scope = scope
-        self.builder = builder
+        self.builder = self.root = builder
         self.kinds = Kinds(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.steps = 0  # rounds of quantifiers so far
+        self.inside = 0  # expressions expanded in them, and
+        self.made = 0  # steps of templates taken for them
+        self.placeholders = placeholders()
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self._globals: dict[str, Value] = {}
         self._calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
+
+    def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
+        """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
+        if self.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
+            raise too_many(self, node.domain, frame)
+
+    def foresee(self, more: int) -> None:
+        """Raises TooLarge where so many more expressions are too many."""
+        if self.inside + more > MAX_INSIDE:
+            raise too_much_inside()
+
+    def use(self, builder: CoreBuilder) -> None:
+        """Expands into another builder from now on."""
+        self.builder = self.kinds.builder = builder
 
     # ---- where to put the blame
 
@@ -84,6 +106,10 @@ class Lowering:
         self._work += 1
         if self._work > MAX_WORK:
             raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
+        if frame.where:
+            self.inside += 1
+            if self.inside > MAX_INSIDE:
+                raise too_much_inside()
         origin = self.origin(node, frame)
         value: Value
         match node:
@@ -366,16 +392,15 @@ class Lowering:
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""
-        nodes, objects = self.builder.nodes, self.builder.objects
         match value:
             case ObjectValue(place):
-                return objects[place]
+                return self.builder.objects[place]
             case RegionValue(name, _):
                 return name
             case PointValue(x, y):
-                return f"({describe(nodes, objects, x)}, {describe(nodes, objects, y)})"
+                return f"({self.builder.text(x)}, {self.builder.text(y)})"
             case NumberValue(node, _):
-                return describe(nodes, objects, node)
+                return self.builder.text(node)
             case ListValue(items) if len(items) <= 3:
                 return f"[{', '.join(map(self.text, items))}]"
             case ListValue(items):

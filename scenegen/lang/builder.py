@@ -94,9 +94,11 @@ class CoreBuilder:
         # a thing beside itself: the same in every scene, and the checker says so
         return self.const(0.0) if primitive == "dist" and args[:2] == args[2:] else None
 
-    def known(self, key: object) -> int | None:
-        """The node of (primitive, args, shapes), if there is one already."""
-        return self._index.get(key)
+    def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
+        """`apply` for arguments of which none is constant and no two are alike."""
+        key = (primitive, args, shapes)
+        known = self._index.get(key)
+        return self._add(Apply(primitive, args, shapes), key) if known is None else known
 
     def text(self, number: int) -> str:
         """A number as the text of an atom shows it."""
@@ -172,17 +174,24 @@ class CoreBuilder:
         first to mention stands where the formulas come to it, so equal formulas have equal tapes.
         """
         place: dict[int, int] = {}
+        nodes: list[Node] = []
         stack = [*labels.values(), *(() if requirement is None else (requirement,))][::-1]
         while stack:
             index = stack.pop()
             if index < 0:  # all that it is computed from has its place
-                place.setdefault(~index, len(place))
+                if ~index not in place:
+                    place[~index] = len(nodes)
+                    nodes.append(moved(self.nodes[~index], place))
             elif index not in place:
-                stack.append(~index)
-                stack.extend(child for child in reversed(children(self.nodes[index])) if child not in place)
-        nodes = tuple(moved(self.nodes[old], place) for old in place)
+                needed = children(self.nodes[index])
+                if needed:
+                    stack.append(~index)
+                    stack += [child for child in reversed(needed) if child not in place]
+                else:
+                    place[index] = len(nodes)
+                    nodes.append(self.nodes[index])
         kept = None if requirement is None else place[requirement]
-        return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects, kept)
+        return Core(tuple(nodes), {name: place[index] for name, index in labels.items()}, self.objects, kept)
 
 
 def _negated(text: str) -> str:

@@ -146,15 +146,19 @@ class Template(CoreBuilder):
         short = self.shortened(primitive, args, [None if arg in self.own else self.below.value(arg) for arg in args])
         if short is not None:
             return short
-        constant = all(arg in self.constant or isinstance(self.nodes[arg], Const) for arg in args)
-        key = ("constant" if constant else "apply", primitive, tuple(args), shapes)
-        slot = self._known.get(key)
-        if slot is None:
-            slot = self._step(key, Apply(*key[1:]))  # type: ignore[arg-type]
-            if constant:
-                self.own[slot] = Const(_Unknown(slot))
-                self.constant.add(slot)
+        constant = [arg in self.constant or isinstance(self.nodes[arg], Const) for arg in args]
+        if not all(constant):
+            plain = not any(constant) and primitive not in ("sub", "dist")
+            key = ("plain" if plain else "apply", primitive, tuple(args), shapes)
+            return self._step(key, Apply(primitive, tuple(args), shapes))
+        slot = self._step(("constant", primitive, tuple(args), shapes), Apply(primitive, tuple(args), shapes))
+        if slot not in self.constant:
+            self.own[slot] = Const(_Unknown(slot))
+            self.constant.add(slot)
         return slot
+
+    def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
+        return self.apply(primitive, args, shapes)
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         if lower not in self.own and upper not in self.own:
@@ -188,10 +192,6 @@ class Template(CoreBuilder):
             raise Depends  # how much of it is shown depends on the round
         return text
 
-    def known(self, key: object) -> int | None:
-        slot = self._known.get(("apply", *key))  # type: ignore[misc]
-        return self.below.known(key) if slot is None else slot
-
     def _format(self, text: str) -> Text:
         known = self._texts.get(text)
         if known is None:
@@ -224,14 +224,13 @@ def _do(below: CoreBuilder, values: dict[int, int], step: tuple[Any, ...], remar
     """One step of a round: the node that it makes below. None where that is not what the template stands for."""
     get = values.get
     kind = step[1]
-    if kind == "apply":
+    if kind == "apply" or kind == "plain":
         args = tuple([get(arg, arg) for arg in step[3]])
         shapes = step[4]
         if len(shapes) == 2 and args[:3] == args[3:6]:
             return None  # a thing beside itself
-        known = below.known((step[2], args, shapes))
-        if known is not None:
-            return known
+        if kind == "plain":
+            return below.plain(step[2], args, shapes)
         made = below.apply(step[2], args, shapes)
         node = below.nodes[made]
         return made if isinstance(node, Apply) and node.args == args and node.primitive == step[2] else None

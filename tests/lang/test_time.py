@@ -71,7 +71,7 @@ PARAMETERS = ", ".join(f"p{k}" for k in range(101))
     ("text", "said"),
     [
         (
-            f"l: forall i in 1..200: closeTo(m, [{'(0, 0), ' * 400}(1, 1)][2], i)",
+            f"l: forall i in 1..200: closeTo(m, [{'(0, 0), ' * 400}(1, 1)][i], i)",
             "takes more than 50,000 steps to expand",
         ),
         ("l: forall i in 1..300000: x(m) <= i", "quantifiers take more than 200,000 rounds in all"),
@@ -81,6 +81,6 @@ PARAMETERS = ", ".join(f"p{k}" for k in range(101))
     ],
 )
 def test_a_spec_that_is_too_large_is_told_so(text, said, monkeypatch):
-    monkeypatch.setattr(lower, "MAX_WORK", 50_000)
+    monkeypatch.setattr(lower, "MAX_INSIDE", 50_000)
     with pytest.raises(SpecError, match=said):
         check_text(text)

@@ -35,6 +35,7 @@ from scenegen.scene.data import (
     WorkspaceData,
     footprint_data,
 )
+from scenegen.scene.workspace import turned
 
 if TYPE_CHECKING:
     import pandas
@@ -225,7 +226,7 @@ def from_file(file: SceneFile) -> SceneSet:
 
 
 def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
-    poses = np.ascontiguousarray(scenes.rows.T).reshape(scenes.count, len(header.objects), 3)
+    poses = np.ascontiguousarray(turned(scenes.rows).T).reshape(scenes.count, len(header.objects), 3)
     return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header)
 
 
@@ -257,12 +258,12 @@ def _shape_data(shape: Shape) -> ShapeData:
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
-    """The poses as (3N, n) storage in the spec's order of objects.
+    """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
     """
     stored = scenes.poses.reshape(len(scenes), 3 * len(scenes.objects)).T
-    rows = arranged(stored, order_of(spec, scenes.objects))
+    rows = turned(arranged(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
     return rows
 

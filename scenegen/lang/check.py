@@ -12,6 +12,7 @@ from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
+from scenegen.lang.headings import headings_compared
 from scenegen.lang.imports import Placed, Project, inline
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
@@ -151,7 +152,7 @@ def _expand(
         if name != "workspace"
     )
     text = canonical(placed, bare, scope, shapes)
-    warnings = unused(placed, bare, scope, used, lowering.used)
+    warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core)]
     return CheckedSpec(source.name, text, space, core, _title(source), tuple(shapes), fixed, regions, tuple(warnings))
 
 

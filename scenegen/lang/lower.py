@@ -15,7 +15,7 @@ from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
-from scenegen.lang.functions import function, key_of, list_function
+from scenegen.lang.functions import function, joined, key_of, list_function
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
 from scenegen.lang.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
@@ -78,6 +78,16 @@ class Lowering:
         if self.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
             raise too_many(self, node.domain, frame)
 
+    def spend(self, steps: int, frame: Frame) -> None:
+        """Counts what is expanded. Raises TooLarge."""
+        self._work += steps
+        if self._work > MAX_WORK:
+            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
+        if frame.where:
+            self.inside += steps
+            if self.inside > MAX_INSIDE:
+                raise too_much_inside()
+
     def foresee(self, more: int) -> None:
         """Raises TooLarge where so many more expressions are too many."""
         if self.inside + more > MAX_INSIDE:
@@ -103,13 +113,7 @@ class Lowering:
 
     def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and TooLarge."""
-        self._work += 1
-        if self._work > MAX_WORK:
-            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
-        if frame.where:
-            self.inside += 1
-            if self.inside > MAX_INSIDE:
-                raise too_much_inside()
+        self.spend(1, frame)
         origin = self.origin(node, frame)
         value: Value
         match node:
@@ -256,10 +260,14 @@ class Lowering:
     def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: Frame) -> Call[Value]:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
         symbol = "-" if isinstance(node, ast.Negative) else node.operator
-        numbers = []
+        values = []
         for part in parts:
-            value = self._at_once(part, env, frame) or (yield self.lower(part, env, frame))
-            numbers.append(self.kinds.number(value, f"what `{symbol}` works on"))
+            values.append(self._at_once(part, env, frame) or (yield self.lower(part, env, frame)))
+        if isinstance(node, ast.Binary) and symbol == "+":
+            both = joined(self, values, node, frame)
+            if both is not None:
+                return both
+        numbers = [self.kinds.number(value, f"what `{symbol}` works on") for value in values]
         if symbol in ("+", "-"):
             self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]

@@ -58,6 +58,10 @@ class CoreBuilder:
         node = self.nodes[number]
         return node.value if isinstance(node, Const) else None
 
+    def divisor(self, number: int) -> float | None:
+        """The value of a constant, or of one that stands for many."""
+        return self.value(number)
+
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
         nodes = self.nodes

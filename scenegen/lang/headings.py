@@ -26,7 +26,7 @@ def bare_headings(core: Core) -> dict[int, frozenset[int]]:
     for index, node in enumerate(core.nodes):
         own: _Turns | None = None
         if isinstance(node, Apply):
-            if any([turns[arg] for arg in node.args]):
+            if any(map(turns.__getitem__, node.args)):
                 own = _through(node, core.nodes, [turns[arg] or {} for arg in node.args])
         elif isinstance(node, Coord):
             own = {node.row: 1.0} if node.axis == THETA else None

@@ -41,11 +41,8 @@ from scenegen.scene.workspace import TWO_PI
 Environment = Mapping[str, Value]
 
 MAX_WORK = 4_000_000  # expressions to expand
-MAX_INSIDE = 500_000  # of these, in rounds of quantifiers; about five seconds
-
-def too_much_inside() -> TooLarge:
-    return TooLarge(f"takes more than {MAX_INSIDE:,} steps to expand the rounds of its quantifiers")
-
+MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
+FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
@@ -55,18 +52,19 @@ class Lowering:
     """Expands the expressions of one spec into one builder.
 
     The declarations are evaluated first and fill in `areas` (regions and `workspace`), the shapes of the objects, and
-    the poses of those that are held in place.
+    the poses of those that are held in place. `length` is that of the texts, in characters.
     """
 
-    def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
+    def __init__(self, scope: Scope, builder: CoreBuilder, length: int = 0) -> None:
         self.scope = scope
         self.builder = self.root = builder
         self.kinds = Kinds(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.steps = 0  # rounds of quantifiers so far
-        self.inside = 0  # expressions expanded in them, and
-        self.made = 0  # steps of templates taken for them
+        self.inside = 0  # expressions expanded in them and in definitions
+        self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
+        self.made = 0  # steps of templates taken for rounds
         self.placeholders = placeholders()
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
@@ -83,15 +81,15 @@ class Lowering:
         self._work += steps
         if self._work > MAX_WORK:
             raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
-        if frame.where:
+        if frame.where or frame.text:
             self.inside += steps
-            if self.inside > MAX_INSIDE:
-                raise too_much_inside()
+            if self.inside > self.most_inside:
+                self.foresee(0)
 
     def foresee(self, more: int) -> None:
         """Raises TooLarge where so many more expressions are too many."""
-        if self.inside + more > MAX_INSIDE:
-            raise too_much_inside()
+        if self.inside + more > self.most_inside:
+            raise TooLarge(f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions")
 
     def use(self, builder: CoreBuilder) -> None:
         """Expands into another builder from now on."""
@@ -272,7 +270,7 @@ class Lowering:
             self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
-            divisor = self.builder.value(numbers[1].node)
+            divisor = self.builder.divisor(numbers[1].node)
             if divisor is None:
                 help_ = "multiply both sides of the comparison by it instead"
                 raise self.error("only a constant can divide", parts[1], frame, "this depends on the scene", help_)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
@@ -26,9 +27,19 @@ if TYPE_CHECKING:
 FEW = 16  # rounds that are not worth a template
 ALONE = 2  # rounds of a kind that are expanded by themselves first: a mistake shows there, and most kinds are rarer
 MANY = 256  # rounds over numbers of which the hardest alone may be kept
-MAX_MADE = 2_500_000  # steps of templates, of a whole spec; about five seconds
+MAX_MADE = 1_200_000  # steps of templates, of a whole spec; about five seconds
 
 Kind = tuple[object, ...]
+Array = npt.NDArray[np.float64]
+
+
+class Made(NamedTuple):
+    """A template with its result, the rounds of quantifiers inside, and the steps that count."""
+
+    template: Template
+    result: int
+    inner: int
+    cost: int
 
 
 class Rounds:
@@ -45,7 +56,7 @@ class Rounds:
         self.frame = frame  # of the body, but for what the variables stand for
         self.left = count
         self.seen: dict[Kind, int] = {}
-        self.templates: dict[Kind, tuple[Template, int, int] | None] = {}  # with its result, and rounds inside
+        self.templates: dict[Kind, Made | None] = {}  # with its result, and rounds inside
         self._kinds: dict[int, object] = {}  # of objects
 
     def made(self, choice: Sequence[Value]) -> int | None:
@@ -56,10 +67,10 @@ class Rounds:
         known = None if kind is None else self.templates.get(kind)
         if known is None:
             return None
-        template, result, inner = known
+        template, result, inner, cost = known
         lowering = self.lowering
         lowering.steps += inner
-        lowering.made += len(template.steps) + 1
+        lowering.made += cost
         given = [value.index if isinstance(value, ObjectValue) else value.node for value in choice]  # type: ignore[attr-defined]
         made = template.make(result, given)
         self.left -= made is not None
@@ -81,12 +92,14 @@ class Rounds:
             if self.seen[kind] >= ALONE:
                 self.templates[kind] = yield self._template(choice)
         elif self.left:
-            lowering.foresee((lowering.inside - before) * self.left // 3)  # later rounds may have less to do
+            lowering.foresee((lowering.inside - before) * self.left // 2)  # later rounds may have less to do
         return formula
 
     def _body(self, chosen: Mapping[str, Value]) -> Call[Value]:
         frame = self.frame
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds)
+        inside = Frame(
+            frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds
+        )
         return self.lowering.lower(self.node.body, {**self.env, **chosen}, inside)
 
     def _kind(self, choice: Sequence[Value]) -> Kind | None:
@@ -107,9 +120,11 @@ class Rounds:
                 return None
         return tuple(kind)
 
-    def _template(self, choice: Sequence[Value]) -> Call[tuple[Template, int, int] | None]:
-        """The body for a choice of this kind, with its result and the rounds inside. None where it has no template.
-        Raises TooLarge for one that is too large for the rounds that are left."""
+    def _template(self, choice: Sequence[Value]) -> Call[Made | None]:
+        """The body for a choice of this kind. None where it has no template.
+
+        Raises TooLarge for one that is too large for the rounds that are left.
+        """
         lowering = self.lowering
         below, steps = lowering.builder, lowering.steps
         objects = [value.index for value in choice if isinstance(value, ObjectValue)]
@@ -133,10 +148,11 @@ class Rounds:
             lowering.use(below)
         inner = lowering.steps - steps
         lowering.steps = steps
-        if lowering.made + len(template.steps) * self.left > MAX_MADE:
+        cost = template.cost
+        if lowering.made + cost * self.left > MAX_MADE:
             raise TooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
         lowering.rounds(inner * self.left, self.node, self.frame)
-        return template, result, inner
+        return Made(template, result, inner, cost)
 
     # ---- rounds over numbers, of which the hardest are enough
 
@@ -149,64 +165,65 @@ class Rounds:
         lowering = self.lowering
         if lowering.builder.nodes is not lowering.root.nodes or self.left < MANY:
             return None
-        number = NumberValue(lowering.builder.const(float(domain[0])), BARE, origin=self.node.domain.span(self.frame.source))
+        number = NumberValue(
+            lowering.builder.const(float(domain[0])), BARE, origin=self.node.domain.span(self.frame.source)
+        )
         found = yield self._template_or_none([number] * len(self.names))
-        if found is None or found[2]:
+        if found is None or found.inner:
             return None
-        template, result, _ = found
+        template, result, *_ = found
         kind: Literal["min", "max"] = "min" if self.node.kind == "forall" else "max"
-        chains = _chains(template, result, kind)
-        if chains is None:
-            return None
-        chosen = _extremes(template, chains, kind, domain, len(self.names))
-        if chosen is None:
+        parts = _parts(template, result, kind)
+        if parts is None:
             return None
         remark = f" (the {'tightest' if kind == 'min' else 'loosest'} of {self.left:,})"
+        choices = np.array(list(combinations(domain, len(self.names))), dtype=np.float64).T
         formulas = []
-        for numbers in chosen:
-            made = template.make(result, [lowering.builder.const(float(number)) for number in numbers], remark)
+        for part, hanging in parts:
+            if hanging is None:
+                formulas.append(part)
+                continue
+            numbers = _extreme(template, hanging, kind, choices)
+            made = None if numbers is None else template.make(part, list(map(lowering.builder.const, numbers)), remark)
             if made is None:
                 return None
             formulas.append(made)
         return formulas
 
-    def _template_or_none(self, choice: Sequence[Value]) -> Call[tuple[Template, int, int] | None]:
+    def _template_or_none(self, choice: Sequence[Value]) -> Call[Made | None]:
         try:
-            return (yield self._template(choice))
+            found: Made | None = yield self._template(choice)
+            return found
         except TooLarge:
             return None
 
 
-def _chains(template: Template, result: int, kind: str) -> list[Chain] | None:
-    """How the margin of each atom of a formula hangs on one constant; None where that is not known for all."""
-    found: list[Chain] = []
+def _parts(template: Template, result: int, kind: str) -> list[tuple[int, Chain | None]] | None:
+    """What a formula is the junction of: atoms that hang on one constant each, and what is the same in every round
+    (None). None where there is anything else."""
+    found: list[tuple[int, Chain | None]] = []
     waiting = [result]
     while waiting:
         index = waiting.pop()
         node = template.own.get(index)
-        if isinstance(node, Junction) and node.kind == kind and len(node.args) > 1:
-            waiting.extend(node.args)
-        elif isinstance(node, Atom):
-            one = chain(template, node.margin)
-            if one is None:
-                return None
-            found.append(one)
-        elif index in template.own:
+        if node is None:
+            found.append((index, None))
+        elif isinstance(node, Junction) and node.kind == kind and len(node.args) > 1:
+            waiting.extend(reversed(node.args))
+        elif isinstance(node, Atom) and (one := chain(template, node.margin)) is not None:
+            found.append((index, one))
+        else:
             return None
     return found
 
 
-def _extremes(
-    template: Template, chains: Sequence[Chain], kind: str, domain: range, many: int
-) -> list[tuple[int, ...]] | None:
-    """The choices at which some constant is the smallest or largest that matters, in their order."""
-    numbers = np.array(list(combinations(domain, many)), dtype=np.float64).T
-    places = set[int]() if chains else {0}  # every round says the same
-    for one in chains:
-        with np.errstate(all="ignore"):
-            values = np.broadcast_to(evaluate(template, one.constant, numbers), numbers.shape[1:])
-        if not np.isfinite(values).all():
-            return None
-        smallest = one.grows == (kind == "min")
-        places.add(int(values.argmin() if smallest else values.argmax()))
-    return [tuple(int(number) for number in numbers[:, place]) for place in sorted(places)]
+def _extreme(template: Template, hanging: Chain, kind: str, choices: Array) -> list[float] | None:
+    """The numbers of the round whose constant makes a margin smallest ("min") or largest; None where that is not
+    known. `choices` is (variables, K)."""
+    with np.errstate(all="ignore"):
+        values = np.broadcast_to(evaluate(template, hanging.constant, choices), choices.shape[1:])
+    if not np.isfinite(values).all():
+        return None
+    smallest = hanging.grows == (kind == "min")
+    numbers: list[float] = choices[:, values.argmin() if smallest else values.argmax()].tolist()
+    return numbers

@@ -138,6 +138,9 @@ class Template(CoreBuilder):
             raise Depends
         return None if number in self.own else self.below.value(number)
 
+    def divisor(self, number: int) -> float | None:
+        return 1.0 if number in self.constant else self.below.divisor(number)  # `make` looks at the one of the round
+
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         if not any(arg in self.own for arg in args):
             return self.below.apply(primitive, args, shapes)
@@ -198,11 +201,16 @@ class Template(CoreBuilder):
             places = [(kind, FIRST + int(slot)) for kind, slot in _MARK.findall(text)]
             mine = tuple((kind, slot) for kind, slot in places if slot in self.own or slot in self._names)
             marks = {_mark(*one) for one in mine}
-            known = _MARK.sub(lambda mark: "%s" if mark[0] in marks else mark[0], text.replace("%", "%%")), mine
-            self._texts[text] = known
+            form = _MARK.sub(lambda mark: "%s" if mark[0] in marks else mark[0], text.replace("%", "%%"))
+            known = self._texts[text] = form, mine
         return known
 
     # ---- rounds
+
+    @property
+    def cost(self) -> int:
+        """The steps of a round; coordinates are there already."""
+        return 1 + sum(1 for step in self.steps if step[1] != "coord")
 
     def make(self, result: int, given: Sequence[int], remark: str = "") -> int | None:
         """The formula of one round, None where it has to be expanded by itself. `remark` is added to the texts of
@@ -231,13 +239,15 @@ def _do(below: CoreBuilder, values: dict[int, int], step: tuple[Any, ...], remar
             return None  # a thing beside itself
         if kind == "plain":
             return below.plain(step[2], args, shapes)
+        if step[2] == "div" and below.divisor(args[1]) == 0.0:
+            return None
         made = below.apply(step[2], args, shapes)
         node = below.nodes[made]
         return made if isinstance(node, Apply) and node.args == args and node.primitive == step[2] else None
     if kind == "constant":
         try:
             made = below.apply(step[2], [get(arg, arg) for arg in step[3]], step[4])
-        except OverflowError:
+        except (OverflowError, ZeroDivisionError):
             return None
         return made if isinstance(below.nodes[made], Const) else None
     if kind == "coord":
@@ -248,7 +258,8 @@ def _do(below: CoreBuilder, values: dict[int, int], step: tuple[Any, ...], remar
         return below.atom_of(get(margin, margin), get(lower, lower), get(upper, upper), words, unit, spans)
     if kind == "junction":
         return below.junction(step[2], [get(part, part) for part in step[3]], _filled(below, values, step[4]))
-    return below.negate(values[step[2]])
+    formula: int = step[2]
+    return below.negate(values[formula])
 
 
 def _filled(below: CoreBuilder, values: dict[int, int], text: Text) -> str:

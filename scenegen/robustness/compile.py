@@ -15,7 +15,8 @@ from torch import Tensor
 from scenegen.lang.core import Core, last_uses
 from scenegen.lang.headings import bare_rows
 from scenegen.robustness.fused import fused
-from scenegen.robustness.tape import coordinates, most_alive, run
+from scenegen.robustness.headings import coordinates
+from scenegen.robustness.tape import most_alive, run
 
 # Scenes at a time when no gradient is wanted, in float64; twice as many in float32: intermediates of 256 KiB. On a core
 # with 1 MiB of cache, half of that was not faster for any formula, with or without footprints, and often slower.

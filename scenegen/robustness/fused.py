@@ -18,7 +18,8 @@ from torch import Tensor, fx
 
 from scenegen.lang.core import Coord, Core, Node, last_uses
 from scenegen.lang.headings import bare_rows
-from scenegen.robustness.tape import coordinates, run
+from scenegen.robustness.headings import coordinates
+from scenegen.robustness.tape import run
 
 LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
 

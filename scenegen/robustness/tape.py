@@ -11,7 +11,6 @@ from torch import Tensor
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.primitives import PRIMITIVES
 from scenegen.robustness.namespace import TORCH
-from scenegen.scene.workspace import TWO_PI
 
 
 class _Junction(torch.autograd.Function):
@@ -62,26 +61,6 @@ def run(
         for child in dead[index]:
             values[child] = None
     return [values[node] for node in core.labels.values()]
-
-
-def coordinates(rows: Callable[[int], Any], bare: frozenset[int]) -> Callable[[int], Any]:
-    """What `run` takes for the rows of poses whose headings may lie outside [0, 2 pi).
-
-    Those that a formula takes as numbers, `bare` (lang.headings.bare_rows), are brought there, with the gradient 1; for
-    the others a turn more or less makes no difference, and nothing is done.
-    """
-    if not bare:
-        return rows
-
-    def coordinate(row: int) -> Any:
-        theta = rows(row)
-        if row not in bare:
-            return theta
-        rest = torch.remainder(theta, TWO_PI)
-        rest = torch.where(rest >= TWO_PI, rest - TWO_PI, rest)  # that of -1e-17 is rounded up
-        return torch.where((theta < 0.0) | (theta >= TWO_PI), rest, theta)
-
-    return coordinate
 
 
 def most_alive(dead: list[list[int]]) -> int:

@@ -93,8 +93,8 @@ def test_the_text_says_how_many_rounds_it_stands_for():
         "task: forall i in 1..199999: x(a) <= x(b) + i * 1 cm",
         "task: forall i in 1..199999: x(a) <= x(b) + i * 1 cm & y(a) + i",
         "def f(a, i) = closeTo(a, b, i * 1 cm) & x(a) >= -i * 1 mm\ntask: forall i in 1..99999: f(a, i) | f(c, i)",
-        "task: forall i in 1..150: exists j in 1..150: x(a) <= x(b) + i * 1 cm - j * 1 mm",
-        "object o[150]\ntask: forall p, q in o: x(p) <= x(q) + 1 cm",
+        "task: forall i in 1..100: exists j in 1..100: x(a) <= x(b) + i * 1 cm - j * 1 mm",
+        "object o[100]\ntask: forall p, q in o: x(p) <= x(q) + 1 cm",
         "".join(f"def g{n}(p, k) = g{n - 1}(p, 2 * k) & g{n - 1}(p, 2 * k + 1)\n" for n in range(1, 40))
         + "def g0(p, k) = x(p) <= k * 1 cm\ntask: g39(a, 1)",
     ],

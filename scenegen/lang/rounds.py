@@ -90,7 +90,7 @@ class Rounds:
         if kind is not None and kind not in self.templates:
             self.seen[kind] = self.seen.get(kind, 0) + 1
             if self.seen[kind] >= ALONE:
-                self.templates[kind] = yield self._template(choice)
+                self.templates[kind] = yield self._template(choice, self.left)
         elif self.left:
             lowering.foresee((lowering.inside - before) * self.left // 2)  # later rounds may have less to do
         return formula
@@ -120,10 +120,10 @@ class Rounds:
                 return None
         return tuple(kind)
 
-    def _template(self, choice: Sequence[Value]) -> Call[Made | None]:
+    def _template(self, choice: Sequence[Value], left: int) -> Call[Made | None]:
         """The body for a choice of this kind. None where it has no template.
 
-        Raises TooLarge for one that is too large for the rounds that are left.
+        Raises SpecError and TooLarge for one that is too large for so many rounds.
         """
         lowering = self.lowering
         below, steps = lowering.builder, lowering.steps
@@ -149,9 +149,9 @@ class Rounds:
         inner = lowering.steps - steps
         lowering.steps = steps
         cost = template.cost
-        if lowering.made + cost * self.left > MAX_MADE:
+        if lowering.made + cost * left > MAX_MADE:
             raise TooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
-        lowering.rounds(inner * self.left, self.node, self.frame)
+        lowering.rounds(inner * left, self.node, self.frame)
         return Made(template, result, inner, cost)
 
     # ---- rounds over numbers, of which the hardest are enough
@@ -168,7 +168,7 @@ class Rounds:
         number = NumberValue(
             lowering.builder.const(float(domain[0])), BARE, origin=self.node.domain.span(self.frame.source)
         )
-        found = yield self._template_or_none([number] * len(self.names))
+        found = yield self._template([number] * len(self.names), 1)
         if found is None or found.inner:
             return None
         template, result, *_ = found
@@ -189,13 +189,6 @@ class Rounds:
                 return None
             formulas.append(made)
         return formulas
-
-    def _template_or_none(self, choice: Sequence[Value]) -> Call[Made | None]:
-        try:
-            found: Made | None = yield self._template(choice)
-            return found
-        except TooLarge:
-            return None
 
 
 def _parts(template: Template, result: int, kind: str) -> list[tuple[int, Chain | None]] | None:

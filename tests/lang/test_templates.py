@@ -81,6 +81,11 @@ def test_the_hardest_round_stands_for_all(formula, atoms, monkeypatch):
         assert phi(few.core, rows) == phi(many.core, rows)
 
 
+def test_rounds_that_are_not_made_cost_nothing(monkeypatch):
+    monkeypatch.setattr(rounds, "MAX_MADE", 1_000)
+    assert problems("def f(i) = closeTo(a, b, i * 1 cm) & x(a) <= i * 1 mm\ntask: forall i in 1..300: f(i)") == []
+
+
 def test_the_text_says_how_many_rounds_it_stands_for():
     spec = check_text("task: forall i in 1..99999: x(a) <= x(b) + i * 1 cm")
     (atom,) = (node for node in spec.core.nodes if isinstance(node, Atom))

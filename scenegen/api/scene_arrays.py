@@ -27,6 +27,7 @@ from scenegen.scene.data import (
     WorkspaceData,
     footprint_data,
 )
+from scenegen.scene.workspace import turned
 
 Array = npt.NDArray[np.float64]
 
@@ -114,11 +115,11 @@ def _shape_data(shape: Shape) -> ShapeData:
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
-    """The poses as (3N, n) storage in the spec's order of objects.
+    """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
     """
     stored = scenes.poses.reshape(len(scenes), 3 * len(scenes.objects)).T
-    rows = arranged(stored, order_of(spec, scenes.objects))
+    rows = turned(arranged(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
     return rows

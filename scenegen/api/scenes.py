@@ -26,6 +26,7 @@ from scenegen.primitives import NUMPY
 from scenegen.scene.data import (
     SceneFile,
 )
+from scenegen.scene.workspace import turned
 
 if TYPE_CHECKING:
     import pandas
@@ -179,7 +180,7 @@ def from_file(file: SceneFile) -> SceneSet:
 
 
 def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
-    poses = np.ascontiguousarray(scenes.rows.T).reshape(scenes.count, len(header.objects), 3)
+    poses = np.ascontiguousarray(turned(scenes.rows).T).reshape(scenes.count, len(header.objects), 3)
     return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header)
 
 

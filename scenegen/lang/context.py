@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 from scenegen.errors import Span, SpecError
@@ -22,9 +22,25 @@ class Context(Protocol):
 
     scope: Scope
     builder: CoreBuilder
+    root: CoreBuilder
     kinds: Kinds
     steps: int
+    inside: int
+    made: int
+    placeholders: Iterator[int]
     expansions: dict[object, tuple[Value, list[Value]]]
+
+    def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
+        """Raises SpecError where a quantifier takes too many rounds."""
+
+    def spend(self, steps: int, frame: Frame) -> None:
+        """Counts what is expanded. Raises TooLarge."""
+
+    def foresee(self, more: int) -> None:
+        """Raises TooLarge where so many more expressions are too many."""
+
+    def use(self, builder: CoreBuilder) -> None:
+        """Expands into another builder from now on."""
 
     def origin(self, node: ast.Node, frame: Frame) -> Span:
         """Where the user wrote what an expression stands for."""

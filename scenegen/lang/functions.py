@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.values import AnyValue, ListValue, NeighboursValue, NumberValue, Value
+from scenegen.lang.values import (
+    LONGEST,
+    AnyValue,
+    ListValue,
+    NeighboursValue,
+    NumberValue,
+    ObjectValue,
+    PointValue,
+    Value,
+)
 from scenegen.primitives import PRIMITIVES, Footprint
 from scenegen.primitives.units import ANGLE, LENGTH, Unit
 from scenegen.scene.workspace import AXES
@@ -37,6 +46,27 @@ def list_function(lowering: Context, name: str, value: Value, node: ast.Call, fr
     if key not in lowering.expansions:  # a quantifier over the gaps may ask for them in each of its rounds
         pairs = [function(lowering, "gap", [first, second], node, frame) for first, second in pairwise(items)]
         lowering.expansions[key] = (ListValue(tuple(pairs), origin=origin), [value])
+    return lowering.expansions[key][0].moved(origin)
+
+
+def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Frame) -> Value | None:
+    """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
+    if not any(isinstance(value, ListValue) for value in values):
+        return None
+    origin = lowering.origin(node, frame)
+    for value, part in zip(values, (node.left, node.right), strict=True):
+        if not isinstance(value, ListValue | AnyValue):
+            written = value.origin.text
+            single = isinstance(value, ObjectValue | PointValue) and len(written) <= LONGEST
+            help_ = f"write [{written}]" if single else ""
+            raise lowering.error(f"`+` joins a list to another list, not to {value.kind}", part, frame, "", help_)
+    if any(isinstance(value, AnyValue) for value in values):
+        return AnyValue(origin=origin)
+    key = ("+", *map(key_of, values))
+    if key not in lowering.expansions:
+        items = tuple(item for value in values for item in lowering.kinds.items(value, ""))
+        lowering.spend(len(items), frame)
+        lowering.expansions[key] = (ListValue(items, origin=origin), values)
     return lowering.expansions[key][0].moved(origin)
 
 

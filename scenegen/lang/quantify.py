@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import MOST_VARIABLES, Frame
+from scenegen.lang.blame import Frame
 from scenegen.lang.print import print_expr
+from scenegen.lang.rounds import Rounds
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import AnyValue, FormulaValue, NeighboursValue, NumberValue, Value
@@ -39,18 +40,20 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
         value: Value = yield lowering.lower(node.body, env, frame)
         lowering.kinds.formula(value, f"what `{node.kind}` ranges over")
         return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
-    formulas = []
     count, choices = _choices(lowering, domain, node, frame)
-    rounds = frame.rounds * count
-    if lowering.steps + count > MAX_STEPS or rounds > MOST_FORESEEN:
-        raise too_many(lowering, node.domain, frame)
+    around = frame.rounds * count
+    lowering.rounds(count, node, frame, around)
     lowering.steps += count
-    for choice in choices:
-        chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
-        where = (*frame.where, chosen)[-MOST_VARIABLES:]
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where, rounds)
-        value = yield lowering.lower(node.body, {**env, **chosen}, inside)
-        formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
+    inside = Frame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
+    rounds = Rounds(lowering, node, env, inside, count)
+    formulas = (yield rounds.hardest(domain)) if isinstance(domain, range) else None
+    if formulas is None:
+        formulas = []
+        for choice in choices:
+            formula = rounds.made(choice)
+            if formula is None:
+                formula = yield rounds.formula(choice)
+            formulas.append(formula)
     shown = print_expr(node.domain)
     shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
     text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"

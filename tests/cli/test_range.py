@@ -8,6 +8,7 @@ import re
 import pytest
 from PIL import Image
 
+RARE = "object peg, hole\ntask: dist(peg, hole) <= 0.2 mm & abs(wrap(theta(peg) - theta(hole))) <= 0.001 rad\n"
 FAST = "object mug, plate\ntask: leftOf(mug, plate)\n"
 
 
@@ -86,6 +87,29 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
         assert outcome.status == 0, outcome.err
         phi = [scene["phi"]["task"] for scene in json.loads((here / "s.json").read_text())["scenes"]]
         assert band["phi"][0] <= min(phi) <= max(phi) <= band["phi"][1]
+
+
+def test_only_what_is_satisfied_is_called_easy(report, here):
+    (here / "rare.spec").write_text(
+        "task: dist(mug, plate) <= 1 mm & dist(fork, plate) <= 1 mm & dist(cup, plate) <= 1 mm\n"
+    )
+    for name in ("good", "two", "rare"):
+        for one in json.loads(report(f"{name}.spec", "--json").out)["labels"].values():
+            for band in one["bands"]:
+                assert band["name"] != "easy" or band["phi"][0] >= 0.0
+    assert one["bands"][-1]["name"] == "satisfied" and one["bands"][-1]["phi"][0] == 0.0
+
+
+def test_what_is_too_rare_to_count_is_offered_all_the_same(scenegen, here):
+    (here / "rare.spec").write_text(
+        "task: abs(x(a) - 0.5) <= 1e-7 & abs(y(a) - 0.5) <= 1e-7 & abs(x(b) - 0.5) <= 1e-7\n"
+    )
+    found = json.loads(scenegen("range", "rare.spec", "--json").out)["labels"]["task"]
+    band = found["bands"][-1]
+    assert found["reached"][1] > 0.0 and (band["name"], band["log10"]) == ("satisfied", None)
+    out = scenegen("range", "rare.spec").out
+    assert "by so few scenes that their share cannot be told" in out and "satisfied  too rare to tell" in out
+    assert scenegen("sample", "rare.spec", "--phi", band["phi_option"], "-n", "4", "--out", "s.json").status == 0
 
 
 def test_the_commands_are_printed_for_the_shell(report, here):

@@ -146,3 +146,11 @@ def test_a_format_that_is_not_there(refused, scenegen, here):
     assert scenegen("sample", "good.spec", "-n", "1", "--out", "s.json").status == 0
     said = refused("export", "s.json", "--to", "usd", "--out", "worlds")
     assert "the formats are mjcf, sdf" in said and "did you mean" not in said
+
+
+def test_no_range_is_blamed_for_what_the_spec_requires(refused, here):
+    text = "object a[9] = box(0.3, 0.3, 0.1)\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(a[1], a[2])\n"
+    (here / "tight.spec").write_text(text)
+    words = ("--phi", "0:", "-n", "4", "--method", "rejection", "--timeout", "0.01", "--out", "x.json")
+    said = refused("sample", "tight.spec", *words)
+    assert "phi of `require` was outside" in said and "= help: require less" in said and "widen" not in said

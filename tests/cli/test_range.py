@@ -90,9 +90,7 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
 
 
 def test_only_what_is_satisfied_is_called_easy(report, here):
-    (here / "rare.spec").write_text(
-        "task: dist(mug, plate) <= 1 mm & dist(fork, plate) <= 1 mm & dist(cup, plate) <= 1 mm\n"
-    )
+    (here / "rare.spec").write_text(RARE)
     for name in ("good", "two", "rare"):
         for one in json.loads(report(f"{name}.spec", "--json").out)["labels"].values():
             for band in one["bands"]:
@@ -101,9 +99,7 @@ def test_only_what_is_satisfied_is_called_easy(report, here):
 
 
 def test_what_is_too_rare_to_count_is_offered_all_the_same(scenegen, here):
-    (here / "rare.spec").write_text(
-        "task: abs(x(a) - 0.5) <= 1e-7 & abs(y(a) - 0.5) <= 1e-7 & abs(x(b) - 0.5) <= 1e-7\n"
-    )
+    (here / "rare.spec").write_text(RARE)
     found = json.loads(scenegen("range", "rare.spec", "--json").out)["labels"]["task"]
     band = found["bands"][-1]
     assert found["reached"][1] > 0.0 and (band["name"], band["log10"]) == ("satisfied", None)

@@ -11,6 +11,7 @@ from scenegen.errors import Diagnostic, RequestError, SpecError
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -71,8 +72,9 @@ class Spec:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
 
         `compiled` makes machine code of it (seconds, at the first call in each dtype): worth it for millions of scenes
-        stored as (3N, B). See Robustness.
+        stored as (3N, B). See Robustness. Raises RequestError where torch is not installed.
         """
+        need("torch", "for `robustness()`")
         from scenegen.robustness import Robustness
 
         return Robustness(self.checked.core, compiled=compiled)

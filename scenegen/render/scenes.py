@@ -12,6 +12,7 @@ from PIL import Image
 
 from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.folder import scene_name, whole_files
+from scenegen.needs import need
 from scenegen.render.camera import USUAL
 from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
@@ -64,10 +65,11 @@ def render_scenes(
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
-    Raises RequestError for a wrong view, size or number of workers, DataError for a file without scenes, OutputError
-    where something cannot be written.
+    Raises RequestError for a wrong view, size or number of workers and where pybullet is not installed, DataError for a
+    file without scenes, OutputError where something cannot be written.
     """
     check_request(views, size, workers)
+    need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
     wanted = Wanted(views, size, transparent, depth, masks, renderer)

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, impose, size_of, start
 from scenegen.bounds.proposal import open_nodes
-from scenegen.bounds.search import find
-from scenegen.bounds.tape import Tape, make_tape
+from scenegen.bounds.search import Reach, find
+from scenegen.bounds.tape import Tape, make_tape, weight
 from scenegen.bounds.wanted import EVERYTHING, Ends, alternatives, both, push_down
 from scenegen.errors import Diagnostic, Span
 from scenegen.lang.core import Atom, Coord, Core, Junction
@@ -54,14 +54,15 @@ def clash(
     highest: Array,
     wanted: Mapping[int, Ends],
     *,
-    search: bool = True,
+    search: bool | Reach = True,
     work: int = WORK,
 ) -> Clash | None:
     """What clashes in a demand over the box lowest..highest (3N,); None where a scene meets it.
 
     `wanted` maps formula nodes to the ends that their value should lie in. Where nothing can be proved and a short
-    search finds no scene either, the result has `proved` False; `search=False` returns None then. `work` bounds the
-    effort, in visits of nodes (about 60 microseconds each); where it does not suffice, less is proved and less dropped.
+    search finds no scene either, the result has `proved` False; `search=False` returns None then, and a search that has
+    been made already can be given instead. `work` bounds the effort, in visits of nodes (about 60 microseconds each);
+    where it does not suffice, less is proved and less dropped.
     """
     tape = make_tape(core, lowest, highest)
     conjuncts = take_apart(core, wanted)
@@ -70,9 +71,9 @@ def clash(
         proof.boxes = boxes
         if proof.refutes(conjuncts):
             return Clash(tuple(proof.smallest(conjuncts)), True)
-    if not search:
+    if search is False:
         return None
-    found = find(core, lowest, highest, wanted, work=work)
+    found = find(core, lowest, highest, wanted, work=work) if search is True else search
     if found.verdict == "yes" or found.nearest is None:
         return None
     return Clash(_in_the_way(core, found.nearest, conjuncts), False)
@@ -166,12 +167,12 @@ class _Proof:
         demand = push_down(core, _joined(conjuncts))
         if any(low > high for low, high in demand.values()):
             return True
-        rounds = 1 if len(tape.nodes) > LARGEST else 4
+        rounds, cost = 1 if len(tape.nodes) > LARGEST else 4, weight(tape.nodes)
         demands = [demand]
         lo, hi = start(tape, demands, self.lowest[:, None], self.highest[:, None])
         looked = 1
         while self.work > 0:
-            self.work -= rounds * len(tape.nodes)
+            self.work -= rounds * cost
             kept = np.flatnonzero(contract(tape.nodes, lo, hi, rounds=rounds))
             if not len(kept):
                 return True
@@ -179,7 +180,7 @@ class _Proof:
             if rounds == 1 or looked >= self.boxes or self._met(conjuncts, lo, hi):
                 return False
             next_lo, next_hi, next_demands = [lo[:, WIDE:]], [hi[:, WIDE:]], demands[WIDE:]
-            self.work -= len(tape.nodes) * min(WIDE, len(demands)) // 4
+            self.work -= cost * min(WIDE, len(demands)) // 4
             for column in range(min(WIDE, len(demands))):
                 split = self._split(demands[column], lo[:, column], hi[:, column])
                 if split is None:

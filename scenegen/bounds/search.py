@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, start
-from scenegen.bounds.tape import make_tape
+from scenegen.bounds.tape import make_tape, weight
 from scenegen.bounds.wanted import Ends, push_down
 from scenegen.lang.core import Core
 from scenegen.lang.interpret import evaluate
@@ -23,7 +23,7 @@ KEPT = 32
 ROUNDS = 40
 FIRST = 128  # scenes that are looked at before anything else
 WORK = 30_000  # tape nodes that contraction may visit; the search may visit as many, SEARCHES times
-SEARCHES = 20
+SEARCHES = 15
 SHRINK = 0.85  # of the step from round to round
 LIVE = 1 << 21  # numbers of one round at most
 LARGEST = 20_000  # nodes from which on there is no search
@@ -32,12 +32,14 @@ LARGEST = 20_000  # nodes from which on there is no search
 @dataclass(frozen=True, slots=True)
 class Reach:
     """Whether a demand can be met: "yes" with a `witness` (3N,), "no" as bounds prove, or "unknown". `best` is the
-    least margin of the best scene that was looked at, and `nearest` (3N,) is that scene."""
+    least margin of the best scene that was looked at, and `nearest` (3N,) is that scene. `short`: the effort allowed
+    ended the search before its last round."""
 
     verdict: Literal["yes", "no", "unknown"]
     witness: Array | None = None
     best: float = -np.inf
     nearest: Array | None = None
+    short: bool = False
 
 
 def can_reach(core: Core, node: int, lowest: Array, highest: Array, *, work: int = WORK) -> Reach:
@@ -57,11 +59,11 @@ def find(core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], 
     )
     if margins[0] >= 0.0:
         return Reach("yes", easy[:, 0], float(margins[0]), easy[:, 0])
-    if len(core.nodes) > min(LARGEST, work):
-        return Reach("unknown", None, float(margins[0]), easy[:, 0])
+    if weight(core.nodes) > 2 * work or len(core.nodes) > LARGEST:
+        return Reach("unknown", None, float(margins[0]), easy[:, 0], True)
     tape = make_tape(core, lowest, highest)
     lo, hi = start(tape, [push_down(core, wanted)], lowest[:, None], highest[:, None])
-    if not contract(tape.nodes, lo, hi, rounds=max(1, min(4, work // len(tape.nodes))))[0]:
+    if not contract(tape.nodes, lo, hi, rounds=max(1, min(4, work // weight(tape.nodes))))[0]:
         return Reach("no", None, float(margins[0]), easy[:, 0])
     low, high = lowest.copy(), highest.copy()
     for row, at in tape.rows.items():
@@ -71,7 +73,8 @@ def find(core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], 
     rows = low[:, None] + (high - low)[:, None] * rng.random((len(low), count))
     best, margins = _best(core, wanted, rows)
     step = 0.3
-    for _ in range(min(ROUNDS, SEARCHES * work // len(core.nodes))):
+    rounds = SEARCHES * work // weight(core.nodes)
+    for _ in range(min(ROUNDS, rounds)):
         if margins[0] >= 0.0 or not len(free):
             break
         step *= SHRINK
@@ -83,7 +86,7 @@ def find(core: Core, lowest: Array, highest: Array, wanted: Mapping[int, Ends], 
     found = best[:, 0]
     if margins[0] >= 0.0:
         return Reach("yes", found, float(margins[0]), found)
-    return Reach("unknown", None, float(margins[0]), found)
+    return Reach("unknown", None, float(margins[0]), found, rounds < ROUNDS)
 
 
 def _best(core: Core, wanted: Mapping[int, Ends], rows: Array) -> tuple[Array, Array]:

@@ -15,12 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.primitives.footprint import Circle
 
 Array = npt.NDArray[np.float64]
 
 LONGEST = 8  # terms that a sum may have before it counts as one opaque number; keeps the work linear
 
 MOST_LOOPS = 100
+POLYGON = 5  # visits of nodes that a footprint with corners adds to what a primitive costs
 
 # Primitives that depend on where two places lie to each other only: the arguments that are (x, y) of each.
 RELATIVE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
@@ -199,6 +201,13 @@ def make_tape(core: Core, lowest: Array, highest: Array) -> Tape:
         where.append(writer.write(form) if isinstance(node, Atom) else form.terms[0][0] if _is_formula(node) else -1)
     loops = _loops(writer)
     return Tape(tuple(writer.nodes), tuple(where), rows, writer.differences, writer.affine, loops)
+
+
+def weight(nodes: Sequence[Node]) -> int:
+    """What it costs to visit nodes once, in visits of simple ones."""
+    return len(nodes) + POLYGON * sum(
+        sum(not isinstance(shape, Circle) for shape in node.shapes) for node in nodes if isinstance(node, Apply)
+    )
 
 
 def _loops(writer: _Writer) -> tuple[int, ...]:

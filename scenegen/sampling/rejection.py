@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import Effort, StoppedError, scoring
 from scenegen.bounds.proposal import BELOW_TURN
-from scenegen.bounds.prune import Cover, StoppedError, prune
+from scenegen.bounds.prune import Cover, prune
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.lang.interpret import evaluate
@@ -61,11 +62,13 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A cover of the whole range and what the first candidates from it say: `hits` (C,) of each cell, among `tried`."""
+    """A cover of the whole range and what the first candidates from it say: `hits` (C,) of each cell, among `tried`.
+    `work` is what it took, see scenegen.bounds.effort."""
 
     cover: Cover
     hits: Index
     tried: int
+    work: float = 0.0
 
     @property
     def rate(self) -> Rate:
@@ -153,13 +156,14 @@ class Plan:
         return _misses(self.problem, self.sources[0].cover)
 
 
-def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> Plan:
+def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf) -> Plan:
     """The plan of a problem; `trial` is its trial, where that has been made. Time can only cut it short.
 
-    Raises RequestError where there is provably no scene, and where time is up before it is known which cells get
+    `most` is the work that each cover may take, see scenegen.bounds.effort. Raises TooMuchError where that does not
+    suffice; RequestError where there is provably no scene, and where time is up before it is known which cells get
     scenes: what time cuts short, it must not change.
     """
-    trial = make_trial(problem, budget) if trial is None else trial
+    trial = make_trial(problem, budget, most) if trial is None else trial
     if problem.cells.count == 1:
         return _alone(problem, trial, frozenset({0}), frozenset())
     possible = sorted(problem.possible)
@@ -175,22 +179,23 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
         try:
             if budget.spent:
                 raise StoppedError
-            mine = _cover(problem, budget, problem.wanted(cell), (seed, PLAN, cell + 1))
+            effort = _effort(budget, most)
+            mine = _cover(problem, problem.wanted(cell), (seed, PLAN, cell + 1), effort)
+            if not mine.parts:
+                ruled_out.add(cell)
+                continue
+            rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
+            counts, tried = _explore(problem, mine, SEARCH, rng, effort, cell)
         except StoppedError:
             undecided = len(possible) - len(common) - len(own) - len(ruled_out)
             raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
-        if not mine.parts:
-            ruled_out.add(cell)
-            continue
-        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
-        counts, tried = _explore(problem, mine, SEARCH, rng, cell)
         draws += tried
         if counts[cell]:
             own.append((cell, mine, counts[cell] / tried))
     found = common.union(cell for cell, _, _ in own)
     if not found:
         if len(ruled_out) == len(possible):
-            raise RequestError(impossible(problem))
+            raise RequestError(impossible(problem, _effort(budget)))
         longer = search(problem, trial, lambda: budget.spent)
         if not longer.rate.hits:
             raise RequestError(hopeless(problem, longer))
@@ -199,35 +204,48 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
     return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected)
 
 
-def _cover(problem: Problem, budget: Budget, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...]) -> Cover:
-    """Raises StoppedError where time has long been up."""
-    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, lambda: budget.overdrawn)
+def _effort(budget: Budget, most: float = math.inf) -> Effort:
+    """Work that is stopped where time has long been up."""
+    return Effort(lambda: budget.overdrawn, most)
 
 
-def make_trial(problem: Problem, budget: Budget) -> Trial:
-    """The cover of the whole range and a first look at what it gives. Raises RequestError where it proves that there is
-    no scene, or time is up before there is a cover."""
+def _cover(problem: Problem, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...], effort: Effort) -> Cover:
+    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort)
+
+
+def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Trial:
+    """The cover of the whole range and a first look at what it gives.
+
+    Raises RequestError where the cover proves that there is no scene, or time is up before there is one, and
+    TooMuchError where the work comes to more than `most`: the same on any machine.
+    """
     seed = problem.request.seed
+    effort = _effort(budget, most)
     try:
-        cover = _cover(problem, budget, problem.wanted(), (seed, PLAN))
+        cover = _cover(problem, problem.wanted(), (seed, PLAN), effort)
+        if not cover.parts:
+            raise RequestError(impossible(problem, _effort(budget)))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
+        hits, tried = _explore(problem, cover, EXPLORE, rng, effort)
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
-    if not cover.parts:
-        raise RequestError(impossible(problem))
-    rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
-    return Trial(cover, *_explore(problem, cover, EXPLORE, rng))
+    return Trial(cover, hits, tried, effort.used)
 
 
 def search(problem: Problem, trial: Trial, stop: Callable[[], bool], most: float = math.inf) -> Trial:
     """A longer look, where the first found nothing: at least LONG_SEARCH candidates, and on until one is in the range,
-    there are `most`, or `stop` says so, which is asked in between."""
+    there are `most`, or `stop` says so."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
     hits, tried = trial.hits.copy(), trial.tried
+    effort = Effort(stop)
     while not stop() and (tried < LONG_SEARCH or (tried < most and not hits.any())):
-        more, count = _explore(problem, trial.cover, EXPLORE, rng)
+        try:
+            more, count = _explore(problem, trial.cover, EXPLORE, rng, effort)
+        except StoppedError:
+            break
         hits += more
         tried += count
-    return Trial(trial.cover, hits, tried)
+    return Trial(trial.cover, hits, tried, trial.work)
 
 
 def hopeless(problem: Problem, trial: Trial) -> Diagnostic:
@@ -297,14 +315,15 @@ def _chunks(problem: Problem, count: int) -> list[int]:
 
 
 def _explore(
-    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, cell: int | None = None
+    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, effort: Effort, cell: int | None = None
 ) -> tuple[Index, int]:
     """Hits of each cell, (C,), in a few chunks of candidates, and how many there were; with `cell`, as soon as that one
-    is known well enough."""
+    is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried = 0
     for chunk in range(most):
         for count in _chunks(problem, _affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
+            effort.spend(scoring(problem.core.nodes, count))
             _, _, cells = _draw(problem, cover, count, rng)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count

@@ -223,7 +223,7 @@ class _Proof:
         for row, node in self.tape.rows.items():
             rows[row] = lo[node, boxes] + where[row] * (hi[node, boxes] - lo[node, boxes])
         self.effort.spend(scoring(self.core.nodes, len(boxes)))
-        values = evaluate(self.core, list(rows), NUMPY)
+        values = evaluate(self.core, list(rows), NUMPY, self.effort.check)
         met = np.ones(len(boxes), dtype=bool)
         for node, low, high in conjuncts:
             met &= (values[node] >= low) & (values[node] <= high)

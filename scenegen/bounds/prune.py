@@ -235,7 +235,7 @@ class _Search:
         self.effort.spend(scoring(self.core.nodes, count))
         rows = np.empty((len(self.lowest), count))
         inside = proposal.draw(rows, self.rng)
-        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY)]
+        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY, self.effort.check)]
         usable = np.ones(count, dtype=bool) if inside is None else inside
         kept = usable.copy()
         for node, (low, high) in self.wanted.items():

@@ -103,7 +103,7 @@ def find(
 def _best(core: Core, wanted: Mapping[int, Ends], effort: Effort, rows: Array) -> tuple[Array, Array]:
     """The scenes with the largest least margin, best first, and their margins."""
     effort.spend(scoring(core.nodes, rows.shape[1]))
-    values = evaluate(core, list(rows), NUMPY)
+    values = evaluate(core, list(rows), NUMPY, effort.check)
     margin = np.full(rows.shape[1], np.inf)
     for node, (low, high) in wanted.items():
         np.minimum(margin, np.minimum(values[node] - low, high - values[node]), out=margin)

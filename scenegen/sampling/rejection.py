@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import Effort, StoppedError, scoring
+from scenegen.bounds.effort import Effort, StoppedError, per_scene, scoring
 from scenegen.bounds.proposal import BELOW_TURN
 from scenegen.bounds.prune import Cover, prune
 from scenegen.errors import Diagnostic, RequestError
@@ -35,6 +35,8 @@ LIVE = 1 << 22  # numbers that are alive at a time while candidates are scored
 CHUNK = 16_384  # candidates drawn and scored at a time, at most: intermediates then stay in cache
 SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
 WORK = 1 << 26  # candidates times nodes that one look around may take
+PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
+MOST = 1.4e8  # work of a trial from which on another method is worth a try: more than any shipped spec takes, 2 to 3 s
 EXPLORE = 4  # chunks drawn from the common cover to see which cells it serves
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out of reach
 LONG_SEARCH = 32 * 65_536  # candidates after which the search for further cells ends where exploring found none at all
@@ -300,16 +302,23 @@ def _size(problem: Problem, need: float) -> int:
     """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
     bits = math.ceil(math.log2(max(need, 1.0)))
     least = _affordable(problem, SMALLEST)
-    return int(min(max(least, 1 << min(bits, 62)), max(problem.piece_size, least)))
+    most = min(problem.piece_size, _within(problem, PIECE))
+    return int(min(max(least, 1 << min(bits, 62)), max(most, least)))
+
+
+def _within(problem: Problem, work: float) -> int:
+    """How many candidates can be scored with so much work, at least 64."""
+    return max(64, int(work / max(1.0, per_scene(problem.core.nodes)[0])))
 
 
 def _affordable(problem: Problem, count: int) -> int:
     """That many candidates, or fewer where scoring one takes thousands of operations."""
-    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes)))
+    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes), _within(problem, PIECE)))
 
 
 def _chunks(problem: Problem, count: int) -> list[int]:
-    size = max(64, min(CHUNK, LIVE // len(problem.core.nodes), LIVE // len(problem.lowest)))
+    live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
+    size = max(64, min(CHUNK, live, _within(problem, PART)))
     whole, rest = divmod(count, size)
     return [size] * whole + ([rest] if rest else [])
 
@@ -324,7 +333,7 @@ def _explore(
     for chunk in range(most):
         for count in _chunks(problem, _affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
             effort.spend(scoring(problem.core.nodes, count))
-            _, _, cells = _draw(problem, cover, count, rng)
+            _, _, cells = _draw(problem, cover, count, rng, check=effort.check)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count
         if cell is not None and hits[cell] >= ENOUGH:
@@ -333,11 +342,16 @@ def _explore(
 
 
 def _draw(
-    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
 ) -> tuple[Array, Array, Index]:
     """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is memory to
-    draw them in, (3N, CHUNK)."""
-    rows, phi, usable = _candidates(problem, cover, count, rng, room)
+    draw them in, (3N, CHUNK); `check` may break off, see `evaluate`."""
+    rows, phi, usable = _candidates(problem, cover, count, rng, room, check)
     for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
         if low > -math.inf:
             usable &= value >= low
@@ -350,13 +364,18 @@ def _draw(
 
 
 def _candidates(
-    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
 ) -> tuple[Array, Array, Bool]:
     """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
     rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
     np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
-    values = evaluate(problem.core, list(rows), NUMPY)
+    values = evaluate(problem.core, list(rows), NUMPY, check)
     for part, span in zip(cover.parts, spans, strict=True):
         if part.apart:
             mine = part.owns(values, span)

@@ -11,6 +11,7 @@ from typing import Any
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.primitives import MATH, PRIMITIVES, Namespace
+from scenegen.primitives.namespace import turning
 
 
 def evaluate(
@@ -19,6 +20,8 @@ def evaluate(
     """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
     `check` is called before every node: what it raises breaks off."""
     values: list[Any] = []
+    if namespace is not MATH:
+        namespace = turning(namespace, rows[2::3])
     for node in core.nodes:
         if check is not None:
             check()

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .generate import Case, generate
-from .judge import Fault, Hang, grammar_names, judge
+from .judge import Fault, Hang, deadline, grammar_names, judge
+from .messages import attack, survive
 from .minimise import minimise
 from .mutate import mutate
 
+SESSION = 10.0  # seconds of CPU after which a session with the language server is broken off
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -70,6 +72,17 @@ class Bench:
         except (Exception, Hang) as error:
             story = "".join(traceback.format_exception(error, limit=-12))
             return False, signature(error), story
+
+    def attacked(self, seed: int, number: int) -> tuple[str, str, bytes]:
+        """Signature and story of the fault of the language server under attack `number` of a seed ("" where there is
+        none), and the bytes of the attack."""
+        data = attack(random.Random(f"{seed}:{number}:messages"))
+        try:
+            with deadline(SESSION):
+                survive(data)
+        except (Exception, Hang) as error:
+            return signature(error), "".join(traceback.format_exception(error, limit=-12)), data
+        return "", "", data
 
     def shrink(self, case: Case, wanted: str) -> Case:
         return minimise(case, lambda candidate: self.verdict(candidate)[1] == wanted)

@@ -20,7 +20,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
 	@touch $@
 
-demo: $(STAMP)   ## train three models, sample 16 scenes from each, render them
+demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model and its scenes
 	$(BIN)/python examples/00_demo.py
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.columns import columns
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     import pandas
@@ -30,7 +31,8 @@ def to_numpy(scenes: SceneSet) -> tuple[Array, Array]:
 def to_torch(
     scenes: SceneSet, dtype: torch.dtype | None, device: torch.device | str | None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """The same as tensors."""
+    """The same as tensors. Raises RequestError where torch is not installed."""
+    need("torch", "for `to_torch()`")
     import torch
 
     poses, phi = (torch.from_numpy(array) for array in to_numpy(scenes))

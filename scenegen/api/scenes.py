@@ -125,13 +125,14 @@ class SceneSet:
         """
         return arrays.to_pandas(self)
 
-    def _repr_png_(self) -> bytes | None:
-        """For notebooks: the contact sheet of the first scenes, drawn when it is first asked for."""
+    def _sheet(self) -> bytes | None:
+        """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
             self._drawn.append(notebook.sheet(self[: notebook.SHOWN].file()))
         return self._drawn[0]
 
     def _repr_html_(self) -> str:
+        """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
         return notebook.page(self)
 
     def save(self, path: str | Path) -> Path:
@@ -164,7 +165,8 @@ class SceneSet:
         out: str | Path,
         *,
         views: tuple[str, ...] = ("top", "perspective"),
-        size: tuple[int, int] = (640, 480),
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
         transparent: bool = False,
         depth: bool = False,
         masks: bool = False,
@@ -174,11 +176,12 @@ class SceneSet:
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        `views` are of "top", "perspective", "front" and "three-quarter". `transparent` leaves out the ground below the
-        table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and NPZ. The result's
-        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
-        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
-        of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter". `size` is in pixels, by default (640, 480),
+        wider for a wide workspace. `distinct` colours objects apart that would look the same. `transparent` leaves out
+        the ground below the table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and
+        NPZ. The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a
+        JSON file with intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told
+        how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
@@ -187,6 +190,7 @@ class SceneSet:
             Path(out),
             views=views,
             size=size,
+            distinct=distinct,
             transparent=transparent,
             depth=depth,
             masks=masks,
@@ -200,7 +204,8 @@ class SceneSet:
         out: str | Path,
         *kinds: str,
         view: str = "perspective",
-        size: tuple[int, int] = (640, 480),
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
         label: str | None = None,
         workers: int | None = None,
     ) -> tuple[Path, ...]:
@@ -208,7 +213,7 @@ class SceneSet:
         --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
         from scenegen.api.figures import figures
 
-        return figures(self, out, kinds, view=view, size=size, label=label, workers=workers)
+        return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
 
 def read_scenes(path: str | Path) -> SceneSet:

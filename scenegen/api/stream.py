@@ -12,7 +12,7 @@ from scenegen import given
 from scenegen.api.ask import Wanted, ask
 from scenegen.api.sample import Note, chosen, partial, sample
 from scenegen.api.scenes import SceneSet, make_header
-from scenegen.api.settled import blamed, refuse_model, settling, told
+from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
 from scenegen.api.spec import Spec
 from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
@@ -104,6 +104,7 @@ def sample_to(
     from scenegen.sampling.report import fell_short
 
     asked = ask(source, phi, n, seed=seed, method=method, spread=spread, timeout=timeout, raw=False, fix=fix)
+    check_settle(settle)
     choice = chosen(asked, on_note)
     seen = _Seen()
     headers: list[SceneFile] = []

@@ -12,6 +12,7 @@ from scenegen import given
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import DataError, Diagnostic
 from scenegen.lang.check import check_text
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     from scenegen.models.trained import TrainedModel
@@ -61,6 +62,7 @@ class Model:
 
 def load_model(path: str | Path, spec: Spec | None = None) -> Model:
     """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
+    need("torch", "to read a model file")
     from scenegen.models.checkpoint import load_model as load
 
     if spec is not None:
@@ -92,11 +94,13 @@ def train(
     planned. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
     """
     from scenegen.training.config import make_config
-    from scenegen.training.loop import train as run
 
     check_spec(spec)
     path = given.path("out", out)
     config = make_config(model, recipe, **options)
+    need("torch", "to train a model")
+    from scenegen.training.loop import train as run
+
     if card:
         from scenegen.api.card import check_card, write_card
 

@@ -113,6 +113,7 @@ def sample(
     from scenegen.formats.blocks import BLOCK
     from scenegen.formats.files import check_folder, check_writable
     from scenegen.formats.table import format_of
+    from scenegen.needs import need
 
     if out is not None:
         format_of(out)
@@ -131,6 +132,7 @@ def sample(
     fixed = parse_fixed(fix or [])
     if render is not None:
         check_folder(render, out)
+        need("pybullet", "to draw pictures")
     if isinstance(subject, Model):
         import torch
 

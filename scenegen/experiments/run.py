@@ -12,6 +12,7 @@ from scenegen.experiments.plan import FOLDER, Plan
 from scenegen.experiments.report import write
 from scenegen.experiments.table import chosen
 from scenegen.formats.files import ensure_folder
+from scenegen.needs import need
 from scenegen.render.process import cores
 
 MOST_SEEDS = 100
@@ -30,7 +31,7 @@ def run(
 
     Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes,
     by default one per core, unless `out` holds them from an earlier run. `tell` is told what happens. Raises
-    RequestError for an unknown name, for numbers out of range and where matplotlib or scikit-learn is missing,
+    RequestError for an unknown name, for numbers out of range and where matplotlib, scikit-learn or torch is missing,
     OutputError where something cannot be written; KeyboardInterrupt with words on how to go on.
     """
     entries = chosen(name)
@@ -38,6 +39,7 @@ def run(
         raise RequestError(Diagnostic(f"{seeds} seeds", help=f"ask for 1 to {MOST_SEEDS}"))
     if workers is not None and workers < 1:
         raise RequestError(Diagnostic(f"{workers} workers cannot train", help="ask for 1 or more"))
+    need("torch", "for experiments")
     check_libraries()
     ensure_folder(out)
     for which, entry in entries.items():

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE, Atom
+from scenegen.lang.deciding import deciding_atoms
 from scenegen.sampling.collect import Collector, Sampled
 from scenegen.sampling.pieces import Plan, Tally
 from scenegen.sampling.problem import Problem
@@ -104,9 +105,6 @@ def shortfall(
 ) -> Diagnostic:
     """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B). `rarest` is the
     cell that lacks most."""
-    # explain is numpy's, but its room loads torch
-    from scenegen.robustness.explain import deciding_atoms
-
     title = f"found {f'{found:,}' if found else 'none'} of {problem.request.n:,} scenes in {tried}"
     usable = ~np.isnan(phi).any(axis=0)
     if phi.shape[1] and not usable.any():

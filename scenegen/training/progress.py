@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -17,7 +17,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from scenegen.training.loop import EpochReport
+if TYPE_CHECKING:
+    from scenegen.training.loop import EpochReport
 
 LINES = 10  # plain lines of a run
 

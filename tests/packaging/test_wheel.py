@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -54,6 +55,18 @@ def test_what_the_wheel_holds(wheel, root):
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     shipped = {name.split("/")[0] for name in names}
     assert shipped == {"scenegen", next(name for name in shipped if name.endswith(".dist-info"))}
+
+
+def test_what_a_package_index_shows_leads_somewhere(wheel):
+    """Neither pictures nor pages of the repository can be seen from there."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+        head, _, text = archive.read(name).decode().partition("\n\n")
+    assert "Description-Content-Type: text/markdown" in head
+    assert text.startswith("# scenegen\n") and "## Two commands" in text and "docs/formats.md" in text
+    assert "![" not in text and "<!--" not in text
+    links = re.findall(r"\]\(([^)]*)\)", text)
+    assert links and all(link.startswith("https://") for link in links)
 
 
 def test_the_clean_environment_is_clean(clean, tmp_path):

@@ -7,11 +7,10 @@ from hypothesis import given, settings
 
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
+from scenegen.lang.deciding import deciding_atoms
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.primitives import NUMPY
-from scenegen.robustness.explain import deciding_atoms
-
-from .formulas import scenes, seeds, specs
+from tests.robustness.formulas import scenes, seeds, specs
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)

@@ -74,7 +74,8 @@ def ask(
     if raw and fix:
         title = "`raw` is a model's own output, and a model does not know of objects that are held"
         raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
-    return Ask(pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix), method, budget)
+    problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix, budget=budget)
+    return Ask(problem, method, budget)
 
 
 def _number(value: object) -> str:

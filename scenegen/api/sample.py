@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from scenegen.api.ask import Ask, Wanted, ask
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.model import Model
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
 
 if TYPE_CHECKING:

@@ -35,6 +35,12 @@ class Spec:
     def __repr__(self) -> str:
         return f"<Spec {self.checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
 
+    def _repr_html_(self) -> str:
+        """For notebooks: the formula of every label as a tree."""
+        from scenegen.api.notebook import spec_page
+
+        return spec_page(self)
+
     def _refuse_overflow(self) -> None:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
         for label, bounds in self.bounds().items():

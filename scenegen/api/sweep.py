@@ -6,7 +6,7 @@ import numpy as np
 
 from scenegen.api.approach import approach
 from scenegen.api.labels import chosen_label
-from scenegen.api.scenes import Array, SceneSet, make_header, rows_of
+from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE, gated, part
@@ -21,7 +21,7 @@ NEAR = 0.002  # how far from its target the phi of a scene may be
 MARGIN = 1e-4  # by which requirements are kept
 
 
-def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple[SceneSet, str]:
+def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tuple[SceneArrays, str]:
     """Scenes in which one layout goes from hard to solved, and the label that this is about.
 
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
@@ -47,7 +47,7 @@ def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple
     )
     poses = np.ascontiguousarray(rows.T).reshape(rows.shape[1], -1, 3)
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
-    return SceneSet(poses, values, header), chosen
+    return SceneArrays(poses, values, header), chosen
 
 
 def _start(spec: Spec, rows: Array, label: str) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.curriculum.faults import as_gymnasium
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need

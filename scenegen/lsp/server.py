@@ -41,7 +41,7 @@ class Server(LanguageServer):
     protocol: Protocol
 
     def __init__(self, root: Path | None = None) -> None:
-        from scenegen import __version__
+        from scenegen.version import __version__
 
         sync = types.TextDocumentSyncKind.Full
         super().__init__("scenegen", __version__, text_document_sync_kind=sync, protocol_cls=Protocol)

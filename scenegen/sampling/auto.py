@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
 from scenegen.sampling.levels import Stalled
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection import LONG_SEARCH, SPARE, Trial, hopeless, make_trial, search
+from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, hopeless, make_trial, search
 from scenegen.sampling.rejection import Plan as Rejection
 from scenegen.sampling.rejection import make_plan as plan_rejection
 from scenegen.sampling.report import too_early
@@ -48,7 +49,10 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
 
 
 def _better(problem: Problem, budget: Budget) -> Choice:
-    trial = make_trial(problem, budget)
+    try:
+        trial = make_trial(problem, budget, MOST)
+    except TooMuchError:
+        return _rare(problem, budget, None)
     if not trial.rate.hits:
         return _rare(problem, budget, trial)
     mine = plan_rejection(problem, budget, trial)
@@ -72,13 +76,17 @@ def _better(problem: Problem, budget: Budget) -> Choice:
     return Choice(mine, in_range)
 
 
-def _rare(problem: Problem, budget: Budget, trial: Trial) -> Choice:
-    """Where the first candidates of rejection are all out of the range."""
+def _rare(problem: Problem, budget: Budget, trial: Trial | None) -> Choice:
+    """Where the first candidates of rejection are all out of the range, or getting any takes too much work (None)."""
     plan = plan_splitting(problem, budget)
     if not isinstance(plan, Stalled):
+        if trial is None:
+            return Choice(plan, "pruning takes too much work")
         return Choice(plan, f"none of {trial.tried:,} candidates of rejection is in range")
     if plan.why == "time":
         raise RequestError(why_stalled(problem, plan))
+    if trial is None:
+        return Choice(plan_rejection(problem, budget), "splitting did not get there")
     # Levels cannot be told apart where phi is constant: there rejection may be lucky.
     longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
     if not longer.rate.hits:

@@ -18,14 +18,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
-LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
-
-
-def piece_size(objects: int) -> int:
-    """How many scenes of that many objects a piece has."""
-    return max(16, min(PIECE, LARGEST_PIECE // (3 * objects)))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:

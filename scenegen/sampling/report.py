@@ -126,5 +126,8 @@ def shortfall(
     atom = problem.core.nodes[atom_index]
     assert isinstance(atom, Atom)
     note = f"phi of `{name}` was outside `{wanted}` in {_percent(share)} of the last {phi.shape[1]:,} candidates"
+    if name == REQUIRE:  # no range helps where it is the spec that leaves no space
+        remedy = "require less, or make the workspace larger; or give it more time with --timeout"
+        remedy += ", or save what there is with --keep-partial" if found else ""
     label_text = f"decides phi in {count / failing.shape[1]:.0%} of those that fail"
     return Diagnostic(title, atom.spans[0] if atom.spans else None, f"`{atom.text}` {label_text}", remedy, note=note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from rich.console import Console
 from rich.progress import (
@@ -18,9 +18,7 @@ from rich.progress import (
 )
 
 from scenegen.training.gathered import GatheringLines
-
-if TYPE_CHECKING:
-    from scenegen.training.loop import EpochReport
+from scenegen.training.report import EpochReport
 
 LINES = 10  # plain lines of a run
 

@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from .run import Bench, corpus, inputs, make, scratch
+from .run import SIZES, Bench, corpus, inputs, make, scratch
 
 MEMORY = 2 << 30  # bytes of address space
 FILES = 20  # one input in so many is followed by a hostile scene file of its number
@@ -94,7 +94,7 @@ def main() -> int:
     parser.add_argument("--number", type=int, help="judge this input alone")
     asked = parser.parse_args()
     if asked.number is not None:
-        case = make(asked.seed, asked.number, corpus())
+        case = make(asked.seed, asked.number, corpus(), SIZES)
         sys.stdout.buffer.write(case.main + b"\n")
         with scratch() as folder:
             good, _, story = Bench(Path(folder)).verdict(case)

@@ -1,6 +1,7 @@
 """The fuzzer's first inputs of a fixed seed, and the fuzzer itself: `make fuzz` runs it for as long as one likes."""
 
 import random
+from types import SimpleNamespace
 
 import pytest
 
@@ -69,6 +70,35 @@ def test_it_finds_what_is_wrong(bench, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(judging, name, broken)
             assert said in bench.verdict(case)[1], name
+
+
+def test_texts_that_attack_by_their_size(bench, monkeypatch):
+    """Two in a hundred; what takes too long, or too much, is found."""
+    texts = corpus()
+    cases = [make(SEED, number, texts, 0.02) for number in range(500)]
+    big = [case for case in cases if case.sized]
+    assert 2 < len(big) < 30
+    small = Case(b"task: forall i in 1..300: x(a) * i <= x(b)", sized=True)
+    assert bench.verdict(small) == (True, "", "")
+    for name, said in (("CHECK", "check takes longer"), ("SHOW", "the outline takes longer")):
+        with monkeypatch.context() as patch:
+            patch.setattr(judging, name, 0.0)
+            assert said in bench.verdict(small)[1]
+
+    monkeypatch.setattr(judging, "MEMORY", 1 << 20)
+    monkeypatch.setattr(judging.resource, "getrusage", grown())
+    assert "check takes more than 1 MB" in bench.verdict(small)[1]
+
+
+def grown():
+    """The peak of memory as if each look found another 64 MB: the true one may lie far above already."""
+    seen = []
+
+    def look(who):
+        seen.append(who)
+        return SimpleNamespace(ru_maxrss=65_536 * len(seen))
+
+    return look
 
 
 def judging_interval():

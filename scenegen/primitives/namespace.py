@@ -36,7 +36,7 @@ class Namespace(Protocol):
         ...
 
     def signed_root(self, square: Any, signed: Any) -> Any:
-        """sqrt(square) with the sign of `signed`, zero included; their gradient there is that of `signed`."""
+        """sqrt(square) with the sign of `signed`, whose gradient is the result's where that is 0."""
         ...
 
     def atan2(self, y: Any, x: Any) -> Any:
@@ -47,9 +47,13 @@ class Namespace(Protocol):
         """The number nearest to `a` between two constants."""
         ...
 
+    def sign(self, a: Any) -> Any:
+        """1.0 or -1.0; of zero, either. Without a gradient."""
+        ...
+
     def copysign(self, size: Any, sign: Any) -> Any:
-        """The size of one number, which is not negative, with the sign of the other, zero included; no gradient flows
-        to the latter."""
+        """The size of one number, which is not negative, with the sign of the other; where that is zero, either sign.
+        No gradient flows to the latter."""
         ...
 
     def where(self, condition: Any, a: Any, b: Any) -> Any:
@@ -75,6 +79,14 @@ def _math_turn(a: float) -> tuple[float, float]:
 
 def _math_signed_root(square: float, signed: float) -> float:
     return math.copysign(math.sqrt(square), signed)
+
+
+def _math_sign(a: float) -> float:
+    return math.copysign(1.0, a)
+
+
+def _numpy_sign(a: Any) -> Any:
+    return np.copysign(np.ones((), np.asarray(a).dtype), a)
 
 
 def _numpy_turn(a: Any) -> tuple[Any, Any]:
@@ -108,6 +120,7 @@ class _Math:
     hypot = staticmethod(_math_hypot)
     atan2 = staticmethod(math.atan2)
     clip = staticmethod(_math_clip)
+    sign = staticmethod(_math_sign)
     copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
 
@@ -127,6 +140,7 @@ class _Numpy:
     hypot = staticmethod(_numpy_hypot)
     atan2 = staticmethod(np.arctan2)
     clip = staticmethod(_numpy_clip)
+    sign = staticmethod(_numpy_sign)
     copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
 

@@ -46,6 +46,10 @@ def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
     return a.clamp(lowest, highest)
 
 
+def _sign(a: Tensor) -> Tensor:
+    return torch.copysign(a.new_ones(()), a.detach())
+
+
 def _copysign(size: Tensor, sign: Tensor) -> Tensor:
     return torch.copysign(size, sign.detach())
 
@@ -67,6 +71,7 @@ class _Torch:
     hypot = staticmethod(_hypot)
     atan2 = staticmethod(_atan2)
     clip = staticmethod(_clip)
+    sign = staticmethod(_sign)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)
 

@@ -39,7 +39,7 @@ def sample(
         typer.Option("--out", help="The scenes file; default: standard output.", metavar="FILE", show_default=False),
     ] = None,
     method: Annotated[
-        str, typer.Option("--method", help="auto, rejection or splitting (a spec), model (a model file).")
+        str, typer.Option("--method", help="auto, rejection, growth or splitting (a spec), model (a model file).")
     ] = "auto",
     spread: Annotated[
         str, typer.Option("--spread", help="flat: evenly over the range of phi; base: as they occur.")
@@ -271,6 +271,8 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"rejection, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
     if info["method"] == "splitting":
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    if info["method"] == "growth":
+        return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
     return f"{info['method']}, {info['candidates']:,} candidates"
 
 

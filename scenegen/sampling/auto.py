@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scenegen.errors import RequestError
+from scenegen.sampling.growth.plan import Stalled as NoGrowth
+from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.levels import Stalled
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
@@ -18,11 +20,14 @@ from scenegen.sampling.rejection import LONG_SEARCH, SPARE, Trial, hopeless, mak
 from scenegen.sampling.rejection import Plan as Rejection
 from scenegen.sampling.rejection import make_plan as plan_rejection
 from scenegen.sampling.report import too_early
-from scenegen.sampling.splitting import moves, plan_splitting, why_stalled
+from scenegen.sampling.splitting import Splitting, moves, plan_splitting, why_stalled
 
-METHODS = ("auto", "rejection", "splitting")
+METHODS = ("auto", "rejection", "growth", "splitting")
 
 LEAST, EACH = 10_000_000, 20  # evaluations that splitting takes at least: for its plan, and for each scene
+LARGE = 600  # nodes of a formula beyond which boxes are not pruned: planning would take longer than sampling
+POOR = 3.0  # design effect that growth may leave before splitting is tried
+SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
 
 
@@ -39,6 +44,11 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
     is up before there is a plan."""
     if method == "rejection" or not moves(problem):
         return Choice(plan_rejection(problem, budget))
+    if method == "growth":
+        grown = plan_growth(problem, budget)
+        if not isinstance(grown, Growth):
+            raise no_growth(problem, grown)
+        return Choice(grown)
     if method == "splitting":
         plan = plan_splitting(problem, budget)
         if isinstance(plan, Stalled):
@@ -48,20 +58,22 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
 
 
 def _better(problem: Problem, budget: Budget) -> Choice:
+    if len(problem.core.nodes) > LARGE:
+        return _without_rejection(problem, budget, f"{len(problem.core.nodes):,} parts are too many for pruning")
     trial = make_trial(problem, budget)
     if not trial.rate.hits:
-        return _rare(problem, budget, trial)
+        return _without_rejection(problem, budget, f"none of {trial.tried:,} candidates of rejection is in range", trial)
     mine = plan_rejection(problem, budget, trial)
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
     cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
     if cheap and open_cells <= len(mine.reached):
         return Choice(mine, in_range)
-    rival = plan_splitting(problem, budget)
-    if isinstance(rival, Stalled):
-        if rival.why == "time":
-            raise RequestError(too_early(problem, f"{rival.evaluations:,} evaluations of splitting", open_cells))
-        return Choice(mine, f"{in_range}; splitting did not get there")
+    rival = _other(problem, budget)
+    if not isinstance(rival, Growth | Splitting):
+        if _time_is_up(rival):
+            raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells))
+        return Choice(mine, f"{in_range}; no other method got there")
     if len(rival.reached) > len(mine.reached):
         count = problem.cells.count
         reason = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
@@ -72,18 +84,37 @@ def _better(problem: Problem, budget: Budget) -> Choice:
     return Choice(mine, in_range)
 
 
-def _rare(problem: Problem, budget: Budget, trial: Trial) -> Choice:
-    """Where the first candidates of rejection are all out of the range."""
-    plan = plan_splitting(problem, budget)
-    if not isinstance(plan, Stalled):
-        return Choice(plan, f"none of {trial.tried:,} candidates of rejection is in range")
-    if plan.why == "time":
-        raise RequestError(why_stalled(problem, plan))
+def _without_rejection(problem: Problem, budget: Budget, why: str, trial: Trial | None = None) -> Choice:
+    """Where rejection has no plan, or its first candidates are all out of the range."""
+    plan = _other(problem, budget)
+    if isinstance(plan, Growth | Splitting):
+        return Choice(plan, why)
+    if _time_is_up(plan) or trial is None:
+        raise no_growth(problem, plan) if isinstance(plan, NoGrowth) else RequestError(why_stalled(problem, plan))
     # Levels cannot be told apart where phi is constant: there rejection may be lucky.
     longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
-    if not longer.rate.hits:
-        raise RequestError(hopeless(problem, longer))
-    return Choice(plan_rejection(problem, budget, longer), "splitting did not get there")
+    if longer.rate.hits:
+        return Choice(plan_rejection(problem, budget, longer), "no other method got there")
+    raise no_growth(problem, plan) if isinstance(plan, NoGrowth) else RequestError(hopeless(problem, longer))
+
+
+def _other(problem: Problem, budget: Budget) -> Growth | Splitting | NoGrowth | Stalled:
+    """A plan of growth, or of splitting where growth finds no room or its scenes go on resembling one another and
+    splitting does better."""
+    grown = plan_growth(problem, budget)
+    if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
+        return grown
+    if isinstance(grown, NoGrowth) and (grown.stuck is None or grown.crowded):
+        return grown
+    split = plan_splitting(problem, budget)
+    if isinstance(grown, Growth):
+        better = isinstance(split, Splitting) and split.plan.left < SLOW and len(split.reached) >= len(grown.reached)
+        return split if better else grown
+    return split if isinstance(split, Splitting) else grown
+
+
+def _time_is_up(end: NoGrowth | Stalled) -> bool:
+    return end.stuck is None if isinstance(end, NoGrowth) else end.why == "time"
 
 
 def _in_range(plan: Rejection) -> str:

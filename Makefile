@@ -20,7 +20,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
 	@touch $@
 
-demo: $(STAMP)   ## train three models, sample 16 scenes from each, render them
+demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model and its scenes
 	$(BIN)/python examples/00_demo.py
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
@@ -60,7 +60,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/curriculum.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
-	$(BIN)/scenegen experiment all --out docs/experiments
+	$(BIN)/python -m experiments all --out docs/experiments
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv build dist demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from scenegen.version import __version__
 
 # name -> the module of scenegen.api that defines it
 _PUBLIC = {
@@ -28,8 +28,8 @@ _PUBLIC = {
     "sample_to": "stream",
     "Written": "stream",
     "train": "train",
-    "Model": "train",
-    "load_model": "train",
+    "Model": "model",
+    "load_model": "model",
 }
 _ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
 
@@ -58,6 +58,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from scenegen.api.model import Model, load_model
     from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
     from scenegen.api.scene import Scene
@@ -65,7 +66,7 @@ if TYPE_CHECKING:
     from scenegen.api.simulate import load_pybullet
     from scenegen.api.spec import Spec, load, parse
     from scenegen.api.stream import Written, sample_to
-    from scenegen.api.train import Model, load_model, train
+    from scenegen.api.train import train
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
 
 

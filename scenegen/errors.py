@@ -125,7 +125,28 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     if len(candidates) > MOST_ALIKE:  # difflib takes its time: of very many look at those that begin alike
         candidates = heapq.nlargest(MOST_ALIKE, candidates, key=lambda one: _alike(one, wanted))
     close = difflib.get_close_matches(wanted, candidates, n=1, cutoff=0.6)
-    return folded[close[0]] if close else None
+    return folded[close[0]] if close and _near(wanted, close[0]) else None
+
+
+def _near(one: str, other: str) -> bool:
+    """Whether one of two words can be a slip for the other: `usd` is none for `sdf`, though most letters are the same.
+
+    A third of the letters may be wrong, missing or too many, and at least one; neighbours that changed places count
+    once. Longer words may also differ in what stands at one end (`block` and `block_tower`).
+    """
+    most = max(1, (max(len(one), len(other)) + 1) // 3)
+    if min(len(one), len(other)) >= 3 and (one.startswith(other) or other.startswith(one)):
+        return True
+    before: list[int] = []
+    row = list(range(len(other) + 1))
+    for at, letter in enumerate(one, 1):
+        older, before, row = before, row, [at]
+        for place, char in enumerate(other, 1):
+            cost = min(before[place] + 1, row[place - 1] + 1, before[place - 1] + (letter != char))
+            if place > 1 and at > 1 and letter == other[place - 2] and one[at - 2] == char:
+                cost = min(cost, older[place - 2] + 1)
+            row.append(cost)
+    return row[-1] <= most
 
 
 def _alike(one: str, other: str) -> tuple[int, int]:

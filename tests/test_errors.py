@@ -187,3 +187,19 @@ def test_no_diagnostic_floods_a_terminal(field, text):
 def test_names_of_a_sensible_length_are_shown_whole():
     name = "x" * 80
     assert render(Diagnostic(f"unknown name `{name}`")) == f"error: unknown name `{name}`"
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "close"),
+    [
+        ("usd", ["mjcf", "sdf", "json"], None),  # two letters in common make no slip
+        ("fork", ["food", "cup"], None),
+        ("sd", ["sdf", "mjcf"], "sdf"),
+        ("gna", ["gan", "aae"], "gan"),  # neighbours that changed places
+        ("leftof", ["leftOf"], "leftOf"),
+        ("rigthOf", ["rightOf", "leftOf"], "rightOf"),
+        ("balancd", ["balanced", "boosted"], "balanced"),
+    ],
+)
+def test_only_what_can_be_a_slip_is_suggested(name, known, close):
+    assert nearest(name, known) == close

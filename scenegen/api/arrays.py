@@ -9,17 +9,18 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.columns import columns
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     import pandas
     import torch
 
-    from scenegen.api.scenes import SceneSet
+    from scenegen.api.scene_arrays import SceneArrays
 
 Array = npt.NDArray[np.float64]
 
 
-def to_numpy(scenes: SceneSet) -> tuple[Array, Array]:
+def to_numpy(scenes: SceneArrays) -> tuple[Array, Array]:
     """Poses (n, N, 3) and phi (n, L), both float64 and copies: what is done to them leaves the scenes alone."""
     phi = np.empty((len(scenes), len(scenes.phi)))
     for column, values in enumerate(scenes.phi.values()):
@@ -28,16 +29,17 @@ def to_numpy(scenes: SceneSet) -> tuple[Array, Array]:
 
 
 def to_torch(
-    scenes: SceneSet, dtype: torch.dtype | None, device: torch.device | str | None
+    scenes: SceneArrays, dtype: torch.dtype | None, device: torch.device | str | None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """The same as tensors."""
+    """The same as tensors. Raises RequestError where torch is not installed."""
+    need("torch", "for `to_torch()`")
     import torch
 
     poses, phi = (torch.from_numpy(array) for array in to_numpy(scenes))
     return poses.to(device, dtype), phi.to(device, dtype)
 
 
-def to_pandas(scenes: SceneSet) -> pandas.DataFrame:
+def to_pandas(scenes: SceneArrays) -> pandas.DataFrame:
     """One row per scene, the columns of the Parquet files: `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`.
 
     Raises RequestError where pandas is not installed, OutputError where two columns would share a name.

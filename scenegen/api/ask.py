@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
+from scenegen.api.model import Model
 from scenegen.api.spec import Spec, check_spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.given import whole
 from scenegen.scene.data import RequestData
@@ -74,7 +74,8 @@ def ask(
     if raw and fix:
         title = "`raw` is a model's own output, and a model does not know of objects that are held"
         raise RequestError(Diagnostic(title, help="leave --raw or --fix out"))
-    return Ask(pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix), method, budget)
+    problem = pose(spec.checked, ranges, n=n, seed=seed, spread=spread, fixed=fix, budget=budget)
+    return Ask(problem, method, budget)
 
 
 def _number(value: object) -> str:

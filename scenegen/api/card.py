@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenegen.api.describe import describe
 from scenegen.api.measure import LABELS, SCENES, Measured, measure
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.formats.files import check_writable, write_whole
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.errors import quoted
 
 SHOWN = 12  # objects and labels that are named

@@ -12,7 +12,7 @@ from scenegen.formats.blocks import Block, joined
 from scenegen.formats.files import check_writable
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
+    from scenegen.api.scene_arrays import SceneArrays
 
 NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # formats of scene files
 
@@ -46,7 +46,7 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
     check_writable(out, *inputs)
 
 
-def export(scenes: SceneSet, out: Path, to: str | None) -> tuple[Path, ...]:
+def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
     """See `SceneSet.export`."""
     to = chosen(to, out)
     check_export(out, to)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +19,34 @@ Array = npt.NDArray[np.float64]
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
-WORK = 3000  # visits of nodes that one label's search for clashes may take: about 0.2 s
+WORK = 2000  # visits of nodes that one label's search for clashes may take: about half a second
+TOTAL = 2 * WORK  # that all labels together may take
 MOST = 24  # labels that are searched for clashes; of more, bounds alone decide
 
 
-def hopeless(spec: CheckedSpec) -> list[Diagnostic]:
-    """A warning for each label that no scene seems to satisfy, and for a requirement that no scene meets.
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """A label that no scene seems to satisfy, or REQUIRE: a requirement that none seems to meet.
 
-    Scenes are looked for first: most labels are done with that. Each warning names the smallest set of conjuncts that
-    clash, and says whether bounds prove it or the search just found nothing.
+    `proved` says that bounds prove it. `problem` is a warning that names the smallest set of conjuncts that clash; None
+    where the effort ended before anything could be told.
+    """
+
+    label: str
+    proved: bool
+    problem: Diagnostic | None
+
+
+def hopeless(spec: CheckedSpec) -> list[Diagnostic]:
+    """A warning for each label that no scene seems to satisfy, and for a requirement that no scene meets."""
+    return [doubt.problem for doubt in doubts(spec) if doubt.problem is not None]
+
+
+def doubts(spec: CheckedSpec) -> list[Doubt]:
+    """The labels that no scene was found to satisfy, and the requirement, where none was found to meet it.
+
+    Scenes are looked for first: most labels are done with that. What is left is searched for clashes, for about half a
+    second in all.
     """
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
@@ -35,28 +55,42 @@ def hopeless(spec: CheckedSpec) -> list[Diagnostic]:
         return []
     from scenegen.bounds.clash import clash, explain
     from scenegen.bounds.search import find
+    from scenegen.bounds.tape import weight
 
+    left_out: list[str] = []
     if len(waiting) > MOST:
-        waiting = [name for name in waiting if bounds[name][1] < 0.0][:MOST]
+        never = [name for name in waiting if bounds[name][1] < 0.0][:MOST]
+        waiting, left_out = never, [name for name in waiting if name not in never]
     missing = []
+    work = min(WORK, TOTAL // max(1, len(waiting)))
     for name in waiting:
         one = part(core, (name, *required))
-        if find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=WORK).verdict != "yes":
+        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work)
+        if reach.verdict != "yes":
             highest = bounds[name][1]
             most = f": phi is at most {highest:.4g}" if highest < 0.0 else ""
-            missing.append((f"`{name}`", f"satisfied{most}", one))
+            missing.append((name, f"`{name}`", f"satisfied{most}", one, reach))
     if required and len(missing) == len(spec.labels):  # some label's scene would have met the requirement, too
-        missing.insert(0, ("what the spec requires", "met", part(core, required)))
-    found: list[Diagnostic] = []
-    for what, done, one in missing:
-        result = clash(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=WORK)
+        one = part(core, required)
+        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work)
+        if reach.verdict != "yes":
+            missing.insert(0, (REQUIRE, "what the spec requires", "met", one, reach))
+    found: list[Doubt] = []
+    for name, what, done, one, reach in missing:
+        result = None
+        if not reach.short or weight(one.nodes) <= 2 * work:
+            # a search that was cut short proves little: its best scene is no reason to warn
+            wanted = dict.fromkeys(one.labels.values(), ENDS)
+            result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
         if result is None:
+            found.append(Doubt(name, False, None))
             continue
         title = f"{what} {'can never' if result.proved else 'can hardly'} be {done}"
-        found.append(explain(one, result, title, "change one of the parts that clash", "warning"))
-        if done == "met":
+        problem = explain(one, result, title, "change one of the parts that clash", "warning")
+        found.append(Doubt(name, result.proved, problem))
+        if name == REQUIRE:
             break  # without it nothing else matters
-    return found
+    return found + [Doubt(name, False, None) for name in left_out]
 
 
 def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:

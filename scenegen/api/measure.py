@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.errors import RequestError
 
 Array = npt.NDArray[np.float64]

@@ -1,4 +1,5 @@
-"""What notebooks show of scenes: a small contact sheet, and what was asked for beside what came out.
+"""What notebooks show: of scenes a small contact sheet, and what was requested beside what came out; of a spec its
+formulas as trees.
 
 Drawing starts when a notebook asks for it; a set keeps its sheet, so that it is drawn once however often it is shown.
 """
@@ -8,6 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,16 +17,19 @@ from scenegen.errors import ScenegenError
 from scenegen.scene.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
+    from scenegen.api.outline import Checked
+    from scenegen.api.scene_arrays import SceneArrays
 
 SHOWN = 8  # scenes of a sheet
-SIZE = (320, 240)  # pixels of one of its pictures
-LARGE = (640, 480)  # of the picture of a single scene
+WIDTH = 320  # pixels of one of its pictures, where the workspace is square
+LARGE = 640  # of the picture of a single scene
+NAMED = 20  # objects that a spec names
+LINES = 40  # of the formula of a label
 
 
 def sheet(file: SceneFile) -> bytes | None:
     """The contact sheet of a scene file as PNG, None for one without scenes. Raises DataError."""
-    return _drawn(file, SIZE, sheet=True) if file.scenes else None
+    return _drawn(file, WIDTH, sheet=True) if file.scenes else None
 
 
 def picture(file: SceneFile) -> bytes | None:
@@ -35,18 +40,20 @@ def picture(file: SceneFile) -> bytes | None:
         return None
 
 
-def _drawn(file: SceneFile, size: tuple[int, int], *, sheet: bool) -> bytes:
+def _drawn(file: SceneFile, width: int, *, sheet: bool) -> bytes:
     from scenegen.render import render_scenes
+    from scenegen.render.request import usual_size
 
+    size = usual_size(file, width)
     with tempfile.TemporaryDirectory() as folder:
         drawn = render_scenes(file, Path(folder), views=("perspective",), size=size)
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
 
 
-def page(scenes: SceneSet) -> str:
+def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
     """A set of scenes as HTML, on its own: the picture is part of the text. Nothing in a scene file is trusted."""
     try:
-        drawn = scenes._repr_png_()
+        drawn = draw()
     except ScenegenError as error:
         drawn, said = None, f"<pre>{html.escape(str(error))}</pre>"
     else:
@@ -60,16 +67,16 @@ def page(scenes: SceneSet) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _heading(scenes: SceneSet) -> str:
+def _heading(scenes: SceneArrays) -> str:
     title = scenes.header.spec.title
     count = f"{len(scenes):,} scene{'s' * (len(scenes) != 1)} of {html.escape(scenes.names())}"
     return f"<b>{html.escape(title)}</b><br>{count}" if title else f"<b>{count}</b>"
 
 
-def _table(scenes: SceneSet) -> str:
+def _table(scenes: SceneArrays) -> str:
     if not len(scenes):
         return ""
-    rows = ["<tr><th>label</th><th>asked phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
+    rows = ["<tr><th>label</th><th>target phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]
     for label, values in scenes.phi.items():
         low, high = scenes.header.request.phi.get(label, (None, None))
         ends = ["" if end is None else f"{end:g}" for end in (low, high)]
@@ -77,3 +84,32 @@ def _table(scenes: SceneSet) -> str:
         cells = [html.escape(label), asked, *(f"{v:+.4f}" for v in (values.min(), values.mean(), values.max()))]
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
     return f"<table>{''.join(rows)}</table>"
+
+
+def spec_page(spec: Checked) -> str:
+    """A spec as HTML: its objects, and for each label the tree of its formula with the bounds of phi."""
+    from scenegen.api.outline import Outline
+
+    outline = Outline(spec)
+    title = html.escape(spec.checked.title)
+    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_listed(spec.checked.objects))}</p>"]
+    for label in outline.labels:
+        lines, more = outline.lines(label, most=LINES)
+        rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]
+        for line in lines:
+            indent = f"padding-left: {0.5 + 1.5 * line.depth:g}em; text-align: left"
+            bounds = f"[{line.low:.4g}, {line.high:.4g}] {line.unit}".rstrip()
+            cells = [f'<td style="{indent}">{html.escape(line.text)}</td>', _left(line.margin), _left(bounds)]
+            rows.append(f"<tr>{''.join(cells)}</tr>")
+        parts.append(f"<p><b>{html.escape(label)}</b></p><table>{''.join(rows)}</table>")
+        if more:
+            parts.append(f"<p>and {more:,} more</p>")
+    return "<div>" + "".join(parts) + "</div>"
+
+
+def _left(text: str) -> str:
+    return f'<td style="text-align: left">{html.escape(text)}</td>'
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED:,} more" if len(names) > NAMED else "")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-from scenegen.api.spec import Spec
 from scenegen.bounds import node_bounds
 from scenegen.lang.core import REQUIRE, Atom, Core, Junction, gated
 from scenegen.lang.describe import describe
 from scenegen.lang.interpret import deciding_atom
+from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives.interval import Interval
 
 
@@ -29,10 +30,17 @@ class Line:
     decides: bool = False
 
 
+class Checked(Protocol):
+    """Anything that holds a checked spec: scenegen.Spec, which shows itself as an outline, does."""
+
+    @property
+    def checked(self) -> CheckedSpec: ...
+
+
 class Outline:
     """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
-    def __init__(self, spec: Spec) -> None:
+    def __init__(self, spec: Checked) -> None:
         self._core: Core = gated(spec.checked.core)
         self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
         self.labels = tuple(self._core.labels)
@@ -61,13 +69,26 @@ class Outline:
                 stack.extend((arg, depth + 1) for arg in reversed(node.args))
             if count > most:
                 continue
-            low, high = float(self._bounds[index].lo), float(self._bounds[index].hi)
-            value = None if values is None else float(values[index])
-            if isinstance(node, Junction):
-                words = "all of" if node.kind == "min" else "one of"
-                text = f"{words}: {node.text}" if node.text and node.text != REQUIRE else words
-                lines.append(Line(depth, text, "", "", low, high, value))
-            elif isinstance(node, Atom):
-                margin = describe(core.nodes, core.objects, node.margin)
-                lines.append(Line(depth, node.text, margin, str(node.unit), low, high, value, index == decider))
+            lines.append(self.line(index, depth, values, decider))
         return lines, count - len(lines)
+
+    def line(
+        self,
+        index: int,
+        depth: int = 0,
+        values: Sequence[float] | None = None,
+        decider: int | None = None,
+        *,
+        margin: bool = True,
+    ) -> Line:
+        """The line of one formula node. `margin=False` leaves the margin of an atom out: to write it takes longest."""
+        core, node = self._core, self._core.nodes[index]
+        low, high = float(self._bounds[index].lo), float(self._bounds[index].hi)
+        value = None if values is None else float(values[index])
+        if isinstance(node, Junction):
+            words = "all of" if node.kind == "min" else "one of"
+            text = f"{words}: {node.text}" if node.text and node.text != REQUIRE else words
+            return Line(depth, text, "", "", low, high, value)
+        assert isinstance(node, Atom), "a formula is a junction or an atom"
+        told = describe(core.nodes, core.objects, node.margin) if margin else ""
+        return Line(depth, node.text, told, str(node.unit), low, high, value, index == decider)

@@ -35,12 +35,13 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range of phi that is worth asking for. `log10` is the probability of it among all scenes, roughly."""
+    """A range of phi that is worth asking for. `log10` is the probability of it among all scenes, roughly; None where
+    it is too rare to tell."""
 
     name: str
     low: float
     high: float
-    log10: float
+    log10: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +161,14 @@ def rounded(values: Sequence[float], width: float) -> list[float]:
 
 def _bands(reach: Reach) -> list[Band]:
     """Hard, medium and easy parts of what occurs, by how many scenes lie there; and what is satisfied, where that is
-    not what occurs anyway."""
+    not what occurs anyway. The easiest part is only called easy where its scenes satisfy the label."""
     low, high = reach.down.end, reach.up.end
     below, above = reach.down.quantile, reach.up.quantile
+    top = above(EASY[0]), above(EASY[1])
     found = [
         ("hard", below(HARD[0]), below(HARD[1])),
         ("medium", below(MIDDLE[0]), below(MIDDLE[1])),
-        ("easy", above(EASY[0]), above(EASY[1])),
+        ("easy" if top[0] >= 0.0 else "easier", *top),
     ]
     if high > 0.0:
         found.append(("satisfied", max(0.0, low), SATISFIED * high))
@@ -175,9 +177,11 @@ def _bands(reach: Reach) -> list[Band]:
         if not least < most:
             continue
         ends = rounded([least, most], 5.0 * (most - least))
-        probability = _between(reach, *ends)
-        if len(ends) == 2 and probability > 0.0:
+        probability = _between(reach, *ends) if len(ends) == 2 else 0.0
+        if probability > 0.0:
             bands.append(Band(name, ends[0], ends[1], math.log10(probability)))
+        elif len(ends) == 2 and name == "satisfied":  # scenes were met there, too few to count
+            bands.append(Band(name, ends[0], ends[1], None))
     return bands
 
 

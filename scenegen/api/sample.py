@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from scenegen.api.ask import Ask, Wanted, ask
-from scenegen.api.scenes import SceneSet, make_header
-from scenegen.api.settled import blamed, refuse_model, settling, told
+from scenegen.api.model import Model
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
+from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ def sample(
     else:
         from scenegen.engine.exact import in_memory
 
+        check_settle(settle)
         choice = chosen(asked, on_note)
         with settling(asked, choice, workers, settle) as (choice, crew, refusals):
             sampled = in_memory(choice, asked.budget, workers=crew, progress=progress)

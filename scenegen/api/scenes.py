@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
-from scenegen.assets import Shape
-from scenegen.data.arrange import arranged, check_held, order_of
+from scenegen.api.scene_arrays import Array, SceneArrays, rows_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats import table
-from scenegen.formats.blocks import BLOCK, Block
+from scenegen.formats.blocks import Block
 from scenegen.formats.lines import block_of
 from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
@@ -25,16 +24,9 @@ from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import (
-    ObjectData,
-    Pose,
-    RegionData,
-    RequestData,
     SceneFile,
-    ShapeData,
-    SpecRef,
-    WorkspaceData,
-    footprint_data,
 )
+from scenegen.scene.workspace import turned
 
 if TYPE_CHECKING:
     import pandas
@@ -42,32 +34,21 @@ if TYPE_CHECKING:
 
     from scenegen.render import Rendered
 
-Array = npt.NDArray[np.float64]
-
 
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
 
-NAMED = 10  # objects that a set names when it speaks of itself
 CACHED = 32_768  # scenes scored at a time, so that they stay in cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SceneSet:
-    """Scenes of one spec.
+class SceneSet(SceneArrays):
+    """Scenes of one spec: `poses` (n, N, 3), `phi` by label, `header`, `warnings`; see SceneArrays.
 
-    `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
-    to (n,) values in float64. `header` is the scene file without its scenes. A number picks a scene, and a slice, a
-    mask or an array of numbers a smaller set. Notebooks show the first scenes as pictures.
+    A number picks a scene, and a slice, a mask or an array of numbers a smaller set. Notebooks show the first scenes as
+    pictures.
     """
 
-    poses: Array
-    phi: Mapping[str, Array]
-    header: SceneFile
-    warnings: tuple[Diagnostic, ...] = field(default=())
     _drawn: list[bytes | None] = field(default_factory=list, init=False, repr=False)  # the sheet, once it is drawn
-
-    def __len__(self) -> int:
-        return int(self.poses.shape[0])
 
     def __repr__(self) -> str:
         spans = [
@@ -86,27 +67,10 @@ class SceneSet:
                 index = slice(0)  # numpy takes an empty list for one of floats
             phi = {name: values[index] for name, values in self.phi.items()}
             return SceneSet(self.poses[index], phi, self.header)
-        poses = {
-            name: Pose(x=float(x), y=float(y), theta=float(theta))
-            for name, (x, y, theta) in zip(self.objects, self.poses[index], strict=True)
-        }
-        return Scene(poses, {name: float(values[index]) for name, values in self.phi.items()}, self.header)
+        return Scene(*self.places(index), self.header)
 
     def __iter__(self) -> Iterator[Scene]:
         return (self[index] for index in range(len(self)))
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        return tuple(one.name for one in self.header.objects)
-
-    def names(self) -> str:
-        """The first objects in words."""
-        more = len(self.objects) - NAMED
-        return ", ".join(self.objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
-
-    def file(self) -> SceneFile:
-        """The scene file: validated data, ready to be written."""
-        return self.header.model_copy(update={"scenes": [scene.data() for scene in self]})
 
     def to_numpy(self) -> tuple[Array, Array]:
         """Copies: poses (n, N, 3) in metres and radians, and phi (n, L), labels in the order of `phi`, in float64."""
@@ -125,20 +89,15 @@ class SceneSet:
         """
         return arrays.to_pandas(self)
 
-    def _repr_png_(self) -> bytes | None:
-        """For notebooks: the contact sheet of the first scenes, drawn when it is first asked for."""
+    def _sheet(self) -> bytes | None:
+        """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
             self._drawn.append(notebook.sheet(self[: notebook.SHOWN].file()))
         return self._drawn[0]
 
     def _repr_html_(self) -> str:
-        return notebook.page(self)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
-        path = Path(path)
-        table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
-        return path
+        """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
+        return notebook.page(self, self._sheet)
 
     def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
         """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo), or a format of scene files.
@@ -151,20 +110,13 @@ class SceneSet:
 
         return export.export(self, Path(out), to)
 
-    def blocks(self) -> Iterator[Block]:
-        """The scenes as file formats take them."""
-        for start in range(0, len(self), BLOCK):
-            part = slice(start, start + BLOCK)
-            rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
-            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), rows.shape[1])
-            yield Block(rows, phi)
-
     def render(
         self,
         out: str | Path,
         *,
         views: tuple[str, ...] = ("top", "perspective"),
-        size: tuple[int, int] = (640, 480),
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
         transparent: bool = False,
         depth: bool = False,
         masks: bool = False,
@@ -174,11 +126,12 @@ class SceneSet:
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        `views` are of "top", "perspective", "front" and "three-quarter". `transparent` leaves out the ground below the
-        table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and NPZ. The result's
-        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
-        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
-        of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter". `size` is in pixels, by default (640, 480),
+        wider for a wide workspace. `distinct` colours objects apart that would look the same. `transparent` leaves out
+        the ground below the table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and
+        NPZ. The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a
+        JSON file with intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told
+        how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
@@ -187,6 +140,7 @@ class SceneSet:
             Path(out),
             views=views,
             size=size,
+            distinct=distinct,
             transparent=transparent,
             depth=depth,
             masks=masks,
@@ -200,7 +154,8 @@ class SceneSet:
         out: str | Path,
         *kinds: str,
         view: str = "perspective",
-        size: tuple[int, int] = (640, 480),
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
         label: str | None = None,
         workers: int | None = None,
     ) -> tuple[Path, ...]:
@@ -208,7 +163,7 @@ class SceneSet:
         --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
         from scenegen.api.figures import figures
 
-        return figures(self, out, kinds, view=view, size=size, label=label, workers=workers)
+        return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
 
 def read_scenes(path: str | Path) -> SceneSet:
@@ -225,46 +180,8 @@ def from_file(file: SceneFile) -> SceneSet:
 
 
 def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
-    poses = np.ascontiguousarray(scenes.rows.T).reshape(scenes.count, len(header.objects), 3)
+    poses = np.ascontiguousarray(turned(scenes.rows).T).reshape(scenes.count, len(header.objects), 3)
     return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header)
-
-
-def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:
-    """A scene file without scenes."""
-    return SceneFile(
-        spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
-        workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
-        objects=[
-            ObjectData(name=name, shape=_shape_data(shape))
-            for name, shape in zip(spec.objects, spec.shapes, strict=True)
-        ],
-        regions=[
-            RegionData(
-                name=region.name,
-                footprint=footprint_data(region.footprint),
-                pose=Pose(x=region.pose[0], y=region.pose[1], theta=region.pose[2]),
-            )
-            for region in spec.regions
-        ],
-        sampler=dict(sampler),
-        request=request,
-        scenes=[],
-    )
-
-
-def _shape_data(shape: Shape) -> ShapeData:
-    return ShapeData(asset=shape.asset, footprint=footprint_data(shape.footprint), height=shape.height, path=shape.path)
-
-
-def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
-    """The poses as (3N, n) storage in the spec's order of objects.
-
-    Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
-    """
-    stored = scenes.poses.reshape(len(scenes), 3 * len(scenes.objects)).T
-    rows = arranged(stored, order_of(spec, scenes.objects))
-    check_held(spec, rows)
-    return rows
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:

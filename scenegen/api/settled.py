@@ -9,10 +9,17 @@ from typing import TYPE_CHECKING
 
 from scenegen.api.ask import Ask
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     from scenegen.render.settle import Refusals
     from scenegen.sampling.auto import Choice
+
+
+def check_settle(wanted: bool) -> None:
+    """Before any work is done: raises RequestError where scenes are to settle and pybullet is not installed."""
+    if wanted:
+        need("pybullet", "to settle scenes")
 
 
 @contextmanager

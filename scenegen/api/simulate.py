@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.lines import block_of
 from scenegen.formats.setting import world_of
+from scenegen.needs import need
 
 if TYPE_CHECKING:
     from scenegen.api.scene import Scene
@@ -24,9 +25,12 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
     speaks of a body's centre of mass: an object's own frame, in the middle of its footprint at its lowest point, lies
     by its local inertial position (`getDynamicsInfo(...)[3]`) below that. The table's top is z = 0.
 
-    Raises RequestError where the client is not connected, DataError where an object stands beyond any table.
+    Raises RequestError where PyBullet is not installed or the client is not connected, DataError where an object stands
+    beyond any table.
     """
     from scenegen.api.scene import Scene
+
+    need("pybullet", "for `load_pybullet()`")
     from scenegen.render.load import load
 
     if not isinstance(scene, Scene):

@@ -11,6 +11,7 @@ from scenegen.errors import Diagnostic, RequestError, SpecError
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -33,6 +34,12 @@ class Spec:
 
     def __repr__(self) -> str:
         return f"<Spec {self.checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the formula of every label as a tree."""
+        from scenegen.api.notebook import spec_page
+
+        return spec_page(self)
 
     def _refuse_overflow(self) -> None:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
@@ -71,8 +78,9 @@ class Spec:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
 
         `compiled` makes machine code of it (seconds, at the first call in each dtype): worth it for millions of scenes
-        stored as (3N, B). See Robustness.
+        stored as (3N, B). See Robustness. Raises RequestError where torch is not installed.
         """
+        need("torch", "for `robustness()`")
         from scenegen.robustness import Robustness
 
         return Robustness(self.checked.core, compiled=compiled)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 from scenegen import given
 from scenegen.api.ask import Wanted, ask
+from scenegen.api.model import Model
 from scenegen.api.sample import Note, chosen, partial, sample
-from scenegen.api.scenes import SceneSet, make_header
-from scenegen.api.settled import blamed, refuse_model, settling, told
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
+from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.files import check_writable
 from scenegen.formats.table import format_of, read_scenes
@@ -98,12 +99,13 @@ def sample_to(
         )  # fmt: skip
         scenes.save(path)
         return Written(path, len(scenes), scenes.header, met(scenes), scenes.warnings)
-    from scenegen import __version__
     from scenegen.engine.exact import to_file
     from scenegen.formats.shards import folder_of
     from scenegen.sampling.report import fell_short
+    from scenegen.version import __version__
 
     asked = ask(source, phi, n, seed=seed, method=method, spread=spread, timeout=timeout, raw=False, fix=fix)
+    check_settle(settle)
     choice = chosen(asked, on_note)
     seen = _Seen()
     headers: list[SceneFile] = []

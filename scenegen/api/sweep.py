@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 
+from scenegen.api.approach import approach
 from scenegen.api.labels import chosen_label
-from scenegen.api.scenes import Array, SceneSet, make_header, rows_of
+from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.lang.core import REQUIRE, gated
+from scenegen.lang.core import REQUIRE, gated, part
 from scenegen.lang.interpret import phi as score
 from scenegen.primitives import NUMPY
-from scenegen.robustness import Robustness
-from scenegen.sampling.refine import refine
 from scenegen.scene.data import RequestData
 
 HARD = -0.25  # phi that a hard scene has at most, if it can be so low
@@ -23,7 +21,7 @@ NEAR = 0.002  # how far from its target the phi of a scene may be
 MARGIN = 1e-4  # by which requirements are kept
 
 
-def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple[SceneSet, str]:
+def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tuple[SceneArrays, str]:
     """Scenes in which one layout goes from hard to solved, and the label that this is about.
 
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
@@ -42,14 +40,14 @@ def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple
     reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else DONE
     solved = min(max(DONE, reached), 0.98 * spec.bounds()[chosen][1])
     targets = np.linspace(here, max(solved, here), frames)
-    rows = np.concatenate([start, *_walk(spec, start, list(core.labels).index(chosen), targets[1:])], axis=1)
+    rows = np.concatenate([start, *_walk(spec, start, chosen, targets[1:])], axis=1)
     phi = score(core, list(rows), NUMPY)
     header = make_header(
         spec.checked, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
     )
     poses = np.ascontiguousarray(rows.T).reshape(rows.shape[1], -1, 3)
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
-    return SceneSet(poses, values, header), chosen
+    return SceneArrays(poses, values, header), chosen
 
 
 def _start(spec: Spec, rows: Array, label: str) -> Array:
@@ -69,25 +67,23 @@ def _start(spec: Spec, rows: Array, label: str) -> Array:
     return np.ascontiguousarray(rows[:, np.argmin(score(core, list(rows), NUMPY)[label]), None])
 
 
-def _walk(spec: Spec, start: Array, place: int, targets: Array) -> list[Array]:
+def _walk(spec: Spec, start: Array, label: str, targets: Array) -> list[Array]:
     """Scenes (3N, 1) at each target in turn, as far as they can be had."""
     core = gated(spec.checked.core)
-    robustness = Robustness(core)
-    low = torch.full((len(core.labels), 1), -torch.inf, dtype=torch.float64)
-    high, aim = torch.full_like(low, torch.inf), torch.zeros_like(low)
-    if len(core.labels) > len(spec.labels):  # the requirement is the last
-        low[-1], aim[-1] = 0.0, MARGIN
-    held = None
-    if spec.checked.fixed:
-        indices = torch.tensor([3 * index + axis for index in spec.checked.fixed for axis in range(3)])
-        held = indices, torch.from_numpy(start[indices.numpy(), 0].copy())
+    core = part(core, [label, *(name for name in core.labels if name == REQUIRE)])
+    low, high = np.full(len(core.labels), -np.inf), np.full(len(core.labels), np.inf)
+    aim = np.zeros(len(core.labels))
+    low[1:], aim[1:] = 0.0, MARGIN  # the requirement, if there is one
+    free = np.ones(len(start), dtype=bool)
+    for index in spec.checked.fixed:
+        free[3 * index : 3 * index + 3] = False
     found: list[Array] = []
-    rows = torch.from_numpy(start.copy())
-    for target in targets:
-        low[place], high[place], aim[place] = float(target) - NEAR, float(target) + NEAR, float(target)
-        moved = refine(robustness, spec.workspace, rows, aim, low, high, held)
-        value = robustness.rows(moved)
-        if bool(((value >= low) & (value <= high)).all()):
-            rows = moved.detach()
-            found.append(rows.numpy().copy())
+    row = start[:, 0]
+    for target in map(float, targets):
+        low[0], high[0], aim[0] = target - NEAR, target + NEAR, target
+        moved = approach(core, spec.workspace, row, aim, low, high, free)
+        phi = np.array(list(score(core, moved.tolist()).values()))
+        if ((phi >= low) & (phi <= high)).all():
+            row = moved
+            found.append(row[:, None])
     return found

@@ -88,7 +88,7 @@ def crackerbox(color: RGB) -> tuple[Part, ...]:
     sun = revolve([(0.0, -0.0300), (0.021, -0.0300), (0.021, 0.0300), (0.0, 0.0300)], 32)
     emblem = sun.tipped().moved(z=0.176)
     cap = box(0.1585, 0.0300, 0.0012).moved(z=0.2080)
-    arrow = pip(0.060, 0.034, 0.2080, 0.2100)
+    seal = disc(0.0190, 0.2080, 0.2100, 32).moved(x=0.046)
     gold: RGB = (0.91, 0.69, 0.32)
     return (
         Part(body, color),
@@ -96,7 +96,7 @@ def crackerbox(color: RGB) -> tuple[Part, ...]:
         *(Part(biscuit, gold) for biscuit in biscuits),
         Part(emblem, (0.98, 0.80, 0.22)),
         Part(cap, mix(color, DARK, 0.18)),
-        Part(arrow, CREAM),
+        Part(seal, (0.98, 0.80, 0.22)),
     )
 
 

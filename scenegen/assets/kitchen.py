@@ -9,7 +9,7 @@ import numpy as np
 from scenegen.assets.hollow import Crate
 from scenegen.assets.mesh import Mesh, box, disc, joined, loft, revolve, tube
 from scenegen.assets.palette import RGB, mix
-from scenegen.assets.parts import CREAM, DARK, STEEL, WHITE, Part, pip
+from scenegen.assets.parts import CREAM, DARK, STEEL, WHITE, Part
 from scenegen.assets.solids import HOLLOWS
 
 
@@ -32,14 +32,16 @@ def tray(color: RGB) -> tuple[Part, ...]:
     crate = _crate("tray")
     floor = box(crate.length - 0.004, crate.width - 0.004, crate.floor)
     inlay = box(crate.length - 0.05, crate.width - 0.05, 0.0006).moved(z=crate.floor)
-    arrow = pip(0.034, 0.040, crate.floor, crate.floor + 0.0012).moved(x=0.145)
+    stripes = [
+        box(wide, crate.width - 0.05, 0.0012).moved(x=x, z=crate.floor) for x, wide in ((0.135, 0.012), (0.150, 0.004))
+    ]
     slots = [box(0.0125, 0.090, 0.012).moved(x=s * 0.19365, z=0.024) for s in (-1.0, 1.0)]
     return (
         Part(floor, mix(color, WHITE, 0.12)),
         Part(_frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
         Part(inlay, mix(color, WHITE, 0.30)),
         Part(joined(slots), mix(color, DARK, 0.65)),
-        Part(arrow, mix(color, WHITE, 0.75)),
+        Part(joined(stripes), mix(color, WHITE, 0.75)),
     )
 
 

@@ -162,14 +162,29 @@ def _family_color(name: str, asset: str, used: Sequence[RGB]) -> RGB:
     return ASSETS[known].color
 
 
-def colors_of(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
+def colors_of(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> tuple[RGB, ...]:
     """The main colour of every object of a scene, given as (name, asset), in the order given.
 
-    An object whose name is its asset's has the asset's own colour; further objects of that asset get shades that can be
-    told apart. A name that the library does not know gets a colour of its own. No two objects of an asset share one.
-    A plain shape has the colour of what the library calls by its name, if there is such a thing, else a colour of its
-    own; the elements of an array get shades of it.
+    What the library knows has the library's colour, and the elements of an array look the same. Blocks and plain shapes
+    that have names of their own get colours that can be told apart: the library's where it knows the name, else one
+    that belongs to the name. `distinct` tells apart all objects that would look the same.
     """
+    if distinct:
+        return _all_different(objects)
+    alike = [(asset if _natural(asset) else _array(name), asset) for name, asset in objects]
+    kinds = list(dict.fromkeys(alike))
+    color = dict(zip(kinds, _all_different(kinds), strict=True))
+    return tuple(color[kind] for kind in alike)
+
+
+def _natural(asset: str) -> bool:
+    """Whether a colour belongs to what the asset is: apples are red, whereas blocks come in all colours."""
+    return asset not in PLAIN and asset != UNKNOWN
+
+
+def _all_different(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
+    """Colours of which no two objects of an asset share one: the asset's own or one that belongs to the name, and
+    shades of it for further objects of that asset, or of that array of plain shapes."""
     families = [_family(name, asset) for name, asset in objects]
     counts = Counter(families)
     seen: Counter[str] = Counter()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenegen.assets.mesh import Mesh, prism, revolve, tube
+import numpy as np
+
+from scenegen.assets.mesh import Mesh, loft, prism, revolve, tube
 from scenegen.assets.palette import RGB
 
 CREAM: RGB = (0.96, 0.93, 0.84)
@@ -48,7 +51,28 @@ def lining(inside: list[tuple[float, float]], thickness: float = 0.0008) -> Mesh
     return revolve([*coat, *reversed(below)])
 
 
+def crescent(profile: Sequence[tuple[float, float]], sweep: float, thickness: float = 0.0006) -> Mesh:
+    """A brush stroke of glaze on the inside of a vessel: it shows the heading of what is round.
+
+    `profile` runs as (radius, z) from the rim inwards. The stroke covers all of it at the heading, and ever less of it
+    to either side, over `sweep` radians in all.
+    """
+    points = np.array(profile)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    sections = []
+    for angle in np.linspace(-sweep / 2, sweep / 2, max(8, round(sweep / 0.1))):
+        share = max(math.cos(math.pi * angle / sweep), 0.02)
+        places = np.linspace(0.0, share * along[-1], 6)
+        line = np.column_stack([np.interp(places, along, points[:, 0]), np.interp(places, along, points[:, 1])])
+        tangent = np.gradient(line, axis=0)
+        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])  # towards the axis and up
+        normal *= thickness / np.linalg.norm(normal, axis=1, keepdims=True)
+        radius, z = np.concatenate([line - normal, (line + normal)[::-1]]).T
+        sections.append(np.column_stack([radius * math.cos(angle), radius * math.sin(angle), z]))
+    return loft(sections)
+
+
 def pip(length: float, width: float, bottom: float, top: float) -> Mesh:
-    """An arrow head in the plane that points along the heading: the mark of objects that look alike all round."""
+    """An arrow head in the plane that points along the heading: the mark of blocks and plain shapes."""
     x, y, tip = length / 2, width / 2, width * 0.06
     return prism([(-x, -y), (x, -tip), (x, tip), (-x, y)], bottom, top)

@@ -33,6 +33,18 @@ def base_heights(shapes: Sequence[Shape], poses: Floats, *, solid: bool = False)
         return _heights(shapes, poses, solid)
 
 
+def carrier_first(shapes: Sequence[Shape], a: int, b: int) -> tuple[int, int]:
+    """Two objects, by their numbers: the one that can carry the other first."""
+    return (a, b) if (-_area(shapes[a].footprint), a) < (-_area(shapes[b].footprint), b) else (b, a)
+
+
+def carries(lower: Shape, upper: Shape, lower_poses: Floats, upper_poses: Floats) -> npt.NDArray[np.bool_]:
+    """(P,): whether the middle of one object is above another at poses (P, 3) each."""
+    middle = _middle(upper.footprint, upper_poses)
+    inside = PRIMITIVES["room"].evaluate
+    return np.asarray(inside(NUMPY, POINT, lower.footprint, *middle, *lower_poses.T) > 0.0)
+
+
 def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
     inside = PRIMITIVES["room"].evaluate
     areas = [_area(shape.footprint) for shape in shapes]
@@ -40,10 +52,9 @@ def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
     heights = np.zeros(poses.shape[:2])
     for place, upper in enumerate(order):
         footprint, pose = shapes[upper].footprint, poses[:, upper].T
-        middle = _middle(footprint, poses[:, upper])
         for lower in order[:place]:
             below = poses[:, lower].T
-            carried = inside(NUMPY, POINT, shapes[lower].footprint, *middle, *below) > 0.0
+            carried = carries(shapes[lower], shapes[upper], poses[:, lower], poses[:, upper])
             if not carried.any():
                 continue
             floor = np.full(len(poses), shapes[lower].height)

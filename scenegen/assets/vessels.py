@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenegen.assets.mesh import box, disc, loft, revolve, tube
+from scenegen.assets.mesh import box, disc, joined, loft, revolve, tube
 from scenegen.assets.palette import RGB, mix
-from scenegen.assets.parts import COFFEE, CREAM, DARK, STEEL, WHITE, Part, handle, lining, patch, pip
+from scenegen.assets.parts import COFFEE, CREAM, DARK, STEEL, WHITE, Part, crescent, handle, lining, patch
 
 
 def plate(color: RGB) -> tuple[Part, ...]:
@@ -18,7 +18,7 @@ def plate(color: RGB) -> tuple[Part, ...]:
     ink = mix(color, (0.20, 0.36, 0.62), 0.70)
     well = revolve([(0.0, 0.006), (0.0755, 0.006), (0.0758, 0.0069), (0.0735, 0.0074), (0.0, 0.0074)], 72)
     line = revolve([(0.1085, 0.016), (0.1130, 0.016), (0.1130, 0.0198), (0.1085, 0.0185)], 72)
-    mark = revolve([(0.0925, 0.011), (0.1050, 0.014), (0.1050, 0.0176), (0.0925, 0.0139)], 8, start=-0.10, sweep=0.20)
+    mark = crescent([(0.1130, 0.0194), (0.0930, 0.0135)], 2.6)
     return Part(body, color), Part(well, mix(color, (0.84, 0.86, 0.88), 0.45)), Part(line, ink), Part(mark, ink)
 
 
@@ -31,7 +31,7 @@ def bowl(color: RGB) -> tuple[Part, ...]:
         ]
     )  # fmt: skip
     inner = mix(color, WHITE, 0.72)
-    mark = revolve([(0.0375, 0.010), (0.052, 0.019), (0.052, 0.0235), (0.0375, 0.0165)], 6, start=-0.22, sweep=0.44)
+    mark = crescent([(0.0755, 0.0585), (0.067, 0.0400), (0.058, 0.0290)], 3.6, 0.0012)
     return Part(body, color), Part(lining(inside), inner), Part(mark, color)
 
 
@@ -66,13 +66,14 @@ def cup(color: RGB) -> tuple[Part, ...]:
 
 
 def glass(color: RGB) -> tuple[Part, ...]:
-    water = revolve([(0.0, 0.0), (0.0275, 0.0), (0.029, 0.003), (0.0330, 0.082), (0.0, 0.082)])
-    rim = revolve([(0.0330, 0.081), (0.0350, 0.124), (0.0344, 0.125), (0.0330, 0.124), (0.0312, 0.081)])
-    straw = tube([(0.010 - 0.0002 * z, 0.001 * z) for z in (20, 45, 70, 95, 118)], 0.003, 0.003, 8)
+    water = revolve([(0.0, 0.0), (0.0275, 0.0), (0.029, 0.003), (0.0338, 0.100), (0.0, 0.100)])
+    rim = revolve([(0.0338, 0.099), (0.0350, 0.124), (0.0344, 0.125), (0.0330, 0.124), (0.0320, 0.099)])
+    rind, lemon = (disc(radius, 0.098, top, 24).moved(x=0.014) for radius, top in ((0.0155, 0.1025), (0.0128, 0.1030)))
     return (
         Part(water, mix(color, (0.25, 0.52, 0.72), 0.60)),
         Part(rim, mix(color, WHITE, 0.35)),
-        Part(straw.moved(x=0.012), (0.88, 0.30, 0.28)),
+        Part(rind, (0.95, 0.78, 0.16)),
+        Part(lemon, (0.98, 0.93, 0.58)),
     )
 
 
@@ -86,11 +87,10 @@ def bottle(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(patch(0.0357, 0.003, 0.035, 0.105, 3.6), CREAM),
-        Part(patch(0.0360, 0.0045, 0.062, 0.078, 2.2), mix(color, DARK, 0.15)),
+        Part(patch(0.0360, 0.0045, 0.058, 0.082, 1.4), mix(color, DARK, 0.15)),
         Part(
             revolve([(0.0, 0.205), (0.0145, 0.205), (0.0145, 0.229), (0.0135, 0.230), (0.0, 0.230)]), (0.80, 0.62, 0.24)
         ),
-        Part(pip(0.018, 0.016, 0.2285, 0.230), DARK),
     )
 
 
@@ -118,12 +118,16 @@ def jar(color: RGB) -> tuple[Part, ...]:
         [(0.0, 0.0), (0.036, 0.0), (0.0395, 0.004), (0.0395, 0.086), (0.036, 0.094), (0.033, 0.098), (0.0, 0.098)]
     )
     lid = revolve([(0.0, 0.096), (0.0365, 0.096), (0.0365, 0.117), (0.035, 0.1188), (0.0, 0.1188)])
+    ink = mix(color, DARK, 0.15)
+    seal = joined(
+        [box(0.050, 0.014, 0.0012).moved(x=0.0125, z=0.1185), box(0.0015, 0.014, 0.030).moved(x=0.037, z=0.0897)]
+    )
     return (
         Part(body, color),
         Part(lid, CREAM),
         Part(patch(0.0397, 0.003, 0.025, 0.072, 2.6), CREAM),
-        Part(patch(0.0400, 0.0025, 0.043, 0.054, 1.6), mix(color, DARK, 0.30)),
-        Part(pip(0.036, 0.026, 0.1180, 0.120), mix(color, DARK, 0.15)),
+        Part(patch(0.0400, 0.0025, 0.040, 0.058, 1.2), mix(color, DARK, 0.30)),
+        Part(seal, ink),
     )
 
 

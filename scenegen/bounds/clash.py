@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, impose, size_of, start
+from scenegen.bounds.effort import PYTHON, Effort, scoring
 from scenegen.bounds.proposal import open_nodes
-from scenegen.bounds.search import find
-from scenegen.bounds.tape import Tape, make_tape
+from scenegen.bounds.search import Reach, find
+from scenegen.bounds.tape import Tape, make_tape, weight
 from scenegen.bounds.wanted import EVERYTHING, Ends, alternatives, both, push_down
 from scenegen.errors import Diagnostic, Span
 from scenegen.lang.core import Atom, Coord, Core, Junction
@@ -54,25 +55,28 @@ def clash(
     highest: Array,
     wanted: Mapping[int, Ends],
     *,
-    search: bool = True,
+    search: bool | Reach = True,
     work: int = WORK,
+    effort: Effort | None = None,
 ) -> Clash | None:
     """What clashes in a demand over the box lowest..highest (3N,); None where a scene meets it.
 
     `wanted` maps formula nodes to the ends that their value should lie in. Where nothing can be proved and a short
-    search finds no scene either, the result has `proved` False; `search=False` returns None then. `work` bounds the
-    effort, in visits of nodes (about 60 microseconds each); where it does not suffice, less is proved and less dropped.
+    search finds no scene either, the result has `proved` False; `search=False` returns None then, and a search that has
+    been made already can be given instead. `work` bounds the effort, in visits of nodes (about 60 microseconds each);
+    where it does not suffice, less is proved and less dropped. Raises what `effort` raises.
     """
-    tape = make_tape(core, lowest, highest)
+    effort = Effort() if effort is None else effort
+    tape = make_tape(core, lowest, highest, effort)
     conjuncts = take_apart(core, wanted)
-    proof = _Proof(core, tape, lowest, highest, work)
+    proof = _Proof(core, tape, lowest, highest, work, effort)
     for boxes in EFFORTS:
         proof.boxes = boxes
         if proof.refutes(conjuncts):
             return Clash(tuple(proof.smallest(conjuncts)), True)
-    if not search:
+    if search is False:
         return None
-    found = find(core, lowest, highest, wanted, work=work)
+    found = find(core, lowest, highest, wanted, work=work, effort=effort) if search is True else search
     if found.verdict == "yes" or found.nearest is None:
         return None
     return Clash(_in_the_way(core, found.nearest, conjuncts), False)
@@ -158,28 +162,30 @@ class _Proof:
     lowest: Array
     highest: Array
     work: int
+    effort: Effort
     boxes: int = 1
 
     def refutes(self, conjuncts: Sequence[Conjunct]) -> bool:
         """Whether it is proved, within the boxes allowed, that no scene meets the conjuncts."""
         core, tape = self.core, self.tape
+        self.effort.spend(PYTHON * len(conjuncts))
         demand = push_down(core, _joined(conjuncts))
         if any(low > high for low, high in demand.values()):
             return True
-        rounds = 1 if len(tape.nodes) > LARGEST else 4
+        rounds, cost = 1 if len(tape.nodes) > LARGEST else 4, weight(tape.nodes)
         demands = [demand]
         lo, hi = start(tape, demands, self.lowest[:, None], self.highest[:, None])
         looked = 1
         while self.work > 0:
-            self.work -= rounds * len(tape.nodes)
-            kept = np.flatnonzero(contract(tape.nodes, lo, hi, rounds=rounds))
+            self.work -= rounds * cost
+            kept = np.flatnonzero(contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=self.effort))
             if not len(kept):
                 return True
             lo, hi, demands = lo[:, kept], hi[:, kept], [demands[column] for column in kept]
             if rounds == 1 or looked >= self.boxes or self._met(conjuncts, lo, hi):
                 return False
             next_lo, next_hi, next_demands = [lo[:, WIDE:]], [hi[:, WIDE:]], demands[WIDE:]
-            self.work -= len(tape.nodes) * min(WIDE, len(demands)) // 4
+            self.work -= cost * min(WIDE, len(demands)) // 4
             for column in range(min(WIDE, len(demands))):
                 split = self._split(demands[column], lo[:, column], hi[:, column])
                 if split is None:
@@ -216,7 +222,8 @@ class _Proof:
         rows = self.lowest[:, None] + where * (self.highest - self.lowest)[:, None]
         for row, node in self.tape.rows.items():
             rows[row] = lo[node, boxes] + where[row] * (hi[node, boxes] - lo[node, boxes])
-        values = evaluate(self.core, list(rows), NUMPY)
+        self.effort.spend(scoring(self.core.nodes, len(boxes)))
+        values = evaluate(self.core, list(rows), NUMPY, self.effort.check)
         met = np.ones(len(boxes), dtype=bool)
         for node, low, high in conjuncts:
             met &= (values[node] >= low) & (values[node] <= high)
@@ -228,7 +235,7 @@ class _Proof:
         """A box in parts: by the alternatives of an open junction, else in halves along the widest coordinate or
         difference that an open atom depends on. None where the whole box meets the demand, or nothing is wide."""
         core, tape = self.core, self.tape
-        pending = open_nodes(tape, demand, lo, hi)
+        pending = open_nodes(tape, demand, lo, hi, self.effort)
         if not pending:
             return None
         for one in pending:

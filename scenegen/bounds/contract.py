@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.batches import Batches
+from scenegen.bounds.effort import Effort, bounding
 from scenegen.bounds.tape import Tape
 from scenegen.lang.core import Apply, Const, Coord, Junction, Node
 from scenegen.primitives import PRIMITIVES, Interval
@@ -55,28 +57,38 @@ def impose(tape: Tape, wanted: Wanted, lo: Array, hi: Array, size: float) -> Non
         hi[at] = min(hi[at], high + SLACK * (size + abs(high)))
 
 
-def contract(nodes: Sequence[Node], lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
+def contract(
+    nodes: Sequence[Node],
+    lo: Array,
+    hi: Array,
+    rounds: int = ROUNDS,
+    *,
+    batches: Batches | None = None,
+    effort: Effort | None = None,
+) -> npt.NDArray[np.bool_]:
     """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which may hold a solution, (K,).
 
-    No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left.
+    No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left. With
+    `batches`, those of `nodes`, many nodes are revised at a time: faster on large tapes, and narrower or wider by a
+    little, for nodes of one batch do not see what the others have narrowed. Raises what `effort` raises.
     """
+    effort = Effort() if effort is None else effort
     alive = np.ones(lo.shape[1], dtype=bool)
     leaves = [index for index, node in enumerate(nodes) if _is_leaf(nodes, node)]
     with np.errstate(all="ignore"):
         before = hi[leaves] - lo[leaves]
         for _ in range(rounds):
-            for index, node in enumerate(nodes):
-                value = _value(node, lo, hi)
-                if value is not None:
-                    np.fmax(lo[index], value.lo, out=lo[index])
-                    np.fmin(hi[index], value.hi, out=hi[index])
+            if batches is None:
+                _up(nodes, lo, hi, effort)
+            else:
+                batches.meet_up(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             if not alive.any():
                 break
-            for index in range(len(nodes) - 1, -1, -1):
-                node = nodes[index]
-                if isinstance(node, Apply | Junction):
-                    _revise(node, Interval(lo[index], hi[index]), lo, hi)
+            if batches is None:
+                _down(nodes, lo, hi, effort)
+            else:
+                batches.meet_down(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             after = hi[leaves] - lo[leaves]
             if not alive.any() or not (after < (1.0 - LEAST) * before)[:, alive].any():
@@ -85,21 +97,55 @@ def contract(nodes: Sequence[Node], lo: Array, hi: Array, rounds: int = ROUNDS) 
     return alive
 
 
-def forward(nodes: Sequence[Node], lo: Array, hi: Array, given: Sequence[int]) -> tuple[Array, Array]:
-    """Bounds of all nodes, (T, K), from the intervals of the `given` ones alone (and of all coordinates)."""
-    out_lo, out_hi = np.empty_like(lo), np.empty_like(hi)
-    known = set(given)
+def forward(
+    nodes: Sequence[Node],
+    lo: Array,
+    hi: Array,
+    given: Sequence[int],
+    *,
+    batches: Batches | None = None,
+    effort: Effort | None = None,
+) -> tuple[Array, Array]:
+    """Bounds of all nodes, (T, K), from the intervals of the `given` ones alone (and of all coordinates): the same
+    with and without `batches`. Raises what `effort` raises."""
+    effort = Effort() if effort is None else effort
+    out_lo, out_hi = lo.copy(), hi.copy()
+    known = np.zeros(len(nodes), dtype=bool)
+    known[list(given)] = True
+    if batches is not None:
+        with np.errstate(all="ignore"):
+            batches.bounds(out_lo, out_hi, effort, known)
+        return out_lo, out_hi
     with np.errstate(all="ignore"):
         for index, node in enumerate(nodes):
+            effort.spend(bounding(node, lo.shape[1]))
             value = _value(node, out_lo, out_hi)
-            if isinstance(node, Coord) or value is None:
-                out_lo[index], out_hi[index] = lo[index], hi[index]
+            if value is None:
                 continue
             out_lo[index], out_hi[index] = value
-            if index in known:
+            if known[index]:
                 np.fmax(out_lo[index], lo[index], out=out_lo[index])
                 np.fmin(out_hi[index], hi[index], out=out_hi[index])
     return out_lo, out_hi
+
+
+def _up(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
+    """Meet every node's interval with the bounds of its children, one after another."""
+    for index, node in enumerate(nodes):
+        effort.spend(bounding(node, lo.shape[1]))
+        value = _value(node, lo, hi)
+        if value is not None:
+            np.fmax(lo[index], value.lo, out=lo[index])
+            np.fmin(hi[index], value.hi, out=hi[index])
+
+
+def _down(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
+    """Meet every child's interval with what its parents leave, from the last node on."""
+    for index in range(len(nodes) - 1, -1, -1):
+        node = nodes[index]
+        if isinstance(node, Apply | Junction):
+            effort.spend(bounding(node, lo.shape[1]))
+            _revise(node, Interval(lo[index], hi[index]), lo, hi)
 
 
 def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:

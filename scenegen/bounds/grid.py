@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.alias import Alias, make_alias
-from scenegen.bounds.contract import SLACK, contract, forward
+from scenegen.bounds.batches import Batches, make_batches
+from scenegen.bounds.contract import ROUNDS, SLACK, contract, forward
+from scenegen.bounds.effort import Effort
 from scenegen.lang.core import Node
 
 Array = npt.NDArray[np.float64]
@@ -48,6 +50,29 @@ class Grid:
         return out
 
 
+@dataclass(frozen=True, slots=True)
+class _Tape:
+    """What boxes are contracted by, and what makes one whole; see make_grid."""
+
+    nodes: Sequence[Node]
+    batches: Batches | None
+    given: tuple[int, ...]
+    demands: tuple[tuple[int, float, float], ...]
+    effort: Effort
+
+    def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
+        return contract(self.nodes, lo, hi, rounds, batches=self.batches, effort=self.effort)
+
+    def settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
+        """Boxes in which every scene meets the demands, as far as bounds can tell."""
+        low, high = forward(self.nodes, lo, hi, self.given, batches=self.batches, effort=self.effort)
+        settled = np.ones(lo.shape[1], dtype=bool)
+        for node, least, most in self.demands:
+            room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
+            settled &= (low[node] >= least - room) & (high[node] <= most + room)
+        return settled
+
+
 def make_grid(
     nodes: Sequence[Node],
     names: Sequence[int],
@@ -57,19 +82,22 @@ def make_grid(
     given: Sequence[int],
     demands: Sequence[tuple[int, float, float]],
     budget: int,
+    effort: Effort,
 ) -> Grid:
     """Cover what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
 
     `dims` are the positions to cover (called `names` in the result), `given` those whose intervals are kept when bounds
     are worked out anew, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
-    not split further. At most `budget` boxes. An empty grid proves that there is no solution.
+    not split further. At most `budget` boxes. An empty grid proves that there is no solution. Raises what `effort`
+    raises.
     """
     lo, hi = lo[:, None].copy(), hi[:, None].copy()
-    alive = contract(nodes, lo, hi)
+    tape = _Tape(nodes, make_batches(nodes), tuple(given), tuple(demands), effort)
+    alive = tape.contract(lo, hi)
     lo, hi = lo[:, alive], hi[:, alive]
     where = list(dims)
     whole_width = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    open_ = ~_settled(nodes, lo, hi, given, demands)
+    open_ = ~tape.settled(lo, hi)
     volume = _volume(lo, hi, where)
     while open_.any() and lo.shape[1] < budget:
         largest = volume[open_].max()
@@ -80,10 +108,10 @@ def make_grid(
         if len(chosen) > room:
             chosen = np.sort(chosen[np.argsort(-volume[chosen], kind="stable")[:room]])
         before = float(volume.sum())
-        new_lo, new_hi = _split(nodes, lo[:, chosen], hi[:, chosen], where, whole_width)
+        new_lo, new_hi = _split(tape, lo[:, chosen], hi[:, chosen], where, whole_width)
         kept = np.ones(lo.shape[1], dtype=bool)
         kept[chosen] = False
-        settled = _settled(nodes, new_lo, new_hi, given, demands)
+        settled = tape.settled(new_lo, new_hi)
         lo, hi = np.concatenate([lo[:, kept], new_lo], axis=1), np.concatenate([hi[:, kept], new_hi], axis=1)
         open_ = np.concatenate([open_[kept], ~settled])
         volume = np.concatenate([volume[kept], _volume(new_lo, new_hi, where)])
@@ -100,21 +128,7 @@ def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:
     return volume
 
 
-def _settled(
-    nodes: Sequence[Node], lo: Array, hi: Array, given: Sequence[int], demands: Sequence[tuple[int, float, float]]
-) -> npt.NDArray[np.bool_]:
-    """Boxes in which every scene meets the demands, as far as bounds can tell."""
-    low, high = forward(nodes, lo, hi, given)
-    settled = np.ones(lo.shape[1], dtype=bool)
-    for node, least, most in demands:
-        room = (
-            8 * SLACK * (1.0 + (abs(least) if np.isfinite(least) else 0.0) + (abs(most) if np.isfinite(most) else 0.0))
-        )
-        settled &= (low[node] >= least - room) & (high[node] <= most + room)
-    return settled
-
-
-def _split(nodes: Sequence[Node], lo: Array, hi: Array, dims: list[int], whole: Array) -> tuple[Array, Array]:
+def _split(tape: _Tape, lo: Array, hi: Array, dims: list[int], whole: Array) -> tuple[Array, Array]:
     """Both halves of every box, cut where cutting and contracting leaves the least volume, or else along the relatively
     longest edge; empty halves are dropped."""
     count, ways = lo.shape[1], len(dims)
@@ -125,7 +139,7 @@ def _split(nodes: Sequence[Node], lo: Array, hi: Array, dims: list[int], whole: 
         above = slice((2 * way + 1) * count, (2 * way + 2) * count)
         trial_hi[dim, below] = middle[way]
         trial_lo[dim, above] = middle[way]
-    alive = contract(nodes, trial_lo, trial_hi, rounds=2)
+    alive = tape.contract(trial_lo, trial_hi, rounds=2)
     volume = np.where(alive, _volume(trial_lo, trial_hi, dims), 0.0).reshape(ways, 2, count)
     left = volume.sum(axis=1)
     relative = (hi[dims] - lo[dims]) / whole[:, None]

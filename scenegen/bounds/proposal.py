@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scenegen.bounds.chain import Chain, Edge, make_chain
 from scenegen.bounds.contract import SLACK, forward
+from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.bounds.grid import Grid, make_grid
 from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.tape import Tape
@@ -113,15 +114,19 @@ class Open:
     support: frozenset[int]
 
 
-def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array) -> list[Open]:
+def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array, effort: Effort) -> list[Open]:
     """The demands (by core node) that do not hold everywhere in one contracted box, lo and hi (T,)."""
-    low, high = forward(tape.nodes, lo[:, None], hi[:, None], tuple(tape.differences))
+    low, high = forward(
+        tape.nodes, lo[:, None], hi[:, None], tuple(tape.differences), batches=tape.batches, effort=effort
+    )
     found = []
     for index, (least, most) in demand.items():
         node = tape.where[index]
         room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
         if low[node, 0] < least - room or high[node, 0] > most + room:
-            found.append(Open(index, node, least, most, tape.support(node)))
+            support = tape.support(node)
+            effort.spend(PYTHON * (1 + len(support)))
+            found.append(Open(index, node, least, most, support))
     return found
 
 
@@ -135,15 +140,16 @@ def propose(
     coupling: Collection[int],
     relative: bool,
     budget: int,
+    effort: Effort,
 ) -> Proposal | None:
     """The proposal for one contracted box lo, hi (T,). None where a cover comes out empty: there is no solution.
 
     `pending` are the demands that the box leaves open; those whose core node is in `coupling` are worth a grid.
-    `relative`: objects that they couple hang from one another.
+    `relative`: objects that they couple hang from one another. Raises what `effort` raises.
     """
     mine = [one for one in pending if one.core in coupling and not isinstance(tape.nodes[one.node], Junction)]
     frame = _hang(tape, lo, hi, mine) if relative else _Frame()
-    groups = _groups(tape, frame, mine)
+    groups = _groups(tape, frame, mine, effort)
     grids: list[Grid] = []
     rows_of: list[tuple[int, ...]] = []
     slot: dict[int, tuple[int, int]] = {}
@@ -154,7 +160,7 @@ def propose(
         few = len(names) <= MOST_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):
             continue
-        grid = _grid(tape, frame, lo, hi, names, pending, budget if few else 1)
+        grid = _grid(tape, frame, lo, hi, names, pending, budget if few else 1, effort)
         if grid.volume <= 0.0:
             return None
         for position, name in enumerate(names):
@@ -273,10 +279,11 @@ def _variables(tape: Tape, frame: _Frame, support: Iterable[int]) -> set[int]:
     return found
 
 
-def _groups(tape: Tape, frame: _Frame, mine: Iterable[Open]) -> list[set[int]]:
+def _groups(tape: Tape, frame: _Frame, mine: Iterable[Open], effort: Effort) -> list[set[int]]:
     """The drawn nodes that the demands tie together; every difference of the frame is in one of them."""
     groups: list[set[int]] = []
     for part in (*(_variables(tape, frame, one.support) for one in mine), *({node} for _, node in frame.up.values())):
+        effort.spend(PYTHON * (1 + len(part)) + 5 * len(groups))
         touching = [group for group in groups if group & part]
         groups = [group for group in groups if not group & part]
         groups.append(part.union(*touching))
@@ -284,9 +291,17 @@ def _groups(tape: Tape, frame: _Frame, mine: Iterable[Open]) -> list[set[int]]:
 
 
 def _grid(
-    tape: Tape, frame: _Frame, lo: Array, hi: Array, names: list[int], pending: Sequence[Open], budget: int
+    tape: Tape,
+    frame: _Frame,
+    lo: Array,
+    hi: Array,
+    names: list[int],
+    pending: Sequence[Open],
+    budget: int,
+    effort: Effort,
 ) -> Grid:
     """The cover of one group by boxes, from the demands that depend on nothing else."""
+    effort.spend(PYTHON * sum(len(one.support) for one in pending) + 50 * len(tape.nodes))
     inside = set(names)
     demands = [one for one in pending if _variables(tape, frame, one.support) <= inside]
     # rows that are sums along the frame keep within the workspace, so they are part of what is contracted
@@ -300,7 +315,7 @@ def _grid(
     dims = [number[name] for name in names]
     given = [number[index] for index in old if index in tape.differences]
     ends = [(number[one.node], one.low, one.high) for one in demands]
-    return make_grid(nodes, names, lo[old], hi[old], dims, given, ends, budget)
+    return make_grid(nodes, names, lo[old], hi[old], dims, given, ends, budget, effort)
 
 
 def _trees(tape: Tape, lo: Array, hi: Array, taken: Collection[int]) -> list[list[Edge]]:

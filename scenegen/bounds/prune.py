@@ -8,13 +8,14 @@ half of what is drawn is expected to be kept or nothing helps any more.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.contract import contract, start
+from scenegen.bounds.contract import ROUNDS, contract, start
+from scenegen.bounds.effort import PYTHON, Effort, scoring
 from scenegen.bounds.proposal import Open, Proposal, open_nodes, propose
 from scenegen.bounds.tape import Tape, make_tape
 from scenegen.bounds.wanted import Ends, alternatives, push_down
@@ -27,7 +28,7 @@ Bool = npt.NDArray[np.bool_]
 
 PARTS = 256  # alternatives of a cover at most
 PILOT = 1024  # scenes drawn from a part to see what is wasted
-LIVE = 1 << 22  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
+LIVE = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
 GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
 FAILS = 0.25  # an open junction that fails this often is worth a split
 LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
@@ -93,10 +94,6 @@ class Cover:
         return usable, spans
 
 
-class StoppedError(Exception):
-    """There was no time to make a cover."""
-
-
 def prune(
     core: Core,
     lowest: Array,
@@ -104,16 +101,17 @@ def prune(
     wanted: Mapping[int, Ends],
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
-    stop: Callable[[], bool] = lambda: False,
+    effort: Effort | None = None,
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
-    Raises StoppedError where `stop` says so, which is asked between parts: half a cover is none.
+    Raises what `effort` raises: half a cover is none.
     """
-    tape = make_tape(core, lowest, highest) if tape is None else tape
+    effort = Effort() if effort is None else effort
+    tape = make_tape(core, lowest, highest, effort) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-    search = _Search(core, tape, lowest, highest, wanted, rng, stop)
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort)
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
         weights = _weights(parts)
@@ -150,23 +148,22 @@ class _Search:
     highest: Array
     wanted: Mapping[int, Ends]
     rng: np.random.Generator
-    stop: Callable[[], bool]
+    effort: Effort
 
     def open_up(self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]]) -> list[Part]:
         """Parts for demands, contracted together; those proved empty are left out."""
         if not entries:
             return []
         columns = (len(self.lowest), len(entries))
+        rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
         boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
         lo, hi = start(self.tape, [demand for demand, _ in entries], *boxes)
-        alive = contract(self.tape.nodes, lo, hi, rounds=1 if len(self.tape.nodes) > LARGE else 4)
+        alive = contract(self.tape.nodes, lo, hi, rounds, batches=self.tape.batches, effort=self.effort)
         found = []
         for column in np.flatnonzero(alive):
-            if self.stop():
-                raise StoppedError
             demand, apart = entries[int(column)]
             part = Part(apart, demand, lo[:, column].copy(), hi[:, column].copy())
-            part.pending = open_nodes(self.tape, demand, part.lo, part.hi)
+            part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
             if self._equip(part, COARSE):
                 found.append(part)
         return found
@@ -180,10 +177,11 @@ class _Search:
         ]
         if failing:
             _, node = max(failing)
-            split = alternatives(self.core, part.demand, node)
-            return self.open_up(
-                [(demand, (*part.apart, *((key, *ends) for key, ends in apart.items()))) for demand, apart in split]
-            )
+            split = []
+            for demand, apart in alternatives(self.core, part.demand, node):
+                self.effort.spend(PYTHON * (1 + len(demand)))
+                split.append((demand, (*part.apart, *((key, *ends) for key, ends in apart.items()))))
+            return self.open_up(split)
         part.final = True
         if part.proposal is not None and part.proposal.grids:
             return [part] if self._equip(part, FINE) else []
@@ -218,14 +216,26 @@ class _Search:
         return True
 
     def _proposal(self, part: Part, coupling: Collection[int], relative: bool, budget: int) -> Proposal | None:
-        return propose(self.tape, self.lowest, self.highest, part.lo, part.hi, part.pending, coupling, relative, budget)
+        return propose(
+            self.tape,
+            self.lowest,
+            self.highest,
+            part.lo,
+            part.hi,
+            part.pending,
+            coupling,
+            relative,
+            budget,
+            self.effort,
+        )
 
     def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:
         """Draw a few scenes and note which share is kept; returns the share that meets each open demand."""
         count = max(64, min(PILOT, LIVE // len(self.core.nodes)))
+        self.effort.spend(scoring(self.core.nodes, count))
         rows = np.empty((len(self.lowest), count))
         inside = proposal.draw(rows, self.rng)
-        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY)]
+        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY, self.effort.check)]
         usable = np.ones(count, dtype=bool) if inside is None else inside
         kept = usable.copy()
         for node, (low, high) in self.wanted.items():

@@ -14,13 +14,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.batches import Batches, make_batches
+from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.primitives.footprint import Circle
 
 Array = npt.NDArray[np.float64]
 
 LONGEST = 8  # terms that a sum may have before it counts as one opaque number; keeps the work linear
 
 MOST_LOOPS = 100
+POLYGON = 5  # visits of nodes that a footprint with corners adds to what a primitive costs
 
 # Primitives that depend on where two places lie to each other only: the arguments that are (x, y) of each.
 RELATIVE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
@@ -56,7 +60,7 @@ class Tape:
     """`where[i]` is the tape's node with the value of core node i. `rows` maps a storage row to its node;
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
     coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
-    three objects, two differences add up to the third."""
+    three objects, two differences add up to the third. `batches` are those of a large tape."""
 
     nodes: tuple[Node, ...]
     where: tuple[int, ...]
@@ -64,6 +68,7 @@ class Tape:
     differences: dict[int, tuple[int, int]]
     affine: dict[int, int]
     loops: tuple[int, ...]
+    batches: Batches | None = None
 
     def support(self, node: int) -> frozenset[int]:
         """The coordinates and differences that a node is computed from; what is below a difference is not looked at."""
@@ -172,13 +177,18 @@ class _Writer:
         return found + rest
 
 
-def make_tape(core: Core, lowest: Array, highest: Array) -> Tape:
-    """The tape of a core over boxes within lowest..highest (3N,); rows whose ends are equal become constants."""
+def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None = None) -> Tape:
+    """The tape of a core over boxes within lowest..highest (3N,); rows whose ends are equal become constants.
+
+    Raises what `effort` raises.
+    """
+    effort = Effort() if effort is None else effort
     writer = _Writer()
     forms: list[Form] = []
     where: list[int] = []
     rows: dict[int, int] = {}
     for node in core.nodes:
+        effort.spend(PYTHON * (1 + len(children(node))))
         match node:
             case Const(value):
                 form = Form(value)
@@ -197,11 +207,19 @@ def make_tape(core: Core, lowest: Array, highest: Array) -> Tape:
             form = Form(0.0, ((writer.write(form), 1.0),))
         forms.append(form)
         where.append(writer.write(form) if isinstance(node, Atom) else form.terms[0][0] if _is_formula(node) else -1)
-    loops = _loops(writer)
-    return Tape(tuple(writer.nodes), tuple(where), rows, writer.differences, writer.affine, loops)
+    loops = _loops(writer, effort)
+    nodes = tuple(writer.nodes)
+    return Tape(nodes, tuple(where), rows, writer.differences, writer.affine, loops, make_batches(nodes))
 
 
-def _loops(writer: _Writer) -> tuple[int, ...]:
+def weight(nodes: Sequence[Node]) -> int:
+    """What it costs to visit nodes once, in visits of simple ones."""
+    return len(nodes) + POLYGON * sum(
+        sum(not isinstance(shape, Circle) for shape in node.shapes) for node in nodes if isinstance(node, Apply)
+    )
+
+
+def _loops(writer: _Writer, effort: Effort) -> tuple[int, ...]:
     """A node (a - b) + (b - c) - (a - c) for every three rows whose differences all occur, up to a number."""
     node = {pair: index for index, pair in writer.differences.items()}
     after: dict[int, list[int]] = {}
@@ -209,6 +227,7 @@ def _loops(writer: _Writer) -> tuple[int, ...]:
         after.setdefault(a, []).append(b)
     found: list[int] = []
     for (a, b), first in sorted(node.items()):
+        effort.spend(PYTHON)
         for c in after.get(b, ()):
             if (a, c) in node:
                 both = writer.add(Apply("add", (first, node[b, c])))

@@ -8,7 +8,7 @@ proportion to their volumes, are scenes drawn for the whole. Disjunctions are th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -58,7 +58,9 @@ def _push(core: Core, out: dict[int, Ends], top: int) -> None:
                 stack.append(arg)
 
 
-def alternatives(core: Core, wanted: Mapping[int, Ends], index: int) -> list[tuple[dict[int, Ends], dict[int, Ends]]]:
+def alternatives(
+    core: Core, wanted: Mapping[int, Ends], index: int
+) -> Iterator[tuple[dict[int, Ends], dict[int, Ends]]]:
     """The demand split at junction `index`, which must hold one: one entry per part that can be the first to meet it.
 
     Each entry is the whole demand of that alternative, pushed down, and what sets it apart: ends of formula nodes that
@@ -74,7 +76,6 @@ def alternatives(core: Core, wanted: Mapping[int, Ends], index: int) -> list[tup
         (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
     )
     rest = {key: ends for key, ends in wanted.items() if key != index}
-    found = []
     for position, arg in enumerate(node.args):
         apart = dict.fromkeys(node.args[:position], fails)
         # A part that occurs twice cannot be the first to meet the demand at its second place.
@@ -85,5 +86,4 @@ def alternatives(core: Core, wanted: Mapping[int, Ends], index: int) -> list[tup
         for key, ends in apart.items():
             demand[key] = both(demand.get(key, EVERYTHING), ends)
         if all(low <= high for low, high in demand.values()):
-            found.append((push_down(core, demand), apart))
-    return found
+            yield push_down(core, demand), apart

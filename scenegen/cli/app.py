@@ -10,17 +10,20 @@ import contextlib
 import functools
 import importlib
 import inspect
+import itertools
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import typer
 
-from scenegen.cli import assets, check, eval, experiment, export, fmt, info, lsp, render, sample, train
+from scenegen.cli import assets, check, eval, export, fmt, info, lsp, new, render, sample, specs, train
 from scenegen.cli import range as range_command
-from scenegen.cli.output import complain, print_error
+from scenegen.cli.options import Quiet, Verbose
+from scenegen.cli.output import Voice, complain, voice
 from scenegen.cli.streams import give_up_output, prepare
-from scenegen.errors import Diagnostic, ScenegenError
+from scenegen.errors import Diagnostic, RequestError, ScenegenError
 
 # click's exceptions, wherever they live: typer brought its own copy of click along from some version on
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -28,19 +31,24 @@ exceptions: Any = sys.modules[typer.BadParameter.__module__]
 HELP = """Table-top scenes from a spatial specification, at the difficulty you ask for.
 
 \b
+  # a spec to start from
+  scenegen new my.spec
   # what the spec means, and what phi can be
   scenegen check my.spec
   # scenes whose phi lies in 0..0.2, as JSON and as pictures
   scenegen sample my.spec --phi 0:0.2 -n 16 --out s.json --render out
   # a model that draws such scenes in no time
-  scenegen train my.spec --model gan --out my.safetensors
+  scenegen train my.spec --out my.safetensors
 
 phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is >= 0, and the
-lower, the harder. Specs that ship with scenegen are in the folder `specs`.
+lower, the harder. `scenegen specs` lists the specs that ship with scenegen: wherever a command takes a SPEC, the name
+of one will do, as in `scenegen check table_setting`.
 """
 
 # command -> the function that does it; each module imports what it needs only when it runs
 COMMANDS: dict[str, Callable[..., Any]] = {
+    "new": new.new,
+    "specs": specs.specs,
     "check": check.check,
     "fmt": fmt.fmt,
     "range": range_command.range_,
@@ -51,10 +59,12 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "render": render.render,
     "export": export.export,
     "assets": assets.assets,
-    "experiment": experiment.experiment,
     "lsp": lsp.lsp,
 }
-ALONE = ("assets", "lsp")  # commands that need no argument; any other shows its help instead
+ALONE = ("assets", "lsp", "specs")  # commands that need no argument; any other shows its help instead
+
+
+COMPLETE = "_SCENEGEN_COMPLETE"  # set by the shell's function that typer installs
 
 
 def _version(wanted: bool) -> None:
@@ -70,14 +80,43 @@ def _global_options(
     del debug, version  # --debug is looked up where errors end up, --version has done its work
 
 
+def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command with -q and -v, and with an interrupt that gets past typer."""
+
+    @functools.wraps(command)
+    def run_command(*args: Any, quiet: bool, verbose: bool, **options: Any) -> Any:
+        if quiet and verbose:
+            raise RequestError(Diagnostic("-q and -v contradict each other", help="give one of them"))
+        before = voice.set(Voice(quiet, verbose))
+        try:
+            return command(*args, **options)
+        except KeyboardInterrupt as error:
+            raise _Interrupted(str(error)) from error
+        finally:
+            voice.reset(before)
+
+    signature = inspect.signature(command, eval_str=True)
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+        for name, kind in (("quiet", Quiet), ("verbose", Verbose))
+    ]
+    run_command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*signature.parameters.values(), *more]
+    )
+    return run_command
+
+
 def build() -> typer.Typer:
     """The program, commands in the order of the table."""
     app = typer.Typer(
-        help=_paragraphs(HELP), add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False
+        help=_paragraphs(HELP),
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_global_options)
     for name, command in COMMANDS.items():
-        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_audible(command))
+        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(command))
     return app
 
 
@@ -91,23 +130,15 @@ class _Interrupted(Exception):  # noqa: N818 - no error
     """Ctrl-C on its way past typer, which would swallow what it says."""
 
 
-def _audible(command: Callable[..., Any]) -> Callable[..., Any]:
-    @functools.wraps(command)
-    def run_command(*args: Any, **options: Any) -> Any:
-        try:
-            return command(*args, **options)
-        except KeyboardInterrupt as error:
-            raise _Interrupted(str(error)) from error
-
-    return run_command
-
-
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
     prepare()
+    if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it
+        build()([], prog_name="scenegen", standalone_mode=False)
     debug = "--debug" in words
     # --debug may stand anywhere: whoever sees an error adds it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
+    words = _behind_command(words)
     if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
         with contextlib.redirect_stdout(sys.stderr):  # help that nobody asked for is no output
             build()([*words, "--help"], prog_name="scenegen", standalone_mode=False)
@@ -123,7 +154,7 @@ def run(words: list[str]) -> int:
     except exceptions.UsageError as error:
         return _usage(error)
     except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
-        print_error(str(error) or "interrupted")
+        print(str(error) or "interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
         give_up_output()
@@ -145,6 +176,13 @@ def run(words: list[str]) -> int:
         complain(Diagnostic(title, help="this is a bug; please report it with the traceback that --debug shows"))
         return 1
     return result if isinstance(result, int) else 0
+
+
+def _behind_command(words: list[str]) -> list[str]:
+    """-q and -v may stand before the command, too."""
+    flags = list(itertools.takewhile(lambda word: word in ("-q", "--quiet", "-v", "--verbose"), words))
+    rest = words[len(flags) :]
+    return [rest[0], *flags, *rest[1:]] if rest and rest[0] in COMMANDS else words
 
 
 def _usage(error: Any) -> int:

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root
+from scenegen.cli.options import Root, SpecFiles, named
 
 if TYPE_CHECKING:
+    from scenegen.api.hopeless import Doubt
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
 
+OPEN = "rough: a quick look found no scene {}, nor a proof that there is none"
+MEANT = "change one of the parts that clash; where it is meant so, add --allow-unsatisfiable"
+
 
 def check(
-    specs: Annotated[list[Path], typer.Argument(help="Spec files.", metavar="SPEC", show_default=False)],
+    specs: SpecFiles,
+    depth: Annotated[
+        int | None,
+        typer.Option("--depth", help="Show formulas to this depth, on as many lines as it takes.", metavar="N", min=0),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="Show every sub-formula on a line of its own.")] = False,
+    allow_unsatisfiable: Annotated[
+        bool,
+        typer.Option("--allow-unsatisfiable", help="No error where no scene satisfies a formula: a warning."),
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document instead, for editors and scripts.")
     ] = False,
@@ -24,15 +38,21 @@ def check(
     """Check specs: print the formula of each label, the objects, and what phi can be.
 
     \b
-      scenegen check specs/table_setting.spec
+      scenegen check table_setting
       scenegen check specs/*.spec
+      scenegen check my.spec --full
       scenegen check my.spec --json
 
-    Each line below a label is a sub-formula: its margin, the unit of phi, and bounds of phi anywhere in the workspace.
-    A spec with mistakes gets one message per mistake, with the place and what to do; the exit status is then 1.
+    Each line below a label is a sub-formula: its margin, the unit of phi, and bounds of phi. phi never leaves them, but
+    they may be loose: `scenegen range` measures what is reached. Sub-formulas that differ only in objects and numbers
+    share a line, as in `45 x gap(item\\[i], item\\[j]) >= 0`, and what does not fit on a page is left out.
+
+    A spec with mistakes gets one message per mistake, with the place and what to do; the exit status is then 1. The
+    same goes for a label that no scene satisfies and a requirement that none meets, where bounds prove it.
     """
+    from scenegen.api.hopeless import doubts
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain
+    from scenegen.cli.output import complain, detail
     from scenegen.errors import ScenegenError
 
     reports: list[dict[str, Any]] = []
@@ -45,18 +65,22 @@ def check(
             if not json:
                 complain(*error.diagnostics)
             reports.append(
-                {"file": str(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
+                {"file": named(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
             )
             continue
+        detail(f"parsed and checked {path}: {len(spec.checked.core.nodes):,} nodes")
+        found = doubts(spec.checked)
+        detail("looked for scenes that satisfy the labels")
+        problems = [*spec.checked.warnings, *_problems(found, allow_unsatisfiable)]
+        ok = all(one.severity != "error" for one in problems)
+        failed = failed or not ok
         if not json:
             if position:
                 typer.echo("")
-            _print(path, spec)
-        warnings = [*spec.checked.warnings, *spec.hopeless()]
-        if not json:
-            complain(*warnings)
-        found = [_as_json(one) for one in warnings]
-        reports.append({"file": str(path), "ok": True, "diagnostics": found, **_facts(spec)})
+            _print(path, spec, found, ok, depth, full)
+            complain(*problems)
+        diagnostics = [_as_json(one) for one in problems]
+        reports.append({"file": named(path), "ok": ok, "diagnostics": diagnostics, **_facts(spec)})
     if json:
         from json import dumps
 
@@ -64,32 +88,31 @@ def check(
     return int(failed)
 
 
-def _print(path: Path, spec: Spec) -> None:
-    from scenegen.api.outline import Outline
-    from scenegen.cli.tree import tree
+def _problems(found: list[Doubt], allowed: bool) -> list[Diagnostic]:
+    """What is proved is an error, unless it is allowed."""
+    return [
+        replace(one.problem, severity="error", help=MEANT) if one.proved and not allowed else one.problem
+        for one in found
+        if one.problem is not None
+    ]
+
+
+def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | None, full: bool) -> None:
+    import shutil
+    import sys
+
+    from scenegen.cli.page import WIDTH, page
     from scenegen.lang.core import REQUIRE
 
-    x, y = spec.workspace.x, spec.workspace.y
-    checked = spec.checked
-    typer.echo(f"{path}: ok")
-    if checked.title:
-        typer.echo(f"  {checked.title}")
-    typer.echo(f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m")
-    held = [
-        f"{name} at ({', '.join(f'{number:g}' for number in checked.fixed[index])})"
-        for index, name in enumerate(spec.objects)
-        if index in checked.fixed
-    ]
-    free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
-    for kind, names in (("objects", free), ("fixed", held), ("regions", [one.name for one in checked.regions])):
-        if names:
-            typer.echo(f"  {kind:<9}  {', '.join(names)}")
-    outline = Outline(spec)
-    for label in outline.labels:
-        lines, more = outline.lines(label)
-        top = lines[0]
-        typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} in [{top.low:.4g}, {top.high:.4g}]")
-        typer.echo("\n".join(tree(lines, more)))
+    typer.echo(f"{named(path)}: {'ok' if ok else 'cannot be satisfied'}")
+    rough = {
+        one.label: OPEN.format("that meets it" if one.label == REQUIRE else "with phi >= 0")
+        for one in found
+        if one.problem is None
+    }
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    for line in page(spec, rough, depth=depth, full=full, width=width):
+        typer.echo(line)
 
 
 def _facts(spec: Spec) -> dict[str, Any]:

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root
+from scenegen.cli.options import Root, SpecFile
 
 if TYPE_CHECKING:
+    from scenegen.api.outline import Line
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
 
 TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
+REQUIRED = "require"  # lang.core.REQUIRE, which is loaded only when the command runs
+EVERY = 10_000  # sub-formulas of a label that --json has at most
 
 
 def evaluate(
-    spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
+    spec: SpecFile,
     scenes: Annotated[
         Path, typer.Argument(help="A scenes file of the same objects.", metavar="SCENES", show_default=False)
     ],
@@ -26,15 +30,19 @@ def evaluate(
     scene: Annotated[
         int | None, typer.Option("--scene", help="With --explain: every sub-formula of this scene.", metavar="NUMBER")
     ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document instead, with every digit.", show_default=False)
+    ] = False,
     root: Root = None,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
 
     \b
-      scenegen eval specs/first.spec scenes.json
-      scenegen eval specs/first.spec scenes.json --explain
-      scenegen eval specs/first.spec scenes.json --explain --scene 3
-      scenegen eval specs/first.spec scenes.json | cut -f 2 | sort -g
+      scenegen eval my.spec scenes.json
+      scenegen eval my.spec scenes.json --explain
+      scenegen eval my.spec scenes.json --explain --scene 3
+      scenegen eval my.spec scenes.json --json
+      scenegen eval my.spec scenes.json | cut -f 2 | sort -g
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
     this very spec, its stored values are compared, and the exit status is 1 if any is off by more than 1e-9.
@@ -58,8 +66,14 @@ def evaluate(
         raise RequestError(
             Diagnostic(f"there is no scene {scene}", help=f"{scenes} holds the scenes 1 to {len(found)}")
         )
-    if explain and (scene is not None or len(found) == 1):
-        _explain(checked, found, scene or 1)
+    one = (scene or 1) if explain and (scene is not None or len(found) == 1) else None
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(as_json(checked, found, explain, one), indent=1, ensure_ascii=False))
+        return _compare(checked, found, scenes)
+    if one is not None:
+        _explain(checked, found, one)
         return _compare(checked, found, scenes)
     columns: dict[str, list[float] | list[str]] = {}
     atoms = why(checked.checked, found) if explain else {}
@@ -83,7 +97,7 @@ def evaluate(
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
     from scenegen.api.outline import Outline
-    from scenegen.api.scenes import rows_of
+    from scenegen.api.scene_arrays import rows_of
     from scenegen.cli.tree import tree
     from scenegen.lang.core import REQUIRE
     from scenegen.lang.interpret import evaluate as interpret
@@ -96,6 +110,44 @@ def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
         met = "" if label != REQUIRE or value >= 0.0 else ", which is not met"
         typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} = {value:.9g}{met}")
         typer.echo("\n".join(tree(*outline.lines(label, values=values))))
+
+
+def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | None = None) -> dict[str, Any]:
+    """phi of every scene (of scene number `only`, from 1) as plain data; with `explain` also the atom that decides each
+    label, and for a single scene every sub-formula."""
+    from scenegen.api.scenes import evaluate as score
+    from scenegen.api.scenes import explain as why
+    from scenegen.api.scenes import requirement
+
+    phi = score(spec.checked, scenes)
+    required = requirement(spec.checked, scenes)
+    atoms = why(spec.checked, scenes) if explain else {}
+    rows: list[dict[str, Any]] = []
+    for number in range(1, len(scenes) + 1) if only is None else (only,):
+        at = number - 1
+        row: dict[str, Any] = {"scene": number, "phi": {label: float(values[at]) for label, values in phi.items()}}
+        if required is not None:
+            row[REQUIRED] = float(required[at])
+        if explain:
+            row["decided_by"] = {label: texts[at] for label, texts in atoms.items()}
+        rows.append(row)
+    found: dict[str, Any] = {"labels": list(phi), "scenes": rows}
+    if explain and only is not None:
+        found["formulas"] = {
+            label: [asdict(line) for line in lines] for label, lines in _formulas(spec, scenes, only).items()
+        }
+    return found
+
+
+def _formulas(spec: Spec, scenes: SceneSet, number: int) -> dict[str, list[Line]]:
+    """Every sub-formula of a scene, by label, each with its value."""
+    from scenegen.api.outline import Outline
+    from scenegen.api.scene_arrays import rows_of
+    from scenegen.lang.interpret import evaluate as interpret
+
+    outline = Outline(spec)
+    values = interpret(outline.core, rows_of(spec.checked, scenes)[:, number - 1].tolist())
+    return {label: outline.lines(label, most=EVERY, values=values)[0] for label in outline.labels}
 
 
 def _table(columns: dict[str, list[float] | list[str]]) -> None:

@@ -25,7 +25,7 @@ def info(
     that of the network on one core of this machine; refining and verifying come to that.
     """
     from scenegen.api.describe import as_json, describe, speed
-    from scenegen.api.train import load_model
+    from scenegen.api.model import load_model
 
     found = load_model(model)
     if json:

@@ -39,5 +39,4 @@ def lsp(
         raise RequestError(problem) from None
     if root is not None and not root.is_dir():
         raise RequestError(Diagnostic(f"{root} is not a folder", help="--root names the folder that specs may read"))
-    serve(root)
-    return 0
+    return serve(root)

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -11,3 +11,84 @@ Root = Annotated[
     Path | None,
     typer.Option("--root", help="The folder that imports may read from; the spec's own if left out.", metavar="DIR"),
 ]
+
+
+def spec_names(incomplete: str) -> list[str]:
+    """What a shell completes a spec's name to: shipped ones, where no file begins like that (it completes files)."""
+    from scenegen.resources import shipped_specs
+
+    start = Path(incomplete + "x")
+    try:
+        if any(start.parent.glob(f"{start.name[:-1]}*")) and incomplete:
+            return []
+    except (OSError, ValueError):
+        return []
+    return [name for name in shipped_specs() if name.startswith(incomplete)]
+
+
+def find_spec(path: Path) -> Path:
+    """The file that a spec's name stands for: the file of that name, NAME.spec, or else the shipped spec NAME.
+
+    Raises DataError where there is none.
+    """
+    from scenegen.errors import DataError, Diagnostic, nearest
+    from scenegen.resources import shipped_specs
+
+    try:
+        if path.exists() or path.is_symlink() or path.suffix:
+            return path
+        own = path.with_name(f"{path.name}.spec")
+        if own.is_file():
+            return own
+    except (OSError, ValueError):  # no name of a file: whoever opens it says so
+        return path
+    shipped = shipped_specs()
+    if path.name != str(path):
+        return path
+    if path.name in shipped:
+        return shipped[path.name]
+    from scenegen.formats.files import missing_help
+
+    close = nearest(path.name, shipped)
+    help_ = f"did you mean `{close}`, which ships with scenegen?" if close else missing_help(path, "a spec")
+    help_ += "" if help_.endswith("?") else "; `scenegen specs` lists those that ship with scenegen"
+    raise DataError(Diagnostic(f"cannot read {path}: there is no file {path}, nor {path}.spec", help=help_))
+
+
+def named(path: Path) -> str:
+    """A spec's file as people name it: a shipped one by its name alone."""
+    from scenegen.resources import shipped_specs
+
+    return path.stem if path.is_absolute() and shipped_specs().get(path.stem) == path else str(path)
+
+
+def _found(path: Path) -> Path:
+    return find_spec(path)
+
+
+def _all_found(paths: list[Path]) -> list[Path]:
+    return [find_spec(path) for path in paths]
+
+
+SpecFile = Annotated[
+    Path,
+    typer.Argument(
+        help="A spec file, or the name of a shipped spec.",
+        metavar="SPEC",
+        show_default=False,
+        callback=_found,
+        autocompletion=spec_names,
+    ),
+]
+SpecFiles = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Spec files, or names of shipped specs.",
+        metavar="SPEC",
+        show_default=False,
+        callback=_all_found,
+        autocompletion=spec_names,
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors and warnings.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say what is being done, and how long it takes.")]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import time
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +20,22 @@ if TYPE_CHECKING:
 NARROWEST = 72  # columns; a table cropped to fewer says nothing any more
 
 
+@dataclass(frozen=True, slots=True)
+class Voice:
+    """How much a command says: -q leaves only errors and warnings, -v adds what is being done."""
+
+    quiet: bool = False
+    verbose: bool = False
+    started: float = field(default_factory=time.monotonic)
+
+
+voice: ContextVar[Voice] = ContextVar("voice")  # set for as long as a command runs
+
+
+def _voice() -> Voice:
+    return voice.get(Voice())
+
+
 def use_color() -> bool:
     """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or it is a dumb one; FORCE_COLOR
     gives colours to pipes, too. Either variable counts unless it is empty, and NO_COLOR outdoes the other."""
@@ -28,8 +47,16 @@ def use_color() -> bool:
 
 
 def print_error(text: str) -> None:
-    """Text on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    """What a command did, or a note: on standard error, unless -q was given."""
+    if not _voice().quiet:
+        print(text, file=sys.stderr, flush=True)
+
+
+def detail(text: str) -> None:
+    """What is being done, with the time so far: only where -v was given."""
+    now = _voice()
+    if now.verbose:
+        print(f"[{time.monotonic() - now.started:6.2f} s] {text}", file=sys.stderr, flush=True)
 
 
 def note_others(folder: Path, total: int, ending: str) -> None:
@@ -44,16 +71,16 @@ def note_others(folder: Path, total: int, ending: str) -> None:
 
 
 def complain(*diagnostics: Diagnostic) -> None:
-    """Diagnostics on standard error."""
+    """Diagnostics on standard error, -q or not."""
     if diagnostics:
-        print_error(render_all(diagnostics, color=use_color()))
+        print(render_all(diagnostics, color=use_color()), file=sys.stderr, flush=True)
 
 
 def console() -> Console:
-    """A rich console on standard error."""
+    """A rich console on standard error; it prints nothing where -q was given."""
     from rich.console import Console
 
-    screen = Console(stderr=True, highlight=False, soft_wrap=True)
+    screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=_voice().quiet)
     screen.width = max(screen.width, NARROWEST)
     return screen
 

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root
+from scenegen.cli.options import Root, SpecFile, named
 
 if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
     from scenegen.sampling.rarity import Estimate
 
+TOO_RARE = "too rare to tell"
 FLOOR = -1  # log10 that the axis of a plot reaches down to at least
 
 
 def range_(
-    spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
+    spec: SpecFile,
     label: Annotated[
         str | None, typer.Option("--label", help="This label alone.", metavar="NAME", show_default=False)
     ] = None,
@@ -32,7 +33,7 @@ def range_(
     """Say what phi can be reached and how rare it is, before you ask for scenes.
 
     \b
-      scenegen range specs/table_setting.spec
+      scenegen range table_setting
       scenegen range my.spec --label safe --png rarity.png
       scenegen range my.spec --json
 
@@ -42,17 +43,20 @@ def range_(
     """
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain
+    from scenegen.cli.output import complain, detail
     from scenegen.formats.files import check_writable, write_whole
 
     if png is not None:
         _check_png(png)
         check_writable(png, spec)
-    found = rarity(load(spec, root), label, seed=seed)
+    checked = load(spec, root)
+    detail(f"parsed and checked {spec}")
+    found = rarity(checked, label, seed=seed)
+    detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
         from json import dumps
 
-        typer.echo(dumps(as_json(str(spec), found), indent=1, ensure_ascii=False))
+        typer.echo(dumps(as_json(named(spec), found), indent=1, ensure_ascii=False))
     else:
         _print(spec, found)
     complain(*found.warnings)
@@ -76,7 +80,7 @@ def _check_png(path: Path) -> None:
 
 
 def _print(spec: Path, found: SpecRarity) -> None:
-    title = f"{spec}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
+    title = f"{named(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
         many, exactly = one_in(found.requirement.log10), _estimate(found.requirement)
@@ -97,8 +101,11 @@ def _lines(spec: Path, one: LabelRarity) -> list[str]:
         lines.append("  no scene that satisfies it was found")
     elif least >= 0.0:
         lines.append("  every scene that was looked at satisfies it")
-    elif at_zero is not None and at_zero.above is not None:
-        lines.append(f"  satisfied (phi >= 0) by {one_in(at_zero.above.log10)}")
+    elif at_zero is not None:
+        share = (
+            "so few scenes that their share cannot be told" if at_zero.above is None else one_in(at_zero.above.log10)
+        )
+        lines.append(f"  satisfied (phi >= 0) by {share}")
     lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>17}  {'log10 P(>= phi)':>17}"]
     lines += [
         f"  {level.phi:>9.4g}  {_estimate(level.below):>17}  {_estimate(level.above):>17}" for level in one.levels
@@ -109,11 +116,10 @@ def _lines(spec: Path, one: LabelRarity) -> list[str]:
     lines += ["", *_plot(one)] if one.curve else []
     if one.bands:
         lines += ["", "  ask for"]
-        lines += [
-            f"    {band.name:<10} {one_in(band.log10):<22} scenegen sample {shlex.quote(str(spec))}"
-            f" --phi {one.label}={band.low:g}:{band.high:g}"
-            for band in one.bands
-        ]
+        for band in one.bands:
+            share = TOO_RARE if band.log10 is None else one_in(band.log10)
+            command = f"scenegen sample {shlex.quote(named(spec))} --phi {_option(one, band)}"
+            lines.append(f"    {band.name:<10} {share:<22} {command}")
     return lines
 
 
@@ -159,7 +165,7 @@ def one_in(log10: float) -> str:
 
 def _estimate(estimate: Estimate | None) -> str:
     if estimate is None:
-        return "too rare to tell"
+        return TOO_RARE
     digits = 3 if estimate.error < 0.01 else 2
     return f"{estimate.log10 + 0.0:.{digits}f} +- {estimate.error:.{digits}f}"
 

@@ -25,8 +25,17 @@ def render(
         ),
     ] = None,
     size: Annotated[
-        str, typer.Option("--size", help="Width and height of a picture in pixels.", metavar="WxH")
-    ] = "640x480",
+        str | None,
+        typer.Option(
+            "--size",
+            help="Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.",
+            metavar="WxH",
+        ),
+    ] = None,
+    distinct: Annotated[
+        bool,
+        typer.Option("--distinct", help="Colour objects apart that would look the same.", show_default=False),
+    ] = False,
     transparent: Annotated[
         bool, typer.Option("--transparent", help="Leave out the ground below the table.", show_default=False)
     ] = False,
@@ -76,13 +85,13 @@ def render(
     """
     from scenegen.api.scenes import check_count, read_scenes
 
-    shape = parse_size(size)
+    shape = None if size is None else parse_size(size)
     found = read_scenes(scenes)
     check_count(found)
     views = tuple(view) if view else ("top", "perspective")
     if figure:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
-        _figures(found, out, tuple(figure), view[0] if view else "perspective", shape, label, workers)
+        _figures(found, out, tuple(figure), view[0] if view else "perspective", shape, distinct, label, workers)
         return
     if label is not None:
         raise _only("--label", "goes with --figure sweep, gif or topview")
@@ -92,6 +101,7 @@ def render(
         shape,
         workers,
         views=views,
+        distinct=distinct,
         transparent=transparent,
         depth=depth,
         masks=masks,
@@ -113,10 +123,11 @@ def parse_size(text: str) -> tuple[int, int]:
 def draw(
     scenes: SceneSet,
     out: Path,
-    size: tuple[int, int] = (640, 480),
+    size: tuple[int, int] | None = None,
     workers: int | None = None,
     *,
     views: tuple[str, ...] = ("top", "perspective"),
+    distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
@@ -132,6 +143,7 @@ def draw(
             out,
             views=views,
             size=size,
+            distinct=distinct,
             transparent=transparent,
             depth=depth,
             masks=masks,
@@ -151,7 +163,8 @@ def _figures(
     out: Path,
     kinds: tuple[str, ...],
     view: str,
-    size: tuple[int, int],
+    size: tuple[int, int] | None,
+    distinct: bool,
     label: str | None,
     workers: int | None,
 ) -> None:
@@ -166,6 +179,7 @@ def _figures(
             kinds,
             view=view,
             size=size,
+            distinct=distinct,
             label=label,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done, total=total),

@@ -7,21 +7,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root
+from scenegen.cli.options import Root, find_spec, spec_names
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from scenegen.api.model import Model
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.api.stream import Met
-    from scenegen.api.train import Model
+    from scenegen.sampling.request import Range
     from scenegen.scene.data import SceneFile
+
+
+def _choices(*names: str) -> Callable[[str], list[str]]:
+    """What a shell completes an option's value to."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
 
 
 def sample(
     source: Annotated[
-        Path, typer.Argument(help="A spec file or a model file.", metavar="SPEC|MODEL", show_default=False)
+        Path,
+        typer.Argument(
+            help="A spec file, the name of a shipped spec, or a model file.",
+            metavar="SPEC|MODEL",
+            show_default=False,
+            callback=find_spec,
+            autocompletion=spec_names,
+        ),
     ],
     phi: Annotated[
         list[str] | None,
@@ -32,6 +45,12 @@ def sample(
             show_default=False,
         ),
     ] = None,
+    satisfied: Annotated[
+        bool, typer.Option("--satisfied", help="phi >= 0 for every label that --phi does not name.")
+    ] = False,
+    violated: Annotated[
+        bool, typer.Option("--violated", help="phi <= 0 for every label that --phi does not name.")
+    ] = False,
     n: Annotated[int, typer.Option("-n", help="How many scenes.")] = 16,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
     out: Annotated[
@@ -39,10 +58,20 @@ def sample(
         typer.Option("--out", help="The scenes file; default: standard output.", metavar="FILE", show_default=False),
     ] = None,
     method: Annotated[
-        str, typer.Option("--method", help="auto, rejection, growth or splitting (a spec), model (a model file).")
+        str,
+        typer.Option(
+            "--method",
+            help="auto, rejection, growth or splitting (a spec), model (a model file).",
+            autocompletion=_choices("auto", "rejection", "growth", "splitting", "model"),
+        ),
     ] = "auto",
     spread: Annotated[
-        str, typer.Option("--spread", help="flat: evenly over the range of phi; base: as they occur.")
+        str,
+        typer.Option(
+            "--spread",
+            help="flat: evenly over the range of phi; base: as they occur.",
+            autocompletion=_choices("flat", "base"),
+        ),
     ] = "flat",
     fix: Annotated[
         list[str] | None,
@@ -92,45 +121,56 @@ def sample(
     """Draw scenes whose phi lies in the wanted ranges; every scene handed out is re-scored by the exact spec.
 
     \b
-      scenegen sample specs/first.spec --phi 0:0.2 -n 100 --out scenes.json
-      scenegen sample my.spec --phi task=0.05:0.2 --phi safe=0: --render pictures
-      scenegen sample specs/first.spec --phi 0: --fix plate=0.5,0.5
+      scenegen sample table_setting --satisfied --render pictures
+      scenegen sample my.spec --phi 0:0.2 -n 100 --out scenes.json
+      scenegen sample my.spec --phi task=-0.2:0 --satisfied --out s.json
+      scenegen sample my.spec --phi 0: --fix plate=0.5,0.5
       scenegen sample my.spec --phi 0: -n 1000000 --timeout 600 --out s.parquet
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
-    free. --settle drops every scene in PyBullet for one simulated second and hands out those in which no object moves
-    more than 1 cm or turns more than 5 degrees; what was refused is counted by object. If fewer than -n scenes are
-    found in time, nothing is written and the exit status is 1, unless --keep-partial.
+    free. --satisfied is short for --phi NAME=0: for every label that is not named, --violated for --phi NAME=:0.
+
+    --settle drops every scene in PyBullet for one simulated second and keeps those in which no object moves more than
+    1 cm or turns more than 5 degrees; what was refused is counted by object. If fewer than -n scenes are found in time,
+    nothing is written and the exit status is 1, unless --keep-partial.
 
     The scenes depend on the spec, the request and --seed alone, not on --workers or the format. Many scenes grow in a
     folder beside --out: what is broken off, by Ctrl-C, by --timeout or by force, goes on with --resume.
     """
     from scenegen.api.sample import sample as draw_scenes
-    from scenegen.cli.output import complain, print_error
+    from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
     from scenegen.errors import Diagnostic, RequestError
     from scenegen.formats.blocks import BLOCK
     from scenegen.formats.files import check_folder, check_writable
     from scenegen.formats.table import format_of
+    from scenegen.needs import need
 
     if out is not None:
         format_of(out)
         check_writable(out, source)
     elif resume:
         raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
+    if satisfied and violated:
+        raise RequestError(Diagnostic("--satisfied and --violated contradict each other", help="give one of them"))
     subject = _load(source, spec, root)
     if steps is not None:
         subject = _in_steps(subject, steps)
-    from scenegen.api.train import Model
+    from scenegen.api.model import Model
     from scenegen.sampling.held import parse_fixed
-    from scenegen.sampling.request import parse_ranges
+    from scenegen.sampling.request import Range, parse_ranges
 
     labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
     ranges = parse_ranges(phi or [], labels)
+    if satisfied or violated:
+        rest = Range(low=0.0) if satisfied else Range(high=0.0)
+        ranges = {name: ranges.get(name, rest) for name in labels}
+    detail(f"read {source} (labels {', '.join(labels)}); wanted: {_wanted(ranges)}")
     fixed = parse_fixed(fix or [])
     if render is not None:
         check_folder(render, out)
+        need("pybullet", "to draw pictures")
     if isinstance(subject, Model):
         import torch
 
@@ -153,6 +193,7 @@ def sample(
         with _Bar() as bar:
             written = sample_to(out, subject, ranges, n, resume=resume, progress=bar, on_note=print_error, **common)
         complain(*written.warnings)
+        detail(f"sampled and wrote {written.count} scenes")
         _summary(written.header, written.count, written.phi, out)
         if render is not None:
             draw(read_scenes(out), render)
@@ -160,6 +201,7 @@ def sample(
     with _Bar() as bar:
         scenes = draw_scenes(subject, ranges, n, raw=raw, progress=bar, **common)
     complain(*scenes.warnings)
+    detail(f"sampled {len(scenes)} scenes")
     if out is not None:
         scenes.save(out)
     else:
@@ -174,6 +216,10 @@ def sample(
         draw(scenes, render)
 
 
+def _wanted(ranges: Mapping[str, Range]) -> str:
+    return ", ".join(f"{name}={wanted}" for name, wanted in ranges.items()) or "any phi"
+
+
 def _refuse_raw(raw: bool) -> None:
     from scenegen.errors import Diagnostic, RequestError
 
@@ -183,7 +229,7 @@ def _refuse_raw(raw: bool) -> None:
 
 
 def _in_steps(subject: Spec | Model, steps: int) -> Model:
-    from scenegen.api.train import Model
+    from scenegen.api.model import Model
     from scenegen.errors import Diagnostic, RequestError
 
     if not isinstance(subject, Model):
@@ -194,8 +240,8 @@ def _in_steps(subject: Spec | Model, steps: int) -> Model:
 
 def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
     """A model if the file is one, else a spec."""
+    from scenegen.api.model import load_model
     from scenegen.api.spec import load
-    from scenegen.api.train import load_model
     from scenegen.errors import Diagnostic, RequestError
 
     if looks_like_model(source):

@@ -8,15 +8,22 @@ from typing import Annotated
 
 import typer
 
-from scenegen.cli.options import Root
+from scenegen.cli.options import Root, SpecFile
+
+
+def _models(incomplete: str) -> list[str]:
+    from scenegen.models.table import MODELS
+
+    return [name for name in MODELS if name.startswith(incomplete)]
 
 
 def train(
-    spec: Annotated[Path, typer.Argument(help="A spec file.", metavar="SPEC", show_default=False)],
-    model: Annotated[
-        str, typer.Option("--model", help="energy, flow, gan or aae.", metavar="NAME", show_default=False)
-    ],
+    spec: SpecFile,
     out: Annotated[Path, typer.Option("--out", help="The model file.", metavar="FILE", show_default=False)],
+    model: Annotated[
+        str,
+        typer.Option("--model", help="energy, flow, gan or aae.", metavar="NAME", autocompletion=_models),
+    ] = "energy",
     recipe: Annotated[
         str, typer.Option("--recipe", help="default, or paper: the published networks and settings (gan, aae).")
     ] = "default",
@@ -69,8 +76,9 @@ def train(
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
     \b
-      scenegen train specs/first.spec --model gan --out m.safetensors
-      scenegen train specs/first.spec --model gan --out m.safetensors --resume
+      scenegen train first --out m.safetensors
+      scenegen train first --out m.safetensors --resume
+      scenegen train my.spec --model flow --epochs 8 --out flow.safetensors
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
 
     What is left out is the recipe's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an
@@ -80,18 +88,10 @@ def train(
     Some scenes beside the training scenes are held out; after each epoch the model is asked for their phi, and how far
     it is off is shown. The card, FILE.md, holds what the model is and how it compares with fresh exact scenes.
     """
-    from scenegen.api.card import check_card, write_card
-    from scenegen.api.spec import load
-    from scenegen.api.train import train as run
-    from scenegen.cli.output import console, print_error
+    from scenegen.cli.output import console, detail, print_error
     from scenegen.formats.files import check_writable
     from scenegen.training.config import make_config, parse_settings
-    from scenegen.training.progress import TrainingProgress
 
-    check_writable(out, spec)
-    if card:
-        check_card(out, spec)
-    checked = load(spec, root)
     options = {
         "epochs": epochs,
         "batch_size": batch_size,
@@ -103,10 +103,22 @@ def train(
         "seed": seed,
         "device": device,
     }
-    config = make_config(model, recipe, **options)  # refused before the bar appears
+    # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
+    config = make_config(model, recipe, **options)
+    check_writable(out, spec)
+    from scenegen.api.card import check_card, write_card
+    from scenegen.api.spec import load
+    from scenegen.api.train import train as run
+    from scenegen.training.progress import TrainingProgress
+
+    if card:
+        check_card(out, spec)
+    checked = load(spec, root)
+    detail(f"parsed and checked {spec}; training {config}")
     with TrainingProgress(config.epochs, model, console()) as progress:
         train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir)
         done = train_on(on_epoch=progress, on_step=progress.step, on_note=progress.note, **options)  # type: ignore[arg-type]
+    detail("trained")
     if card:
         for path in write_card(done, out):
             print_error(f"wrote {path}")

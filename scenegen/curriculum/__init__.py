@@ -1,4 +1,4 @@
-"""Learning with the scenes: environments, strategies that choose the next task, tabular learners.
+"""Learning with the scenes: environments, and strategies that choose the next task.
 
 Where gymnasium is installed, importing this makes `scenegen/TableTop-v0` known to it (gymnasium 1.0 gave up plugins, so
 nothing else could): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` imports it by itself.

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
+from scenegen.api.model import Model
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model
 from scenegen.curriculum.dealer import Dealer
 from scenegen.curriculum.feed import Feed
 from scenegen.curriculum.picture import Easel, check_render

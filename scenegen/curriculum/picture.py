@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.curriculum.faults import as_gymnasium
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.scene.data import RequestData
 
 if TYPE_CHECKING:
@@ -20,7 +22,8 @@ MODES = ("rgb_array",)
 
 
 def check_render(mode: str | None, view: str, size: tuple[int, int]) -> None:
-    """Raises gymnasium.error.UnsupportedMode for a mode, and Error for a view or a size."""
+    """Raises gymnasium.error.UnsupportedMode for a mode, and Error for a view or a size, and where pybullet is not
+    installed."""
     if mode is not None and mode not in MODES:
         raise error.UnsupportedMode(f'there is no render mode "{mode}"; it is "rgb_array" or None')
     if not isinstance(view, str):
@@ -33,6 +36,7 @@ def check_render(mode: str | None, view: str, size: tuple[int, int]) -> None:
 
         with as_gymnasium():
             check_request((view,), size, None)
+            need("pybullet", "to draw pictures")
 
 
 class Easel:

@@ -10,7 +10,7 @@ def register_environments() -> None:
     """Make `scenegen/TableTop-v0` known to gymnasium, once; nothing happens where that is not installed."""
     try:
         import gymnasium
-    except ImportError:  # strategies and tabular learners do without
+    except ImportError:  # strategies do without
         return
     if ID in gymnasium.registry:
         return

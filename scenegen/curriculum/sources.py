@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
+from scenegen.api.model import Model, load_model
 from scenegen.api.sample import sample
-from scenegen.api.scenes import SceneSet, read_scenes, rows_of
+from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import SceneSet, read_scenes
 from scenegen.api.spec import Spec
-from scenegen.api.train import Model, load_model
 from scenegen.curriculum.aim import Aim, Scorer
 from scenegen.data.arrange import check_scenes
 from scenegen.errors import DataError, Diagnostic, RequestError

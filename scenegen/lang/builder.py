@@ -8,6 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
+from scenegen.lang.describe import describe
 from scenegen.primitives import MATH, PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
 
@@ -57,19 +58,17 @@ class CoreBuilder:
         node = self.nodes[number]
         return node.value if isinstance(node, Const) else None
 
+    def divisor(self, number: int) -> float | None:
+        """The value of a constant, or of one that stands for many."""
+        return self.value(number)
+
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
-        values = [self.value(arg) for arg in args]
-        if primitive == "mul" and 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
-            return args[1 - values.index(1.0)]
-        if primitive == "mul" and 0.0 in values:
-            return self.const(0.0)
-        if primitive in ("add", "sub") and values[1] == 0.0:
-            return args[0]
-        if primitive == "add" and values[0] == 0.0:
-            return args[1]
-        if (primitive == "sub" and args[0] == args[1]) or (primitive == "dist" and args[:2] == args[2:]):
-            return self.const(0.0)  # a thing beside itself: the same in every scene, and the checker says so
+        nodes = self.nodes
+        values = [node.value if isinstance(node := nodes[arg], Const) else None for arg in args]
+        short = self.shortened(primitive, args, values)
+        if short is not None:
+            return short
         known = [value for value in values if value is not None]
         if len(known) == len(values):
             result = float(PRIMITIVES[primitive].evaluate(MATH, *shapes, *known))
@@ -84,14 +83,45 @@ class CoreBuilder:
         known_ = self._index.get(key)
         return self._add(Apply(*key), key) if known_ is None else known_
 
+    def shortened(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
+        """A number that needs no primitive: x + 0, x * 1. `values` are those of the arguments that are constants."""
+        if primitive == "mul":
+            if 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
+                return args[1 - values.index(1.0)]
+            return self.const(0.0) if 0.0 in values else None
+        if primitive in ("add", "sub"):
+            if values[1] == 0.0:
+                return args[0]
+            if primitive == "add":
+                return args[1] if values[0] == 0.0 else None
+            return self.const(0.0) if args[0] == args[1] else None
+        # a thing beside itself: the same in every scene, and the checker says so
+        return self.const(0.0) if primitive == "dist" and args[:2] == args[2:] else None
+
+    def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
+        """`apply` for arguments of which none is constant and no two are alike."""
+        key = (primitive, args, shapes)
+        known = self._index.get(key)
+        return self._add(Apply(primitive, args, shapes), key) if known is None else known
+
+    def text(self, number: int) -> str:
+        """A number as the text of an atom shows it."""
+        return describe(self.nodes, self.objects, number)
+
     # ---- formulas
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
-        margin = self.apply("sub", (upper, lower))
-        holds = self._add(Atom(margin, text, unit, spans), ("atom", margin, text))
-        self._sides.setdefault(holds, (lower, upper))
-        return holds
+        return self.atom_of(self.apply("sub", (upper, lower)), lower, upper, text, unit, spans)
+
+    def atom_of(self, margin: int, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
+        """The atom with the margin upper - lower, which is there already."""
+        key = ("atom", margin, text)
+        known = self._index.get(key)
+        if known is None:
+            known = self._add(Atom(margin, text, unit, spans), key)
+            self._sides[known] = lower, upper
+        return known
 
     def _opposite(self, index: int, atom: Atom) -> None:
         """Makes the negation of an atom: most are never asked for."""
@@ -148,17 +178,24 @@ class CoreBuilder:
         first to mention stands where the formulas come to it, so equal formulas have equal tapes.
         """
         place: dict[int, int] = {}
+        nodes: list[Node] = []
         stack = [*labels.values(), *(() if requirement is None else (requirement,))][::-1]
         while stack:
             index = stack.pop()
             if index < 0:  # all that it is computed from has its place
-                place.setdefault(~index, len(place))
+                if ~index not in place:
+                    place[~index] = len(nodes)
+                    nodes.append(moved(self.nodes[~index], place))
             elif index not in place:
-                stack.append(~index)
-                stack.extend(child for child in reversed(children(self.nodes[index])) if child not in place)
-        nodes = tuple(moved(self.nodes[old], place) for old in place)
+                needed = children(self.nodes[index])
+                if needed:
+                    stack.append(~index)
+                    stack += [child for child in reversed(needed) if child not in place]
+                else:
+                    place[index] = len(nodes)
+                    nodes.append(self.nodes[index])
         kept = None if requirement is None else place[requirement]
-        return Core(nodes, {name: place[index] for name, index in labels.items()}, self.objects, kept)
+        return Core(tuple(nodes), {name: place[index] for name, index in labels.items()}, self.objects, kept)
 
 
 def _negated(text: str) -> str:

@@ -12,6 +12,7 @@ from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
+from scenegen.lang.headings import headings_compared
 from scenegen.lang.imports import Placed, Project, inline
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
@@ -103,7 +104,8 @@ def _expand(
     source: Source, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, project: Project
 ) -> CheckedSpec:
     builder = CoreBuilder(())
-    lowering = Lowering(scope, builder)
+    texts = {one.source.name: len(one.source.text) for one in placed}
+    lowering = Lowering(scope, builder, len(source.text) + sum(texts.values()))
     stage = _Stage(source)
     space = Workspace()
     for one in placed:
@@ -151,7 +153,7 @@ def _expand(
         if name != "workspace"
     )
     text = canonical(placed, bare, scope, shapes)
-    warnings = unused(placed, bare, scope, used, lowering.used)
+    warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core)]
     return CheckedSpec(source.name, text, space, core, _title(source), tuple(shapes), fixed, regions, tuple(warnings))
 
 
@@ -230,7 +232,7 @@ def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | Non
     """A label that no coordinate takes part in cannot be asked for, nor learned; nor is it any use to require it."""
     depends: list[bool] = []
     for node in core.nodes:
-        depends.append(isinstance(node, Coord) or any(depends[child] for child in children(node)))
+        depends.append(isinstance(node, Coord) or any(map(depends.__getitem__, children(node))))
     held = [name for name, thing in scope.things.items() if thing.declaration and thing.declaration.pose is not None]
     note = f"held in place by `at`: {', '.join(held)}" if held else ""
     formulas = {one.statement.name.id: one for one in placed if isinstance(one.statement, ast.Label)}

@@ -105,15 +105,13 @@ def part(core: Core, labels: Sequence[str]) -> Core:
 
 def moved(node: Node, place: Mapping[int, int]) -> Node:
     """The node of a tape whose nodes have got other numbers."""
-    match node:
-        case Apply(primitive, args, shapes):
-            return Apply(primitive, tuple(place[arg] for arg in args), shapes)
-        case Junction(kind, args, text):
-            return Junction(kind, tuple(place[arg] for arg in args), text)
-        case Atom(margin, text, unit, spans):
-            return Atom(place[margin], text, unit, spans)
-        case _:
-            return node
+    if isinstance(node, Apply):
+        return Apply(node.primitive, tuple([place[arg] for arg in node.args]), node.shapes)
+    if isinstance(node, Atom):
+        return Atom(place[node.margin], node.text, node.unit, node.spans)
+    if isinstance(node, Junction):
+        return Junction(node.kind, tuple([place[arg] for arg in node.args]), node.text)
+    return node
 
 
 def children(node: Node) -> Sequence[int]:

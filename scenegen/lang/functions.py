@@ -7,13 +7,22 @@ from typing import TYPE_CHECKING
 
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
-from scenegen.lang.values import AnyValue, ListValue, NeighboursValue, NumberValue, Value
+from scenegen.lang.values import (
+    LONGEST,
+    AnyValue,
+    ListValue,
+    NeighboursValue,
+    NumberValue,
+    ObjectValue,
+    PointValue,
+    Value,
+)
 from scenegen.primitives import PRIMITIVES, Footprint
 from scenegen.primitives.units import ANGLE, LENGTH, Unit
 from scenegen.scene.workspace import AXES
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 
@@ -25,7 +34,7 @@ def key_of(value: Value) -> object:
     return id(value.items) if listed else value  # type: ignore[attr-defined]
 
 
-def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
+def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
@@ -40,7 +49,28 @@ def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, f
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Frame) -> Value | None:
+    """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
+    if not any(isinstance(value, ListValue) for value in values):
+        return None
+    origin = lowering.origin(node, frame)
+    for value, part in zip(values, (node.left, node.right), strict=True):
+        if not isinstance(value, ListValue | AnyValue):
+            written = value.origin.text
+            single = isinstance(value, ObjectValue | PointValue) and len(written) <= LONGEST
+            help_ = f"write [{written}]" if single else ""
+            raise lowering.error(f"`+` joins a list to another list, not to {value.kind}", part, frame, "", help_)
+    if any(isinstance(value, AnyValue) for value in values):
+        return AnyValue(origin=origin)
+    key = ("+", *map(key_of, values))
+    if key not in lowering.expansions:
+        items = tuple(item for value in values for item in lowering.kinds.items(value, ""))
+        lowering.spend(len(items), frame)
+        lowering.expansions[key] = (ListValue(items, origin=origin), values)
+    return lowering.expansions[key][0].moved(origin)
+
+
+def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
@@ -78,7 +108,7 @@ def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call,
     return lowering.apply(name, units, args, tuple(shapes), node, frame)
 
 
-def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
+def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
         help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"

@@ -6,17 +6,25 @@ without torch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.primitives import MATH, PRIMITIVES, Namespace
+from scenegen.primitives.namespace import turning
 
 
-def evaluate(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> list[Any]:
-    """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace."""
+def evaluate(
+    core: Core, rows: Sequence[Any], namespace: Namespace = MATH, check: Callable[[], None] | None = None
+) -> list[Any]:
+    """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
+    `check` is called before every node: what it raises breaks off."""
     values: list[Any] = []
+    if namespace is not MATH:
+        namespace = turning(namespace, rows[2::3])
     for node in core.nodes:
+        if check is not None:
+            check()
         match node:
             case Const(value):
                 values.append(value)

@@ -31,7 +31,7 @@ class Kinds:
 
     `any` is the number that stands for a parameter which nobody has given a value. `footprints` has one entry per
     object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their
-    coordinates are constants.
+    coordinates are constants. `stand_ins` has the footprints of objects that stand for many (scenegen.lang.template).
     """
 
     scope: Scope
@@ -39,6 +39,7 @@ class Kinds:
     any: float
     footprints: tuple[Footprint, ...] = ()
     fixed: Mapping[int, Pose] = field(default_factory=dict)
+    stand_ins: dict[int, Footprint] = field(default_factory=dict)
 
     def wrong(self, value: Value, wanted: str, place: str) -> SpecError:
         """What is wrong with a value's kind; `place` says what wanted it where the value has no role."""
@@ -118,8 +119,12 @@ class Kinds:
                 if not self.footprints:
                     label, help_ = "the shapes of objects are not known yet", "write numbers and constants here"
                     raise SpecError(Diagnostic("a declaration cannot measure objects", value.origin, label, help_))
-                return self.footprints[index], (x, y, self.coordinate(index, 2))
+                return self.covers(index), (x, y, self.coordinate(index, 2))
             case RegionValue(_, area):
                 return area.footprint, (x, y, self.builder.const(0.0))
             case _:
                 return POINT, (x, y, self.builder.const(0.0))
+
+    def covers(self, index: int) -> Footprint:
+        """What an object covers, in its own frame."""
+        return self.footprints[index] if index < len(self.footprints) else self.stand_ins[index]

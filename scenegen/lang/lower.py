@@ -15,14 +15,14 @@ from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.lang import ast, blame
 from scenegen.lang.blame import Frame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
-from scenegen.lang.describe import describe
-from scenegen.lang.functions import function, key_of, list_function
+from scenegen.lang.functions import function, joined, key_of, list_function
 from scenegen.lang.kinds import Kinds
 from scenegen.lang.places import Area
-from scenegen.lang.quantify import quantify
+from scenegen.lang.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
 from scenegen.lang.resolve import bind
 from scenegen.lang.scope import LIST_FUNCTIONS, Declared, Scope
 from scenegen.lang.select import index, member
+from scenegen.lang.template import placeholders
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
     FormulaValue,
@@ -40,7 +40,9 @@ from scenegen.scene.workspace import TWO_PI
 
 Environment = Mapping[str, Value]
 
-MAX_WORK = 4_000_000  # expressions to expand: a large body in many rounds of a quantifier may make few nodes
+MAX_WORK = 4_000_000  # expressions to expand
+MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
+FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 _UNITS_HELP = "lengths are in m, cm or mm; angles in rad, deg or turn"
@@ -50,20 +52,48 @@ class Lowering:
     """Expands the expressions of one spec into one builder.
 
     The declarations are evaluated first and fill in `areas` (regions and `workspace`), the shapes of the objects, and
-    the poses of those that are held in place.
+    the poses of those that are held in place. `length` is that of the texts, in characters.
     """
 
-    def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
+    def __init__(self, scope: Scope, builder: CoreBuilder, length: int = 0) -> None:
         self.scope = scope
-        self.builder = builder
+        self.builder = self.root = builder
         self.kinds = Kinds(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.steps = 0  # rounds of quantifiers so far
+        self.inside = 0  # expressions expanded in them and in definitions
+        self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
+        self.made = 0  # steps of templates taken for rounds
+        self.placeholders = placeholders()
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self._globals: dict[str, Value] = {}
         self._calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
+
+    def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
+        """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
+        if self.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
+            raise too_many(self, node.domain, frame)
+
+    def spend(self, steps: int, frame: Frame) -> None:
+        """Counts what is expanded. Raises TooLarge."""
+        self._work += steps
+        if self._work > MAX_WORK:
+            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
+        if frame.where or frame.text:
+            self.inside += steps
+            if self.inside > self.most_inside:
+                self.foresee(0)
+
+    def foresee(self, more: int) -> None:
+        """Raises TooLarge where so many more expressions are too many."""
+        if self.inside + more > self.most_inside:
+            raise TooLarge(f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions")
+
+    def use(self, builder: CoreBuilder) -> None:
+        """Expands into another builder from now on."""
+        self.builder = self.kinds.builder = builder
 
     # ---- where to put the blame
 
@@ -81,9 +111,7 @@ class Lowering:
 
     def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and TooLarge."""
-        self._work += 1
-        if self._work > MAX_WORK:
-            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
+        self.spend(1, frame)
         origin = self.origin(node, frame)
         value: Value
         match node:
@@ -230,15 +258,19 @@ class Lowering:
     def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: Frame) -> Call[Value]:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
         symbol = "-" if isinstance(node, ast.Negative) else node.operator
-        numbers = []
+        values = []
         for part in parts:
-            value = self._at_once(part, env, frame) or (yield self.lower(part, env, frame))
-            numbers.append(self.kinds.number(value, f"what `{symbol}` works on"))
+            values.append(self._at_once(part, env, frame) or (yield self.lower(part, env, frame)))
+        if isinstance(node, ast.Binary) and symbol == "+":
+            both = joined(self, values, node, frame)
+            if both is not None:
+                return both
+        numbers = [self.kinds.number(value, f"what `{symbol}` works on") for value in values]
         if symbol in ("+", "-"):
             self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
-            divisor = self.builder.value(numbers[1].node)
+            divisor = self.builder.divisor(numbers[1].node)
             if divisor is None:
                 help_ = "multiply both sides of the comparison by it instead"
                 raise self.error("only a constant can divide", parts[1], frame, "this depends on the scene", help_)
@@ -366,16 +398,15 @@ class Lowering:
 
     def text(self, value: Value) -> str:
         """A value as an argument is shown in the text of an atom."""
-        nodes, objects = self.builder.nodes, self.builder.objects
         match value:
             case ObjectValue(place):
-                return objects[place]
+                return self.builder.objects[place]
             case RegionValue(name, _):
                 return name
             case PointValue(x, y):
-                return f"({describe(nodes, objects, x)}, {describe(nodes, objects, y)})"
+                return f"({self.builder.text(x)}, {self.builder.text(y)})"
             case NumberValue(node, _):
-                return describe(nodes, objects, node)
+                return self.builder.text(node)
             case ListValue(items) if len(items) <= 3:
                 return f"[{', '.join(map(self.text, items))}]"
             case ListValue(items):

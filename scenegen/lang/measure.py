@@ -17,7 +17,7 @@ from scenegen.primitives.units import BARE, LENGTH
 from scenegen.scene.limits import FARTHEST, LARGEST, SMALLEST
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 SIGNATURES = {
     "box": Signature("box", ("length", "width", "height"), 3, usage="box(length, width, height)"),
@@ -31,7 +31,7 @@ SIGNATURES = {
 }
 
 
-def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+def number(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
     number = lowering.kinds.number(value, what)
     amount = lowering.builder.value(number.node)
@@ -43,7 +43,7 @@ def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, wha
     return amount
 
 
-def point(lowering: Lowering, value: Value, what: str) -> Point:
+def point(lowering: Context, value: Value, what: str) -> Point:
     """A constant point. Raises SpecError."""
     if not isinstance(value, PointValue):
         raise lowering.kinds.wrong(value, "a point", what)
@@ -55,7 +55,7 @@ def point(lowering: Lowering, value: Value, what: str) -> Point:
     return x, y
 
 
-def size(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+def size(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length that something can measure. Raises SpecError."""
     amount = number(lowering, value, expr, source, what)
     if not SMALLEST <= amount <= LARGEST:
@@ -67,7 +67,7 @@ def size(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what:
 Arguments = dict[str, tuple[Value, ast.Expr]]
 
 
-def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Call[Arguments]:
+def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Arguments]:
     """The arguments of a shape by parameter, each with the expression it was written as. Raises SpecError."""
     given = bind(call, SIGNATURES[call.function.id], source)
     if isinstance(given, Diagnostic):
@@ -83,7 +83,7 @@ def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Call[Argume
     return values
 
 
-def corners(lowering: Lowering, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
+def corners(lowering: Context, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
     """The corners of a convex polygon, counter-clockwise. Raises SpecError."""
     if not isinstance(value, ListValue):
         raise lowering.kinds.wrong(value, "a list of corners", "a polygon")

@@ -9,22 +9,23 @@ from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import MOST_VARIABLES, Frame
+from scenegen.lang.blame import Frame
 from scenegen.lang.print import print_expr
+from scenegen.lang.rounds import Rounds
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import AnyValue, FormulaValue, NeighboursValue, NumberValue, Value
 from scenegen.primitives.units import BARE
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
 MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of an outer one have less to do inside
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
-def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
     over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and TooLarge."""
     names = [variable.id for variable in node.variables]
@@ -39,18 +40,20 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         value: Value = yield lowering.lower(node.body, env, frame)
         lowering.kinds.formula(value, f"what `{node.kind}` ranges over")
         return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
-    formulas = []
     count, choices = _choices(lowering, domain, node, frame)
-    rounds = frame.rounds * count
-    if lowering.steps + count > MAX_STEPS or rounds > MOST_FORESEEN:
-        raise too_many(lowering, node.domain, frame)
+    around = frame.rounds * count
+    lowering.rounds(count, node, frame, around)
     lowering.steps += count
-    for choice in choices:
-        chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
-        where = (*frame.where, chosen)[-MOST_VARIABLES:]
-        inside = Frame(frame.source, frame.calls, frame.text, frame.body, where, rounds)
-        value = yield lowering.lower(node.body, {**env, **chosen}, inside)
-        formulas.append(lowering.kinds.formula(value, f"the formula of `{node.kind}`"))
+    inside = Frame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
+    rounds = Rounds(lowering, node, env, inside, count)
+    formulas = (yield rounds.hardest(domain)) if isinstance(domain, range) else None
+    if formulas is None:
+        formulas = []
+        for choice in choices:
+            formula = rounds.made(choice)
+            if formula is None:
+                formula = yield rounds.formula(choice)
+            formulas.append(formula)
     shown = print_expr(node.domain)
     shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
     text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"
@@ -58,13 +61,13 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
 
 
-def too_many(lowering: Lowering, node: ast.Expr, frame: Frame) -> SpecError:
+def too_many(lowering: Context, node: ast.Expr, frame: Frame) -> SpecError:
     """Whoever nests quantifiers does not see how large a spec gets."""
     help_ = "use fewer objects, or fewer quantifiers inside each other"
     return lowering.error(f"quantifiers take more than {MAX_STEPS:,} rounds in all", node, frame, "", help_)
 
 
-def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
+def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
     ends = []
     for end in (node.lowest, node.highest):
         value = yield lowering.lower(end, env, frame)
@@ -83,7 +86,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
 
 
 def _choices(
-    lowering: Lowering, domain: Value | range, node: ast.Quantifier, frame: Frame
+    lowering: Context, domain: Value | range, node: ast.Quantifier, frame: Frame
 ) -> tuple[int, Iterator[tuple[Value, ...]]]:
     """How many ways there are to choose the variables, and the ways. Raises SpecError where there is none."""
     many = len(node.variables)
@@ -110,6 +113,6 @@ def _choices(
     return comb(len(items), many), combinations(items, many)
 
 
-def _may_be_empty(lowering: Lowering, frame: Frame) -> bool:
+def _may_be_empty(lowering: Context, frame: Frame) -> bool:
     """Relations of the prelude hold of too few things as they do of many: one object overlaps no other."""
     return frame.source is lowering.scope.prelude

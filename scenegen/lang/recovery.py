@@ -9,7 +9,7 @@ none. So in doubt there is no opening.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, column, scan
 
@@ -20,18 +20,18 @@ _UNFINISHED = ("in", ".", "..")  # a name after one of these, then `:`, is the d
 def next_opening(text: str, begin: int, error: int) -> int | None:
     """The first statement opening after the one at `begin` that reaches beyond character `error`, where the parser
     stopped; None where no statement follows. Takes time linear in the distance."""
-    for start, end in _openings(text, begin):
+    for start, end in openings(text, scan(text, begin)):
         if start > begin and end > error:
             return start
     return None
 
 
-def _openings(text: str, begin: int) -> Iterator[tuple[int, int]]:
-    """Statement openings with the end of what makes them one; brackets that an earlier statement left open are
-    forgotten at the next opening."""
+def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
+    """Statement openings among the tokens of a text, with the end of what makes them one; brackets that an earlier
+    statement left open are forgotten at the next opening."""
     previous: Token | None = None
     depth = braces = quantifiers = 0
-    tokens = (token for token in scan(text, begin) if token.kind != "comment")
+    tokens = (token for token in scanned if token.kind != "comment")
     token = next(tokens, None)
     while token is not None:
         following = next(tokens, None)

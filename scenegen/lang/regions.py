@@ -16,17 +16,17 @@ from scenegen.scene.limits import FARTHEST
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 NARROWEST = 1e-9  # least width of the workspace, relative to its distance from the origin
 
 
-def workspace(lowering: Lowering, source: Source, statement: ast.Workspace) -> Workspace:
+def workspace(lowering: Context, source: Source, statement: ast.Workspace) -> Workspace:
     """The rectangle of a `workspace` statement. Raises SpecError."""
     return Workspace(_interval(lowering, source, statement.x, "x"), _interval(lowering, source, statement.y, "y"))
 
 
-def _interval(lowering: Lowering, source: Source, interval: ast.Interval, axis: str) -> tuple[float, float]:
+def _interval(lowering: Context, source: Source, interval: ast.Interval, axis: str) -> tuple[float, float]:
     ends = []
     for expr in (interval.lowest, interval.highest):
         value = run(lowering.lower(expr, {}, Frame(source)))
@@ -44,7 +44,7 @@ def _interval(lowering: Lowering, source: Source, interval: ast.Interval, axis: 
     return lowest, highest
 
 
-def area(lowering: Lowering, declared: Declared) -> Call[Area]:
+def area(lowering: Context, declared: Declared) -> Call[Area]:
     """The place of a `region` statement. Raises SpecError."""
     statement, source = declared.statement, declared.source
     assert isinstance(statement, ast.Region)

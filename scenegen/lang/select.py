@@ -20,12 +20,12 @@ from scenegen.lang.values import (
 from scenegen.primitives.units import BARE, LENGTH
 
 if TYPE_CHECKING:
-    from scenegen.lang.lower import Lowering
+    from scenegen.lang.context import Context
 
 LIST_MEMBERS = ("first", "last", "count")
 
 
-def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
+def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
     """`base.name`. Raises SpecError."""
     origin = lowering.origin(node, frame)
     match base:
@@ -57,7 +57,7 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
             raise lowering.error(f"{base.kind} has no `.{name}`", node, frame, "", help_)
 
 
-def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
+def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
     area, origin = region.area, lowering.origin(node, frame)
 
     def point(place: Point) -> PointValue:
@@ -81,7 +81,7 @@ def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: 
     raise lowering.error(f"`{region.name}` has no `.{name}`", node, frame, "", suggest(name, MEMBERS, otherwise))
 
 
-def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
+def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
     """`base[place]`, counted from 1. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(base, AnyValue):
@@ -99,7 +99,7 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
     return items[which - 1]
 
 
-def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame: Frame, what: str) -> int:
+def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: Frame, what: str) -> int:
     """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
     value = lowering.builder.value(number.node)
     if value is None:

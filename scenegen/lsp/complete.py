@@ -216,16 +216,13 @@ def _operands(here: _Here, kind: str) -> Iterator[Item]:
     for name, binding in sorted(document.values.items()):
         if name == hidden or (constant and binding.kind in ("object", "label")):
             continue
-        written = " ".join(binding.source.text[binding.end : binding.closes].split()).lstrip("=: ")
-        detail = written[:60] if binding.kind in ("constant", "region") else ""
-        yield here.item(name, binding.kind, detail, vocabulary.remark(binding))
+        yield here.item(name, binding.kind, *document.notes[binding])
     for name in BUILT_IN:
         yield here.item(name, "keyword", about=vocabulary.BUILT_IN[name])
     if not constant:
         for name, binding in sorted(document.functions.items()):
             if not name.startswith("_"):
-                usage, formula = vocabulary.usage(binding)
-                yield here.item(name, "definition", usage, vocabulary.remark(binding) or formula)
+                yield here.item(name, "definition", *document.notes[binding])
     yield from _functions(here, [name for name in vocabulary.functions() if name not in (*SHAPES, *AREAS)])
     if not constant:
         yield from _keywords(here, "forall", "exists", "not", "true", "false")

@@ -1,20 +1,23 @@
-"""One open file: its names, its tree, its meaning. Each is worked out when somebody asks, and kept."""
+"""One version of an open file: its names, its tree, its meaning; each worked out when it is first needed, and kept."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang import ast
 from scenegen.lang.check import check_module
 from scenegen.lang.imports import MAX_FILES, Project
+from scenegen.lang.lower import Lowering
 from scenegen.lang.parse import parse_tolerant, plain_breaks, read_source
 from scenegen.lang.scope import BUILT_IN
 from scenegen.lang.spec import CheckedSpec
+from scenegen.lsp import vocabulary
 from scenegen.lsp.names import Binding, Index, Occurrence, index
+from scenegen.lsp.once import once
 from scenegen.resources import grammar_file
 
 SALVAGES = 4  # how often what is wrong is left out before a text counts as hopeless
@@ -55,6 +58,7 @@ class Document:
         self.source = Source(str(path) if path is not None else name, plain_breaks(text))
         self._open_texts = dict(open_texts or {})
         self._root = root
+        self.lowering: Lowering | None = None  # what hovers have expanded so far: see expand.py
 
     @property
     def text(self) -> str:
@@ -66,11 +70,11 @@ class Document:
 
     # ---- names
 
-    @cached_property
+    @once
     def index(self) -> Index:
         return index(self.source, self.path)
 
-    @cached_property
+    @once
     def imported(self) -> list[Index]:
         """The files that this one imports, and those that they import; what cannot be read is left out."""
         project = self.project()
@@ -92,12 +96,12 @@ class Document:
                 waiting.append(found[path])
         return list(found.values())
 
-    @cached_property
+    @once
     def values(self) -> dict[str, Binding]:
         """What stands for something by itself anywhere in the spec: objects, regions, constants, labels."""
         return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
 
-    @cached_property
+    @once
     def functions(self) -> dict[str, Binding]:
         """The definitions, those of the prelude included."""
         return {one.name: one for one in self._declared() if one.kind == "definition"}
@@ -108,7 +112,7 @@ class Document:
         yield from prelude_index().declarations
         yield from reversed(own)
 
-    @cached_property
+    @once
     def _inferred(self) -> dict[str, Binding]:
         """Without an `object` statement anywhere, the names in formulas that nothing else explains are objects."""
         files = (self.index, *self.imported)
@@ -126,6 +130,11 @@ class Document:
                         binding = Binding("object", one.name, file.source, file.path, *place, inferred=True)
                         found.setdefault(one.name, binding)
         return found
+
+    @once
+    def notes(self) -> dict[Binding, tuple[str, str]]:
+        """Of every declaration what completion shows beside it: its usage or value, and what it is for."""
+        return {one: vocabulary.notes(one) for one in (*self.values.values(), *self.functions.values())}
 
     def meaning(self, occurrence: Occurrence) -> Binding | None:
         """What a name stands for; None for what is built in, for members and assets, and for what nobody declares."""
@@ -163,12 +172,12 @@ class Document:
 
     # ---- meaning
 
-    @cached_property
+    @once
     def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:
         """The statements that parse, and what is wrong with the rest."""
         return parse_tolerant(self.source)
 
-    @cached_property
+    @once
     def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
         """What the text means, or all that is wrong with it."""
         module, problems = self.parsed
@@ -179,7 +188,7 @@ class Document:
         except SpecError as error:
             return error.diagnostics
 
-    @cached_property
+    @once
     def salvaged(self) -> tuple[ast.Module, CheckedSpec] | None:
         """The largest part of the text that has a meaning, found by leaving out the statements that are wrong."""
         module = self.parsed[0]

@@ -48,11 +48,11 @@ class Extent:
 
 
 class _Recording(Lowering):
-    """Keeps the values of the nodes that somebody asked for, by the identity of the node."""
+    """Keeps the values of the nodes in `recorded`, by the identity of the node."""
 
-    def __init__(self, scope: Scope, builder: CoreBuilder, nodes: Sequence[ast.Expr]) -> None:
+    def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
         super().__init__(scope, builder)
-        self.recorded: dict[int, list[Value]] = {id(node): [] for node in nodes}
+        self.recorded: dict[int, list[Value]] = {}
 
     def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
         value: Value = yield super().lower(node, env, frame)
@@ -89,7 +89,7 @@ def extents(document: Document, offset: int) -> list[Extent]:
     statement, path = path_to(module, offset)
     if not path or isinstance(statement, ast.Workspace | ast.Objects | ast.Region | ast.Import):
         return []
-    return _outcomes(document, module, spec, _roots(module, statement), path)
+    return _outcomes(document, module, spec, _roots(module, statement), path, isinstance(statement, ast.Definition))
 
 
 def of_constant(document: Document, name: str) -> Extent | None:
@@ -116,22 +116,44 @@ def _outcomes(
     spec: CheckedSpec,
     roots: Sequence[tuple[Source, ast.Expr]],
     path: Sequence[ast.Expr],
+    fresh: bool = False,
 ) -> list[Extent]:
-    placed, _ = inline(module, document.project())
-    scope, _ = collect(module.source, placed, module.bare)
-    builder = CoreBuilder(())
-    lowering = _Recording(scope, builder, path)
-    lowering.areas["workspace"] = whole(spec.workspace)
+    """`fresh`: without what is known of definitions, whose bodies would not be met again."""
     try:
-        scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
-        builder.objects = tuple(scope.objects)
-        lowering.kinds.footprints = tuple(shape.footprint for shape in spec.shapes)
-        lowering.kinds.fixed = spec.fixed
+        lowering = _lowering(document, module, spec, fresh)
+        lowering.recorded = {id(node): [] for node in path}
         for source, expr in roots:
             run(lowering.lower(expr, {}, Frame(source)))
     except (SpecError, TooLarge):
-        return []
+        if document.lowering is None:
+            return []
+        document.lowering = None  # what earlier hovers expanded counts towards its limits
+        return _outcomes(document, module, spec, roots, path, fresh)
     return list(_extents(lowering, spec, path))
+
+
+def _lowering(document: Document, module: ast.Module, spec: CheckedSpec, fresh: bool) -> _Recording:
+    """The document's lowering, which knows the labels and constants that an earlier hover has met."""
+    kept = None if fresh else document.lowering
+    lowering = kept if isinstance(kept, _Recording) else _prepared(document, module, spec)
+    lowering.steps = 0  # the limit is for one hover, not for all of them
+    if not fresh:
+        document.lowering = lowering
+    return lowering
+
+
+def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _Recording:
+    """A lowering that knows the declarations. Raises SpecError, and TooLarge."""
+    placed, _ = inline(module, document.project())
+    scope, _ = collect(module.source, placed, module.bare)
+    builder = CoreBuilder(())
+    lowering = _Recording(scope, builder)
+    lowering.areas["workspace"] = whole(spec.workspace)
+    scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
+    builder.objects = tuple(scope.objects)
+    lowering.kinds.footprints = tuple(shape.footprint for shape in spec.shapes)
+    lowering.kinds.fixed = spec.fixed
+    return lowering
 
 
 def _extents(lowering: _Recording, spec: CheckedSpec, path: Sequence[ast.Expr]) -> Iterator[Extent]:

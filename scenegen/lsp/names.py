@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from scenegen.errors import Source
-from scenegen.lang.recovery import next_opening
+from scenegen.lang.recovery import openings
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, scan
 
 Kind = Literal["object", "region", "constant", "definition", "label", "parameter", "variable"]
@@ -110,17 +110,15 @@ def index(source: Source, path: Path | None = None) -> Index:
 
 def _statements(text: str) -> Iterator[Statement]:
     tokens = [token for token in scan(text) if token.kind != "comment"]
+    starts = [start for start, _ in openings(text, tokens)]
     at = 0
-    while at < len(tokens):
-        start = tokens[at].start
-        following = next_opening(text, start, start)
+    for following in (*starts, len(text) + 1):
         first = at
-        while at < len(tokens) and (following is None or tokens[at].start < following):
+        while at < len(tokens) and tokens[at].start < following:
             at += 1
-        own = tuple(tokens[first:at])
-        if not own:  # an opening inside a token cannot be
-            return
-        yield Statement(_kind(own), start, own[-1].end, own)
+        if at > first:
+            own = tuple(tokens[first:at])
+            yield Statement(_kind(own), own[0].start, own[-1].end, own)
 
 
 def _kind(tokens: tuple[Token, ...]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 
-from scenegen.errors import Source
+from scenegen.errors import Source, SpecError
 from scenegen.lang import ast
 from scenegen.lang.measure import SIGNATURES
-from scenegen.lang.parse import parse_tolerant
+from scenegen.lang.parse import parse
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import LIST_FUNCTIONS, signature_of, signatures
 from scenegen.lang.tokens import scan
@@ -125,11 +126,25 @@ def remark(binding: Binding) -> str:
     return " ".join(above)
 
 
+def notes(binding: Binding) -> tuple[str, str]:
+    """What a list of words shows beside a declaration: its usage or value, and what it is for."""
+    if binding.kind == "definition":
+        called, formula = usage(binding)
+        return called, remark(binding) or formula
+    written = " ".join(binding.source.text[binding.end : binding.closes].split()).lstrip("=: ")
+    return (written[:60] if binding.kind in ("constant", "region") else ""), remark(binding)
+
+
 def usage(definition: Binding) -> tuple[str, str]:
     """How a definition is called, and its formula; as far as its text can be parsed."""
-    written = definition.source.text[definition.opens : definition.closes]
-    module, _ = parse_tolerant(Source(definition.source.name, written))
-    for statement in module.statements if module is not None else ():
-        if isinstance(statement, ast.Definition):
-            return signature_of(statement).usage, print_expr(statement.body)
-    return f"{definition.name}(...)", ""
+    return _usage(definition.name, definition.source.text[definition.opens : definition.closes])
+
+
+@lru_cache(maxsize=10_000)
+def _usage(name: str, written: str) -> tuple[str, str]:
+    """Kept by text: of a definition that stays as it is while others are edited it is known already."""
+    with contextlib.suppress(SpecError):
+        for statement in parse(Source("<definition>", written)).statements:
+            if isinstance(statement, ast.Definition):
+                return signature_of(statement).usage, print_expr(statement.body)
+    return f"{name}(...)", ""

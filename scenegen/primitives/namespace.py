@@ -8,7 +8,8 @@ by one unit in the last place.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -97,3 +98,36 @@ class _Numpy:
 
 MATH: Namespace = _Math()
 NUMPY: Namespace = _Numpy()
+
+
+class Turning:
+    """A namespace that works out the sine and cosine of each of the `angles` once, however many footprints turn by it.
+    The values are the same bits; an angle is known by being the same object."""
+
+    def __init__(self, of: Namespace, angles: Iterable[Any]) -> None:
+        self._of = of
+        self._angles = {id(angle): angle for angle in angles}  # kept: an id is good for as long as its object lives
+        self._sin: dict[int, Any] = {}
+        self._cos: dict[int, Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._of, name)
+
+    def sin(self, a: Any) -> Any:
+        return self._once(self._sin, self._of.sin, a)
+
+    def cos(self, a: Any) -> Any:
+        return self._once(self._cos, self._of.cos, a)
+
+    def _once(self, known: dict[int, Any], function: Callable[[Any], Any], a: Any) -> Any:
+        key = id(a)
+        if key not in self._angles:
+            return function(a)
+        if key not in known:
+            known[key] = function(a)
+        return known[key]
+
+
+def turning(of: Namespace, angles: Iterable[Any]) -> Namespace:
+    """The namespace for one run over a formula whose headings are `angles`."""
+    return cast(Namespace, Turning(of, angles))

@@ -25,10 +25,10 @@ LINE = (150, 140, 125)
 ARROW = 0.045  # of the longer side: the mark of the mean heading
 
 
-def heatmap(file: SceneFile) -> bytes:
+def heatmap(file: SceneFile, *, distinct: bool = False) -> bytes:
     """A PNG file. A panel's darkest places are where its object is most often; outlines are the spec's regions, the
     arrow is the mean heading where there is one. Raises DataError as `stage_of` does."""
-    stage, poses = stage_of(file), poses_of(file)
+    stage, poses = stage_of(file, distinct=distinct), poses_of(file)
     names = [item.name for item in file.objects][:SHOWN]
     x0, y0, x1, y1 = stage.workspace
     scale = SIDE / stage.side

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.needs import need
 from scenegen.render.camera import VIEWS
 from scenegen.render.live_worker import REQUEST
 from scenegen.render.process import Process
@@ -21,9 +22,10 @@ Picture = npt.NDArray[np.uint8]
 
 class Live:
     """Draws scenes of the objects and in the workspace of `file`, whose scenes the camera makes room for. The process
-    starts with the first picture and runs until `close`."""
+    starts with the first picture and runs until `close`. Raises RequestError where pybullet is not installed."""
 
     def __init__(self, file: SceneFile, view: str, size: tuple[int, int]) -> None:
+        need("pybullet", "to draw pictures")
         self._stage, self._view, self._size = stage_of(file), view, size
         self._process: Process | None = None
 

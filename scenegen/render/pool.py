@@ -8,6 +8,7 @@ from collections.abc import Generator
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.needs import need
 from scenegen.render.files import Wanted
 from scenegen.render.process import Process
 from scenegen.render.stage import Stage, places_of
@@ -20,8 +21,10 @@ def draw(
     """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3). The same bytes for any
     `workers`.
 
-    Close the generator to end the processes early. Raises ScenegenError where one of them fails.
+    Close the generator to end the processes early. Raises ScenegenError where one of them fails, RequestError where
+    pybullet is not installed.
     """
+    need("pybullet", "to draw pictures")
     places = places_of(stage, poses)
     stage, origin = stage.near()
     places[..., :2] -= origin

@@ -12,11 +12,12 @@ from PIL import Image
 
 from scenegen.errors import DataError, Diagnostic
 from scenegen.formats.folder import scene_name, whole_files
+from scenegen.needs import need
 from scenegen.render.camera import USUAL
 from scenegen.render.files import Wanted
 from scenegen.render.pool import draw
 from scenegen.render.process import cores
-from scenegen.render.request import check_renderer, check_request
+from scenegen.render.request import check_renderer, check_request, usual_size
 from scenegen.render.rig import cameras_json
 from scenegen.render.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.render.stage import poses_of, stage_of
@@ -42,7 +43,8 @@ def render_scenes(
     out: Path,
     *,
     views: tuple[str, ...] = USUAL,
-    size: tuple[int, int] = (640, 480),
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
@@ -55,25 +57,29 @@ def render_scenes(
     Files are scene_0001_top.png, scene_0001_perspective.png, ..., contact_sheet.png and cameras.json (see `rig`).
     `views` are of "top" (straight down, x to the right, y up), "perspective" and "front" (from the viewer's side, -y,
     looking towards +y, from high and from low) and "three-quarter" (from the right of it). `size` is (width, height) in
-    pixels. `transparent` leaves the ground below the table out. With `depth`, scene_0001_top_depth.png holds tenths of
-    millimetres in 16 bits; with `masks`, scene_0001_top_mask.png holds the number of what each pixel shows, as
-    cameras.json lists them; both also as arrays `depth` (float32, metres) and `mask` (uint16) in scene_0001_top.npz.
-    An object that the library does not know is a block with its name beside it, written on pictures without either.
-    `renderer` is "software", which draws the same everywhere, or "egl", which wants a graphics card.
+    pixels, by default (640, 480) for a square workspace and wider for a wide one (`usual_size`). `distinct` colours
+    objects apart that would look the same. `transparent` leaves the ground below the table out. With `depth`,
+    scene_0001_top_depth.png holds tenths of millimetres in 16 bits; with `masks`, scene_0001_top_mask.png holds the
+    number of what each pixel shows, as cameras.json lists them; both also as arrays `depth` (float32, metres) and
+    `mask` (uint16) in scene_0001_top.npz. An object that the library does not know is a block with its name beside it,
+    written on pictures without either. The contact sheet says which objects overlap. `renderer` is "software", which
+    draws the same everywhere, or "egl", which wants a graphics card.
 
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
-    Raises RequestError for a wrong view, size or number of workers, DataError for a file without scenes, OutputError
-    where something cannot be written.
+    Raises RequestError for a wrong view, size or number of workers and where pybullet is not installed, DataError for a
+    file without scenes, OutputError where something cannot be written.
     """
+    size = usual_size(file) if size is None else size
     check_request(views, size, workers)
+    need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
     wanted = Wanted(views, size, transparent, depth, masks, renderer)
     if not file.scenes:
         raise DataError(Diagnostic("there are no scenes to draw", help="the file's list `scenes` is empty"))
-    stage, poses = stage_of(file), poses_of(file)
+    stage, poses = stage_of(file, distinct=distinct), poses_of(file)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)

@@ -20,6 +20,7 @@ from scenegen.assets import Shape
 from scenegen.assets.support import base_heights
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.blocks import Block
+from scenegen.needs import need
 from scenegen.render.bodies import body_of
 from scenegen.render.dropper import COUNT
 from scenegen.render.motion import within
@@ -57,12 +58,13 @@ class Settler:
     use it as a context manager. What comes out does not depend on their number, nor on which scenes come together.
 
     `fixed` are the indices of the objects that cannot be moved. `workers` is by default one per core. Raises
-    RequestError for fewer than 1.
+    RequestError for fewer than 1, and where pybullet is not installed.
     """
 
     def __init__(self, shapes: Sequence[Shape], *, fixed: Collection[int] = (), workers: int | None = None) -> None:
         if workers is not None and workers < 1:
             raise RequestError(Diagnostic(f"{workers} workers cannot drop scenes", help="ask for 1 or more"))
+        need("pybullet", "to settle scenes")
         self._shapes = shapes
         bodies = [body_of(shape, fixed=number in fixed) for number, shape in enumerate(shapes)]
         self._job = {"bodies": [dataclasses.asdict(body) for body in bodies]}

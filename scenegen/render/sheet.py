@@ -8,12 +8,15 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
+from scenegen.render.stage import overlaps_of
 from scenegen.scene.data import SceneFile
 
 SHOWN = 64  # scenes at most
 PAPER, INK, QUIET, WARM = (250, 250, 249), (38, 40, 44), (112, 116, 124), (178, 58, 44)
 EDGE, GAP, LINE = 28, 18, 20  # pixels: margin of the sheet, space between pictures, height of a caption line
 CAPTION_LINES = 8
+WIDEST = 2000  # pixels of a sheet that gets one more column than it needs
+OVERLAPS = 3  # lines of a caption, at most, that say what overlaps
 TITLE, TEXT, SMALL = 24, 16, 15  # sizes of type
 
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
@@ -21,7 +24,7 @@ Item = tuple[str, tuple[int, int, int]]
 
 
 def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
-    """The asked ranges in words: `task 0.05..0.2, safe >= 0`."""
+    """The target ranges in words: `task 0.05..0.2, safe >= 0`."""
     words = []
     for label, (low, high) in phi.items():
         if low is not None and high is not None:
@@ -38,11 +41,12 @@ def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
 def thumbnail_size(size: tuple[int, int], scenes: int) -> tuple[int, int]:
     """How large the pictures of a sheet of that many scenes are."""
     width = 320 if min(scenes, SHOWN) <= 20 else 240
-    scale = min(width / size[0], width * 0.9 / size[1])
+    alike = math.sqrt(0.75 * width * width / (size[0] * size[1]))  # as many pixels, whatever the shape
+    scale = min(alike, width * 1.6 / size[0], width * 0.9 / size[1])
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 
-def _cut(text: str, font: Font, width: float) -> str:
+def cut(text: str, font: Font, width: float) -> str:
     """The text, shortened with an ellipsis where it is wider than `width` pixels."""
     if font.getlength(text) <= width:
         return text
@@ -56,7 +60,7 @@ def flow(items: Sequence[Item], font: Font, width: float, space: str) -> list[li
     lines: list[list[Item]] = [[]]
     used = 0.0
     for text, color in items:
-        short = _cut(text, font, width)
+        short = cut(text, font, width)
         length = font.getlength(short)
         if lines[-1] and used + font.getlength(space) + length > width:
             lines.append([])
@@ -66,13 +70,15 @@ def flow(items: Sequence[Item], font: Font, width: float, space: str) -> list[li
     return lines
 
 
-def _caption(number: int, phi: dict[str, float], font: Font, width: float) -> list[list[Item]]:
+def _caption(number: int, phi: dict[str, float], overlaps: Sequence[str], font: Font, width: float) -> list[list[Item]]:
     items: list[Item] = [(f"#{number}", QUIET)]
     for label, value in phi.items():
         figure = f" {round(value, 3) + 0.0:g}" if abs(value) >= 5e-4 or value == 0 else f" {value:.1g}"
         # A long label gives way to its figure.
-        items.append((_cut(label, font, width - font.getlength(figure)) + figure, INK if value >= 0 else WARM))
+        items.append((cut(label, font, width - font.getlength(figure)) + figure, INK if value >= 0 else WARM))
     lines = flow(items, font, width, "   ")
+    shown = overlaps if len(overlaps) <= OVERLAPS else [*overlaps[: OVERLAPS - 1], f"{len(overlaps)} overlaps in all"]
+    lines += flow([(text, WARM) for text in shown], font, width, "   ") if shown else []
     if len(lines) > CAPTION_LINES:
         left = sum(map(len, lines[CAPTION_LINES - 1 :]))
         lines = [*lines[: CAPTION_LINES - 1], [(f"and {left} more", QUIET)]]
@@ -99,13 +105,16 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     width, height = thumbnails[0].size
     cell = max(width, 200)
     columns = min(count, max(2, math.ceil(math.sqrt(count * (height + 2 * LINE) / cell))), 8)
+    if count % columns and count % (columns + 1) == 0 and (columns + 1) * (cell + GAP) <= WIDEST:
+        columns += 1  # no row with gaps
     inner = max(columns * cell + (columns - 1) * GAP, 480)
-    captions = [_caption(k + 1, file.scenes[k].phi, small, cell) for k in range(count)]
+    overlaps = overlaps_of(file.model_copy(update={"scenes": file.scenes[:count]}))
+    captions = [_caption(k + 1, file.scenes[k].phi, overlaps[k], small, cell) for k in range(count)]
     rows = [captions[start : start + columns] for start in range(0, count, columns)]
 
     many = f"{total} scene{'s' * (total != 1)}"
     shown = many if count == total else f"first {count} of {many}"
-    facts = [f"asked: {asked(file.request.phi)}", f"method: {_method(file)}"]
+    facts = [f"target: {asked(file.request.phi)}", f"method: {_method(file)}"]
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title

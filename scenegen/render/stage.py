@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
+from scenegen.assets.overlap import overlapping
 from scenegen.assets.palette import CHOCOLATE, RGB, mix, stable
 from scenegen.assets.plain import DRAWN
 from scenegen.assets.support import base_heights
@@ -135,8 +136,9 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(names), 3)
 
 
-def stage_of(file: SceneFile) -> Stage:
-    """The stage of a scenes file. Raises DataError for sizes that cannot be drawn, and where a scene lacks a pose."""
+def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
+    """The stage of a scenes file; `distinct` colours apart what looks the same. Raises DataError for sizes that cannot
+    be drawn, and where a scene lacks a pose."""
     check_sizes(file)
     (x0, x1), (y0, y1) = file.workspace.x, file.workspace.y
     workspace = (x0, y0, x1, y1)
@@ -146,7 +148,8 @@ def stage_of(file: SceneFile) -> Stage:
         Shape(asset, footprint_of(item.shape.footprint), item.shape.height)
         for item, asset in zip(file.objects, known, strict=True)
     ]
-    colors = colors_of([(item.name, asset) for item, asset in zip(file.objects, known, strict=True)])
+    named = [(item.name, asset) for item, asset in zip(file.objects, known, strict=True)]
+    colors = colors_of(named, distinct=distinct)
     # A block that stands for something the library does not know says what.
     labels = [
         item.name if asset == UNKNOWN and not has_picture(item.name) else ""
@@ -162,6 +165,13 @@ def stage_of(file: SceneFile) -> Stage:
     tops = base_heights(shapes, poses) + np.array([shape.height for shape in shapes])
     tallest = float(tops.max(initial=0.0))
     return Stage(workspace, (table[0], table[1], table[2], table[3]), min(tallest, TALLEST * side), things, patches)
+
+
+def overlaps_of(file: SceneFile) -> list[list[str]]:
+    """For each scene in words which objects stand in each other: `mug overlaps plate`. Raises as `stage_of` does."""
+    shapes = [thing.shape for thing in stage_of(file).things]
+    names = [item.name for item in file.objects]
+    return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in overlapping(shapes, poses_of(file))]
 
 
 def places_of(stage: Stage, poses: Floats) -> Floats:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.render.sheet import INK, PAPER, QUIET, WARM
+from scenegen.render.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
 
 COOL = (36, 120, 88)
 EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, room below a picture
@@ -17,9 +17,11 @@ HELD = 1400  # milliseconds that an animation rests on its last picture
 STEP = 90  # milliseconds that it shows the others
 
 
-def strip(frames: Sequence[Image.Image], phi: Sequence[float], label: str, title: str) -> bytes:
+def strip(
+    frames: Sequence[Image.Image], phi: Sequence[float], label: str, title: str, notes: Sequence[str] = ()
+) -> bytes:
     """The frames side by side as a PNG file, each with its phi below and a bar that runs from the lowest phi of all to
-    the highest, red as long as the formula is violated."""
+    the highest, red as long as the formula is violated. A note, where there is one, stands beside phi."""
     width, height = frames[0].size
     head = TITLE + 24 if title else 0
     sheet = Image.new(
@@ -33,20 +35,20 @@ def strip(frames: Sequence[Image.Image], phi: Sequence[float], label: str, title
     for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
         x, y = EDGE + number * (width + GAP), EDGE + head
         sheet.paste(frame, (x, y))
-        _below(draw, (x, y + height), width, value, phi, label)
+        _below(draw, (x, y + height), width, value, phi, label, notes[number] if notes else "")
     out = io.BytesIO()
     sheet.save(out, format="PNG", compress_level=7)
     return out.getvalue()
 
 
-def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str) -> bytes:
+def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, notes: Sequence[str] = ()) -> bytes:
     """The frames one after the other as a GIF file that runs for ever and rests on the last."""
     width, height = frames[0].size
     shown = []
-    for frame, value in zip(frames, phi, strict=True):
+    for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
         page = Image.new("RGB", (width, height + FOOT), PAPER)
         page.paste(frame, (0, 0))
-        _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label)
+        _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label, notes[number] if notes else "")
         shown.append(page)
     # One palette for all, of the first and the last picture: colours that jump from frame to frame look like errors.
     both = Image.new("RGB", (width, 2 * (height + FOOT)))
@@ -61,9 +63,15 @@ def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str) -
 
 
 def _below(
-    draw: ImageDraw.ImageDraw, at: tuple[int, int], width: int, value: float, phi: Sequence[float], label: str
+    draw: ImageDraw.ImageDraw,
+    at: tuple[int, int],
+    width: int,
+    value: float,
+    phi: Sequence[float],
+    label: str,
+    note: str,
 ) -> None:
-    """phi in figures and as a bar, below a picture."""
+    """phi in figures and as a bar, below a picture, and a note."""
     x, y = at
     low, high = min(*phi, 0.0), max(*phi, 0.0)
     color = COOL if value >= 0.0 else WARM
@@ -78,3 +86,7 @@ def _below(
     # Two decimals: the value may be a hair below zero, which must not read as solved.
     figure = f"{value:+.2f}" if abs(value) >= 0.005 else f"{value:+.3f}"
     draw.text((x + font.getlength(words), y + 20), figure, color, font)
+    small = ImageFont.load_default(size=SMALL)
+    left = width - font.getlength(words + figure) - 2 * GAP
+    if note and left > 0:
+        draw.text((x + width - 1, y + 23), cut(note, small, left), WARM, small, anchor="ra")

@@ -20,11 +20,12 @@ def pictures(
     view: str,
     size: tuple[int, int],
     *,
+    distinct: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Image.Image]:
     """The pictures of a file's scenes, one after the other, from one view. Raises as `render_scenes` does."""
-    stage, total = stage_of(file), len(file.scenes)
+    stage, total = stage_of(file, distinct=distinct), len(file.scenes)
     wanted = Wanted((view,), size)
     with contextlib.closing(draw(stage, poses_of(file), wanted, min(workers or cores(), total))) as scenes:
         for number, files in enumerate(scenes, start=1):

@@ -13,7 +13,9 @@ import torch
 from torch import Tensor
 
 from scenegen.lang.core import Core, last_uses
+from scenegen.lang.headings import bare_rows
 from scenegen.robustness.fused import fused
+from scenegen.robustness.headings import coordinates
 from scenegen.robustness.tape import most_alive, run
 
 # Scenes at a time when no gradient is wanted, in float64; twice as many in float32: intermediates of 256 KiB. On a core
@@ -42,6 +44,7 @@ class Robustness:
         self.objects = core.objects
         self.compiled = compiled
         self._dead = last_uses(core)
+        self._bare = bare_rows(core)
         self._most = max(256, LIVE // most_alive(self._dead))
         self._chunk = min(CHUNK, self._most)
         self._fused = fused(core) if compiled else None
@@ -51,7 +54,8 @@ class Robustness:
         return _again, (self.core, self.compiled)
 
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:
-        """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage.
+        """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage. A heading outside
+        [0, 2 pi) is the same direction as the one inside.
 
         Raises ValueError for another shape or dtype and for NaN or infinite coordinates, TypeError for other arrays.
         """
@@ -110,7 +114,8 @@ class Robustness:
     def _run(self, rows: Tensor, beta: float | None) -> list[Tensor]:
         """phi of every label, each (B,)."""
         batch = rows.shape[1]
-        return [value.expand(batch) for value in run(self.core, self._dead, rows.__getitem__, rows.new_tensor, beta)]
+        coordinate = coordinates(rows.__getitem__, self._bare)
+        return [value.expand(batch) for value in run(self.core, self._dead, coordinate, rows.new_tensor, beta)]
 
 
 def _again(core: Core, compiled: bool) -> Robustness:

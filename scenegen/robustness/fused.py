@@ -17,6 +17,8 @@ import torch
 from torch import Tensor, fx
 
 from scenegen.lang.core import Coord, Core, Node, last_uses
+from scenegen.lang.headings import bare_rows
+from scenegen.robustness.headings import coordinates
 from scenegen.robustness.tape import run
 
 LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
@@ -112,7 +114,7 @@ def record(core: Core) -> tuple[fx.Graph, list[int]]:
         return out[0].new_full((), value)
 
     with torch.no_grad():
-        values = run(core, last_uses(core), rows.__getitem__, constant)
+        values = run(core, last_uses(core), coordinates(rows.__getitem__, bare_rows(core)), constant)
     for label, value in zip(out, values, strict=True):
         label.copy_(value)
     graph.output(None)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.primitives.namespace import turning
 from scenegen.scene.workspace import TWO_PI
 
 if TYPE_CHECKING:
@@ -146,10 +147,12 @@ class Tape:
             for index, node in self._steps
             if isinstance(node, Coord)
         }
+        self._headings = [place[row] for row in frame.rows if row % 3 == 2]
 
     def __call__(self, rows: Sequence[Array]) -> list[Array]:
         """D arrays of shape (B,) -> one (B,) array per label."""
         values: list[Any] = [None] * len(self._core.nodes)
+        namespace = turning(NUMPY, [rows[place] for place in self._headings])
         for index, node in self._steps:
             match node:
                 case Const(value):
@@ -159,7 +162,7 @@ class Tape:
                     values[index] = rows[where] if isinstance(where, int) else where
                 case Apply(primitive, args, shapes):
                     evaluate = PRIMITIVES[primitive].evaluate
-                    values[index] = evaluate(NUMPY, *shapes, *[values[arg] for arg in args])
+                    values[index] = evaluate(namespace, *shapes, *[values[arg] for arg in args])
                 case Atom(margin):
                     values[index] = values[margin]
                 case Junction(kind, args):

@@ -15,16 +15,10 @@ from scenegen.sampling.cells import Cells
 if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
 
+MANY_PIECES = 1 << 30  # more than there are processes
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-
-PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
-LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
-
-
-def piece_size(objects: int) -> int:
-    """How many scenes of that many objects a piece has."""
-    return max(16, min(PIECE, LARGEST_PIECE // (3 * objects)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +115,10 @@ class Plan(Pieces, Protocol):
     @property
     def ruled_out(self) -> frozenset[int]:
         """Cells that are proved to be empty."""
+
+    @property
+    def shared_by(self) -> int:
+        """How many processes can share the work at most: pieces that fewer scenes need are not worth starting."""
 
     @property
     def evaluations(self) -> float:

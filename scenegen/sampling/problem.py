@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
 from scenegen.bounds.contract import contract, start
+from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.tape import Tape, make_tape
 from scenegen.bounds.wanted import EVERYTHING, Ends, both, push_down
 from scenegen.errors import Diagnostic, RequestError
@@ -24,7 +25,7 @@ from scenegen.primitives import NUMPY
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.collect import Collector
 from scenegen.sampling.held import Held, hold
-from scenegen.sampling.pieces import piece_size
+from scenegen.sampling.piece_size import piece_size
 from scenegen.sampling.request import Range, Request, check_request, empty_range
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ SHUFFLE, PILOT, GUIDED, PLAN, REJECTION = 1, 2, 3, 4, 5
 LARGE = 1 << 22  # nodes times cells from which on cells are held against plain bounds, not contracted
 
 
-GRACE = 1.0  # seconds
+GRACE = 0.5  # seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,45 +151,73 @@ def pose(
     seed: int = 0,
     spread: str = "flat",
     fixed: Mapping[str, Held | tuple[float, ...]] | None = None,
+    budget: Budget | None = None,
 ) -> Problem:
-    """Check a request against its spec. Raises RequestError, also where contraction proves the whole range empty.
+    """Check a request against its spec. Raises RequestError, also where contraction proves the whole range empty, and
+    where the time of `budget` is long up before that is known.
 
     `fixed` holds objects where they are, (x, y) or (x, y, theta) by name; without theta the heading stays free.
     """
-    lowest, highest, held = hold(spec, fixed or {})
+    effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
+    try:
+        return _pose(spec, ranges, n, seed, spread, fixed or {}, effort)
+    except StoppedError:
+        title = "time was up before it was known what the spec's phi can be"
+        raise RequestError(Diagnostic(title, help="give it more time with --timeout")) from None
+
+
+def _pose(
+    spec: CheckedSpec,
+    ranges: Mapping[str, Range],
+    n: int,
+    seed: int,
+    spread: str,
+    fixed: Mapping[str, Held | tuple[float, ...]],
+    effort: Effort,
+) -> Problem:
+    lowest, highest, held = hold(spec, fixed)
     core = gated(spec.core)
-    low, high = label_bounds(spec.core, lowest, highest)
+    low, high = label_bounds(spec.core, lowest, highest, effort)
     bounds = {name: (float(a), float(b)) for name, a, b in zip(spec.core.labels, low, high, strict=True)}
-    tape = make_tape(core, lowest, highest)
-    _refuse_points(core, lowest, highest, ranges)
+    tape = make_tape(core, lowest, highest, effort)
+    _refuse_points(core, lowest, highest, ranges, effort)
     request = dataclasses.replace(check_request(ranges, n, seed, spread, bounds), fixed=held)
     cells = cut(request, tuple(core.labels))
     if core is not spec.core:
         cells.low[-1] = 0.0
-    possible = _possible(core, tape, cells, lowest, highest)
+    possible = _possible(core, tape, cells, lowest, highest, effort)
     problem = Problem(spec, core, lowest, highest, request, cells, possible, tape)
     if not possible:
-        raise RequestError(impossible(problem))
+        raise RequestError(impossible(problem, effort))
     return problem
 
 
-def impossible(problem: Problem) -> Diagnostic:
-    """What to say of a request that is proved to have no scene: which atoms clash."""
-    return _impossible(problem.core, problem.lowest, problem.highest, problem.request.ranges, problem.wanted())
+def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
+    """What to say of a request that is proved to have no scene: which atoms clash, if there is time to find out."""
+    effort = Effort() if effort is None else effort
+    return _impossible(problem.core, problem.lowest, problem.highest, problem.request.ranges, problem.wanted(), effort)
 
 
 def _impossible(
-    core: Core, lowest: Array, highest: Array, ranges: Mapping[str, Range], wanted: Mapping[int, Ends]
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    ranges: Mapping[str, Range],
+    wanted: Mapping[int, Ends],
+    effort: Effort,
 ) -> Diagnostic:
     asked = [f"phi of `{name}` in {wanted}" for name, wanted in ranges.items()]
     title = f"no scene can have {' and '.join(asked)}" if asked else "no scene meets what the spec requires"
-    found = clash(core, lowest, highest, wanted)
+    try:
+        found = clash(core, lowest, highest, wanted, effort=effort)
+    except (StoppedError, TooMuchError):
+        found = None
     if found is None:
         return Diagnostic(title, help="ask for another range")
     return explain(core, found, title, "ask for another range; `scenegen check` shows what each part can reach")
 
 
-def _refuse_points(core: Core, lowest: Array, highest: Array, ranges: Mapping[str, Range]) -> None:
+def _refuse_points(core: Core, lowest: Array, highest: Array, ranges: Mapping[str, Range], effort: Effort) -> None:
     """A single value has probability 0 and is answered with a band; where no scene has it at all, say that instead."""
     if not any(wanted.low is not None and wanted.low == wanted.high for wanted in ranges.values()):
         return
@@ -199,8 +228,10 @@ def _refuse_points(core: Core, lowest: Array, highest: Array, ranges: Mapping[st
     if REQUIRE in core.labels:
         low[-1] = 0.0
     wanted = _wanted(core, low, high)
-    if not any(map(np.isnan, (*low, *high))) and clash(core, lowest, highest, wanted, search=False) is not None:
-        raise RequestError(_impossible(core, lowest, highest, ranges, wanted))
+    if any(map(np.isnan, (*low, *high))):
+        return
+    if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
+        raise RequestError(_impossible(core, lowest, highest, ranges, wanted, effort))
 
 
 def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
@@ -210,13 +241,14 @@ def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
     return wanted
 
 
-def _possible(core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array) -> frozenset[int]:
+def _possible(core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort) -> frozenset[int]:
     """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone."""
     if len(tape.nodes) * cells.count > LARGE:
-        least, most = label_bounds(core, lowest, highest)
+        least, most = label_bounds(core, lowest, highest, effort)
         limits = map(cells.limits, range(cells.count))
         return frozenset(cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all())
     wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
     shape = (len(lowest), cells.count)
     lo, hi = start(tape, wanted, *(np.broadcast_to(ends[:, None], shape) for ends in (lowest, highest)))
-    return frozenset(map(int, np.flatnonzero(contract(tape.nodes, lo, hi))))
+    alive = contract(tape.nodes, lo, hi, batches=tape.batches, effort=effort)
+    return frozenset(map(int, np.flatnonzero(alive)))

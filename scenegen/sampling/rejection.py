@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import Effort, StoppedError, per_scene, scoring
 from scenegen.bounds.proposal import BELOW_TURN
-from scenegen.bounds.prune import Cover, StoppedError, prune
+from scenegen.bounds.prune import Cover, prune
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.digest import digest
-from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.pieces import MANY_PIECES, Account, Candidates, Tally
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
 from scenegen.sampling.report import shortfall, too_early
 
@@ -34,6 +35,8 @@ LIVE = 1 << 22  # numbers that are alive at a time while candidates are scored
 CHUNK = 16_384  # candidates drawn and scored at a time, at most: intermediates then stay in cache
 SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
 WORK = 1 << 26  # candidates times nodes that one look around may take
+PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
+MOST = 1.4e8  # work of a trial from which on another method is worth a try: more than any shipped spec takes, 2 to 3 s
 EXPLORE = 4  # chunks drawn from the common cover to see which cells it serves
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out of reach
 LONG_SEARCH = 32 * 65_536  # candidates after which the search for further cells ends where exploring found none at all
@@ -61,11 +64,13 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A cover of the whole range and what the first candidates from it say: `hits` (C,) of each cell, among `tried`."""
+    """A cover of the whole range and what the first candidates from it say: `hits` (C,) of each cell, among `tried`.
+    `work` is what it took, see scenegen.bounds.effort."""
 
     cover: Cover
     hits: Index
     tried: int
+    work: float = 0.0
 
     @property
     def rate(self) -> Rate:
@@ -113,6 +118,10 @@ class Plan:
         return tuple(sorted(self.reachable))
 
     @property
+    def shared_by(self) -> int:
+        return MANY_PIECES
+
+    @property
     def evaluations(self) -> float:
         return self.draws + self.expected
 
@@ -153,13 +162,14 @@ class Plan:
         return _misses(self.problem, self.sources[0].cover)
 
 
-def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> Plan:
+def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf) -> Plan:
     """The plan of a problem; `trial` is its trial, where that has been made. Time can only cut it short.
 
-    Raises RequestError where there is provably no scene, and where time is up before it is known which cells get
+    `most` is the work that each cover may take, see scenegen.bounds.effort. Raises TooMuchError where that does not
+    suffice; RequestError where there is provably no scene, and where time is up before it is known which cells get
     scenes: what time cuts short, it must not change.
     """
-    trial = make_trial(problem, budget) if trial is None else trial
+    trial = make_trial(problem, budget, most) if trial is None else trial
     if problem.cells.count == 1:
         return _alone(problem, trial, frozenset({0}), frozenset())
     possible = sorted(problem.possible)
@@ -175,22 +185,23 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
         try:
             if budget.spent:
                 raise StoppedError
-            mine = _cover(problem, budget, problem.wanted(cell), (seed, PLAN, cell + 1))
+            effort = _effort(budget, most)
+            mine = _cover(problem, problem.wanted(cell), (seed, PLAN, cell + 1), effort)
+            if not mine.parts:
+                ruled_out.add(cell)
+                continue
+            rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
+            counts, tried = _explore(problem, mine, SEARCH, rng, effort, cell)
         except StoppedError:
             undecided = len(possible) - len(common) - len(own) - len(ruled_out)
             raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
-        if not mine.parts:
-            ruled_out.add(cell)
-            continue
-        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
-        counts, tried = _explore(problem, mine, SEARCH, rng, cell)
         draws += tried
         if counts[cell]:
             own.append((cell, mine, counts[cell] / tried))
     found = common.union(cell for cell, _, _ in own)
     if not found:
         if len(ruled_out) == len(possible):
-            raise RequestError(impossible(problem))
+            raise RequestError(impossible(problem, _effort(budget)))
         longer = search(problem, trial, lambda: budget.spent)
         if not longer.rate.hits:
             raise RequestError(hopeless(problem, longer))
@@ -199,35 +210,48 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None) -> P
     return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected)
 
 
-def _cover(problem: Problem, budget: Budget, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...]) -> Cover:
-    """Raises StoppedError where time has long been up."""
-    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, lambda: budget.overdrawn)
+def _effort(budget: Budget, most: float = math.inf) -> Effort:
+    """Work that is stopped where time has long been up."""
+    return Effort(lambda: budget.overdrawn, most)
 
 
-def make_trial(problem: Problem, budget: Budget) -> Trial:
-    """The cover of the whole range and a first look at what it gives. Raises RequestError where it proves that there is
-    no scene, or time is up before there is a cover."""
+def _cover(problem: Problem, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...], effort: Effort) -> Cover:
+    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort)
+
+
+def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Trial:
+    """The cover of the whole range and a first look at what it gives.
+
+    Raises RequestError where the cover proves that there is no scene, or time is up before there is one, and
+    TooMuchError where the work comes to more than `most`: the same on any machine.
+    """
     seed = problem.request.seed
+    effort = _effort(budget, most)
     try:
-        cover = _cover(problem, budget, problem.wanted(), (seed, PLAN))
+        cover = _cover(problem, problem.wanted(), (seed, PLAN), effort)
+        if not cover.parts:
+            raise RequestError(impossible(problem, _effort(budget)))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
+        hits, tried = _explore(problem, cover, EXPLORE, rng, effort)
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
-    if not cover.parts:
-        raise RequestError(impossible(problem))
-    rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
-    return Trial(cover, *_explore(problem, cover, EXPLORE, rng))
+    return Trial(cover, hits, tried, effort.used)
 
 
 def search(problem: Problem, trial: Trial, stop: Callable[[], bool], most: float = math.inf) -> Trial:
     """A longer look, where the first found nothing: at least LONG_SEARCH candidates, and on until one is in the range,
-    there are `most`, or `stop` says so, which is asked in between."""
+    there are `most`, or `stop` says so."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
     hits, tried = trial.hits.copy(), trial.tried
+    effort = Effort(stop)
     while not stop() and (tried < LONG_SEARCH or (tried < most and not hits.any())):
-        more, count = _explore(problem, trial.cover, EXPLORE, rng)
+        try:
+            more, count = _explore(problem, trial.cover, EXPLORE, rng, effort)
+        except StoppedError:
+            break
         hits += more
         tried += count
-    return Trial(trial.cover, hits, tried)
+    return Trial(trial.cover, hits, tried, trial.work)
 
 
 def hopeless(problem: Problem, trial: Trial) -> Diagnostic:
@@ -282,30 +306,38 @@ def _size(problem: Problem, need: float) -> int:
     """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
     bits = math.ceil(math.log2(max(need, 1.0)))
     least = _affordable(problem, SMALLEST)
-    return int(min(max(least, 1 << min(bits, 62)), max(problem.piece_size, least)))
+    most = min(problem.piece_size, _within(problem, PIECE))
+    return int(min(max(least, 1 << min(bits, 62)), max(most, least)))
+
+
+def _within(problem: Problem, work: float) -> int:
+    """How many candidates can be scored with so much work, at least 64."""
+    return max(64, int(work / max(1.0, per_scene(problem.core.nodes)[0])))
 
 
 def _affordable(problem: Problem, count: int) -> int:
     """That many candidates, or fewer where scoring one takes thousands of operations."""
-    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes)))
+    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes), _within(problem, PIECE)))
 
 
 def _chunks(problem: Problem, count: int) -> list[int]:
-    size = max(64, min(CHUNK, LIVE // len(problem.core.nodes), LIVE // len(problem.lowest)))
+    live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
+    size = max(64, min(CHUNK, live, _within(problem, PART)))
     whole, rest = divmod(count, size)
     return [size] * whole + ([rest] if rest else [])
 
 
 def _explore(
-    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, cell: int | None = None
+    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, effort: Effort, cell: int | None = None
 ) -> tuple[Index, int]:
     """Hits of each cell, (C,), in a few chunks of candidates, and how many there were; with `cell`, as soon as that one
-    is known well enough."""
+    is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried = 0
     for chunk in range(most):
         for count in _chunks(problem, _affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
-            _, _, cells = _draw(problem, cover, count, rng)
+            effort.spend(scoring(problem.core.nodes, count))
+            _, _, cells = _draw(problem, cover, count, rng, check=effort.check)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count
         if cell is not None and hits[cell] >= ENOUGH:
@@ -314,11 +346,16 @@ def _explore(
 
 
 def _draw(
-    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
 ) -> tuple[Array, Array, Index]:
     """What is kept of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is memory to
-    draw them in, (3N, CHUNK)."""
-    rows, phi, usable = _candidates(problem, cover, count, rng, room)
+    draw them in, (3N, CHUNK); `check` may break off, see `evaluate`."""
+    rows, phi, usable = _candidates(problem, cover, count, rng, room, check)
     for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
         if low > -math.inf:
             usable &= value >= low
@@ -331,13 +368,18 @@ def _draw(
 
 
 def _candidates(
-    problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
 ) -> tuple[Array, Array, Bool]:
     """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
     rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
     np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
-    values = evaluate(problem.core, list(rows), NUMPY)
+    values = evaluate(problem.core, list(rows), NUMPY, check)
     for part, span in zip(cover.parts, spans, strict=True):
         if part.apart:
             mine = part.owns(values, span)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE, Atom
+from scenegen.lang.deciding import deciding_atoms
 from scenegen.sampling.collect import Collector, Sampled
 from scenegen.sampling.pieces import Plan, Tally
 from scenegen.sampling.problem import Problem
@@ -104,9 +105,6 @@ def shortfall(
 ) -> Diagnostic:
     """Why fewer scenes than wanted were found, judged by the last candidates: rows (3N, B), phi (L, B). `rarest` is the
     cell that lacks most."""
-    # explain is numpy's, but its room loads torch
-    from scenegen.robustness.explain import deciding_atoms
-
     title = f"found {f'{found:,}' if found else 'none'} of {problem.request.n:,} scenes in {tried}"
     usable = ~np.isnan(phi).any(axis=0)
     if phi.shape[1] and not usable.any():
@@ -128,5 +126,8 @@ def shortfall(
     atom = problem.core.nodes[atom_index]
     assert isinstance(atom, Atom)
     note = f"phi of `{name}` was outside `{wanted}` in {_percent(share)} of the last {phi.shape[1]:,} candidates"
+    if name == REQUIRE:  # no range helps where it is the spec that leaves no space
+        remedy = "require less, or make the workspace larger; or give it more time with --timeout"
+        remedy += ", or save what there is with --keep-partial" if found else ""
     label_text = f"decides phi in {count / failing.shape[1]:.0%} of those that fail"
     return Diagnostic(title, atom.spans[0] if atom.spans else None, f"`{atom.text}` {label_text}", remedy, note=note)

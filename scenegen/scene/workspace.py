@@ -38,3 +38,15 @@ class Workspace:
         x, y, theta = rows[0::3], rows[1::3], rows[2::3]
         inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
         return np.asarray((inside & (theta >= 0.0) & (theta < TWO_PI)).all(axis=0))
+
+
+def turned(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(3N, B) storage with every theta in [0, 2 pi), the same array where that is so already."""
+    theta = rows[2::3]
+    outside = (theta < 0.0) | (theta >= TWO_PI)
+    if not outside.any():
+        return rows
+    rest = np.mod(theta, TWO_PI)
+    rows = rows.copy()
+    rows[2::3] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
+    return rows

@@ -19,7 +19,7 @@ from scenegen.formats.files import check_folder, reported
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-    from scenegen.training.loop import EpochReport
+    from scenegen.training.report import EpochReport
 
 
 class EventLog:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -24,26 +23,9 @@ from scenegen.training.events import event_log
 from scenegen.training.feed import make_feed
 from scenegen.training.interrupt import Interrupted
 from scenegen.training.recipes import CONSTANT
+from scenegen.training.report import EpochReport
 from scenegen.training.session import Session
 from scenegen.training.state import load_state, state_path
-from scenegen.training.validate import Validation
-
-
-@dataclass(frozen=True, slots=True)
-class EpochReport:
-    """An epoch that is done: its number (from 1) of how many, the mean of each loss, and the seconds that its steps
-    took in this process; how good the model is now, the steps of all epochs so far, the learning rate of the last of
-    them, the scenes of an epoch, and the last epoch (from 1) that the model file would hold."""
-
-    epoch: int
-    epochs: int
-    losses: Mapping[str, float]
-    seconds: float
-    validation: Validation | None = None
-    step: int = 0
-    rate: float = 0.0
-    scenes: int = 0
-    kept: int = 0
 
 
 def train(

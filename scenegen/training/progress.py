@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from scenegen.training.loop import EpochReport
+from scenegen.training.report import EpochReport
 
 LINES = 10  # plain lines of a run
 

@@ -40,8 +40,9 @@ def test_a_set_shows_a_sheet_and_draws_it_once(scenes, calls):
     page = scenes._repr_html_()
     (data,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
     png = base64.b64decode(data)
-    assert png == scenes._repr_png_() and Image.open(io.BytesIO(png)).format == "PNG"
-    assert calls == [(3, notebook.SIZE)]
+    assert scenes._repr_html_() == page and Image.open(io.BytesIO(png)).format == "PNG"
+    assert calls == [(3, (320, 240))]
+    assert not hasattr(scenes, "_repr_png_")  # a notebook would store the sheet a second time
     assert "A mug &amp; a &lt;plate&gt;." in page and "<plate>" not in page
     assert "3 scenes of mug, plate" in page and "<td>0.1:</td>" in page
     assert f"<td>{scenes.phi['task'].min():+.4f}</td>" in page
@@ -52,12 +53,12 @@ def test_of_many_scenes_a_few_are_shown(scenes, calls, monkeypatch):
     monkeypatch.setattr(notebook, "SHOWN", 2)
     many = scenes[np.arange(1000) % 3]
     page = many._repr_html_()
-    assert calls == [(2, notebook.SIZE)] and "the first 2 of 1,000 scenes" in page
+    assert calls == [(2, (320, 240))] and "the first 2 of 1,000 scenes" in page
 
 
 def test_one_scene_is_one_picture(scenes, calls):
     assert Image.open(io.BytesIO(scenes[1]._repr_png_())).size == (32, 24)
-    assert calls == [(1, notebook.LARGE)]
+    assert calls == [(1, (640, 480))]
     assert repr(scenes[1]).startswith("<Scene: mug (") and repr(scenes[1]).endswith(
         f"; phi task {scenes[1].phi['task']:.3g}>"
     )
@@ -65,7 +66,7 @@ def test_one_scene_is_one_picture(scenes, calls):
 
 def test_nothing_to_show(scenes, calls):
     none = scenes[:0]
-    assert none._repr_png_() is None and "<img" not in none._repr_html_() and "0 scenes" in none._repr_html_()
+    assert "<img" not in none._repr_html_() and "0 scenes" in none._repr_html_()
     assert calls == []
 
 
@@ -75,6 +76,20 @@ def test_what_cannot_be_drawn_is_said_not_raised(scenes):
     page = broken._repr_html_()
     assert "<img" not in page and "<pre>error: the workspace is empty" in page
     assert broken[0]._repr_png_() is None
+
+
+def test_a_spec_shows_its_formulas_as_trees(monkeypatch):
+    text = "# <b>Tea</b>.\nobject mug, plate\nrequire noOverlap()\n"
+    text += "task: leftOf(mug, plate) & (inside(mug, plate) | aboveOf(mug, plate))"
+    page = scenegen.parse(text)._repr_html_()
+    assert "&lt;b&gt;Tea&lt;/b&gt;." in page and "<b>Tea" not in page and "objects: mug, plate" in page
+    assert "<b>task</b>" in page and "<b>require</b>" in page
+    texts = re.findall(r'<td style="padding-left: ([0-9.]+)em; text-align: left">([^<]*)</td>', page)
+    assert texts[:2] == [("0.5", "all of"), ("2", "leftOf(mug, plate)")]
+    assert ("2", "one of") in texts and ("3.5", "aboveOf(mug, plate)") in texts
+    assert "[-1, 1] m" in page
+    monkeypatch.setattr(notebook, "LINES", 2)
+    assert "and 3 more" in scenegen.parse(text)._repr_html_()
 
 
 def test_words_of_a_set_of_many_objects():

@@ -19,7 +19,11 @@ def test_there_is_something_to_start_from():
 def test_sampled(path):
     spec = scenegen.load(path)
     assert len(spec.checked.title) > 20 and spec.checked.title.endswith((".", ")"))
-    assert spec.warnings == () and spec.hopeless() == []
+    wraps = path.stem != "table_setting_published"  # the published code does not
+    assert [one.title.split(":")[0] for one in spec.warnings] == (
+        [] if wraps else ["a heading is compared as a number"]
+    )
+    assert spec.hopeless() == []
     for label in spec.labels:
         scenes = scenegen.sample(spec, {label: (0.0, None)}, n=4, seed=1)
         assert len(scenes) == 4 and np.all(scenes.phi[label] >= 0.0)

@@ -87,13 +87,34 @@ def test_an_unknown_name_keeps_its_color():
     ],
 )
 def test_objects_of_one_asset_can_be_told_apart(objects):
-    for a, b in itertools.combinations(colors_of(objects), 2):
+    for a, b in itertools.combinations(colors_of(objects, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
 
 
-def test_thirty_objects_of_one_asset_all_differ():
+def test_thirty_objects_of_one_asset_can_all_differ():
     for objects in ([(f"thing{k}", "block") for k in range(30)], [(f"mug{k}", "mug") for k in range(30)]):
-        assert len(set(colors_of(objects))) == 30
+        assert len(set(colors_of(objects, distinct=True))) == 30
+
+
+@pytest.mark.parametrize(
+    ("objects", "color"),
+    [
+        ([(f"block[{k}]", "block") for k in range(1, 8)], ASSETS["block"].color),
+        ([(f"apple[{k}]", "apple") for k in range(1, 4)], ASSETS["apple"].color),
+        ([("plate1", "plate"), ("plate2", "plate"), ("starter", "plate")], ASSETS["plate"].color),
+        ([(f"gizmo[{k}]", "block") for k in range(1, 8)], None),
+        ([(f"pawn[{k}]", "cylinder") for k in range(1, 5)], None),
+    ],
+)
+def test_what_is_the_same_thing_looks_the_same(objects, color):
+    """No blue apples, no purple plates."""
+    (only,) = set(colors_of(objects))
+    assert color is None or only == color
+
+
+def test_blocks_and_shapes_with_names_of_their_own_differ():
+    for names, asset in ((["block1", "block2", "block3", "lamp"], "block"), (["pawn[1]", "king", "rook"], "cylinder")):
+        assert len(set(colors_of([(name, asset) for name in names]))) == len(names)
 
 
 def test_which_names_have_a_picture():

@@ -97,14 +97,14 @@ def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched()
         assert np.allclose(part.mesh.vertices, own.mesh.vertices * (2.0, 2.0, 1.0))
 
 
-def test_elements_of_an_array_have_shades_and_the_first_has_the_colour_of_the_name():
+def test_elements_of_an_array_can_have_shades_and_the_first_has_the_colour_of_the_name():
     names = [f"post[{k}]" for k in range(1, 8)]
-    colors = colors_of([(name, "cylinder") for name in names])
+    colors = colors_of([(name, "cylinder") for name in names], distinct=True)
     for a, b in itertools.combinations(colors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
     assert colors[:1] == colors_of([("post", "cylinder")])
     # The same whatever stands beside it, as long as that is of the library.
-    assert colors_of([("mug", "mug"), *((name, "cylinder") for name in names)])[1:] == colors
+    assert colors_of([("mug", "mug"), *((name, "cylinder") for name in names)], distinct=True)[1:] == colors
 
 
 def test_a_plain_shape_with_the_name_of_an_asset_has_its_colour():
@@ -114,5 +114,5 @@ def test_a_plain_shape_with_the_name_of_an_asset_has_its_colour():
 def test_plain_shapes_of_all_kinds_can_be_told_apart():
     names = [("tray", "box"), ("post", "cylinder"), ("wedge", "prism"), ("server", "urdf"), ("block", "box")]
     names += [("block2", "box"), ("shelf[1]", "box"), ("shelf[2]", "box")]
-    for a, b in itertools.combinations(colors_of(names), 2):
+    for a, b in itertools.combinations(colors_of(names, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08

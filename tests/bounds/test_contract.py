@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenegen.bounds.batches import make_batches
 from scenegen.bounds.contract import contract, start
 from scenegen.bounds.prune import prune
 from scenegen.bounds.tape import make_tape
@@ -46,8 +47,8 @@ def demands(spec, rows, width, rng):
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(specs(labels=("task", "safe")), seeds, WIDTHS)
-def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width):
+@given(specs(labels=("task", "safe")), seeds, WIDTHS, st.booleans())
+def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width, batched):
     rng = np.random.default_rng(seed)
     rows = scenes_of(spec, seed, 12)
     wanted, values = demands(spec, rows, width, rng)
@@ -57,7 +58,8 @@ def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width):
     low, high = np.maximum(rows - size, lowest), np.minimum(rows + size, highest)
     tape = make_tape(spec.core, *spec.box())
     lo, hi = start(tape, [push_down(spec.core, ends) for ends in wanted], low, high)
-    assert contract(tape.nodes, lo, hi).all()
+    batches = make_batches(tape.nodes, fewest=1, worth=0) if batched else None
+    assert contract(tape.nodes, lo, hi, batches=batches).all()
     for row, node in tape.rows.items():
         assert ((lo[node] <= rows[row]) & (rows[row] <= hi[node])).all()
     for node, (a, b) in tape.differences.items():

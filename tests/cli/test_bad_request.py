@@ -113,7 +113,7 @@ USAGE = {
     "option_misspelt": ["check", "good.spec", "--jsn"],
     "missing_argument": ["sample", "--phi", "0:1"],
     "missing_second_argument": ["eval", "good.spec"],
-    "missing_option": ["train", "good.spec", "--out", "m.safetensors"],
+    "missing_option": ["train", "good.spec", "--model", "gan"],
     "missing_value": ["sample", "good.spec", "-n"],
     "extra_argument": ["eval", "good.spec", "a.json", "b.json"],
     "unknown_command": ["sampel", "good.spec"],
@@ -126,3 +126,31 @@ def test_wrong_usage_is_status_2(name, scenegen, here, golden):
     assert (outcome.status, outcome.out) == (2, "")
     assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "two.spec"]
     golden(f"cli/errors/usage_{name}.txt", outcome.err)
+
+
+def test_an_unknown_model_is_refused_before_anything_is_loaded(here):
+    """It took as long as loading torch, 17 seconds on a slow disk."""
+    import subprocess
+    import sys
+
+    program = (
+        "import sys; from scenegen.cli.app import run; status = run(sys.argv[1:]);"
+        "print(status, [name for name in ('torch', 'lark') if name in sys.modules])"
+    )
+    words = ["train", "good.spec", "--model", "diffusion", "--out", "m.safetensors"]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "1 []\n" and "`energy`" in done.stderr and "did you mean" not in done.stderr
+
+
+def test_a_format_that_is_not_there(refused, scenegen, here):
+    assert scenegen("sample", "good.spec", "-n", "1", "--out", "s.json").status == 0
+    said = refused("export", "s.json", "--to", "usd", "--out", "worlds")
+    assert "the formats are mjcf, sdf" in said and "did you mean" not in said
+
+
+def test_no_range_is_blamed_for_what_the_spec_requires(refused, here):
+    text = "object a[9] = box(0.3, 0.3, 0.1)\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(a[1], a[2])\n"
+    (here / "tight.spec").write_text(text)
+    words = ("--phi", "0:", "-n", "4", "--method", "rejection", "--timeout", "0.01", "--out", "x.json")
+    said = refused("sample", "tight.spec", *words)
+    assert "phi of `require` was outside" in said and "= help: require less" in said and "widen" not in said

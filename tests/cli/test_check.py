@@ -59,14 +59,33 @@ def test_json_of_a_good_spec_has_status_0(scenegen, here):
     assert report["ok"] and report["labels"] == {"task": [-1.0, 1.0]} and report["objects"] == ["mug", "plate"]
 
 
-def test_a_label_that_no_scene_satisfies_gets_a_warning(scenegen, here):
+def test_a_label_that_no_scene_satisfies_is_an_error(scenegen, here):
     (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & x(mug) >= x(plate) + 2\nsafe: leftOf(mug, plate)\n")
     outcome = scenegen("check", "hopeless.spec")
-    assert outcome.status == 0
-    assert outcome.err.startswith(
-        "warning: `task` can never be satisfied: phi is at most -1\n --> hopeless.spec:1:28\n"
-    )
-    assert "bounds prove it" in outcome.err and "`safe`" not in outcome.err
+    assert outcome.status == 1 and outcome.out.startswith("hopeless.spec: cannot be satisfied\n")
+    assert outcome.err.startswith("error: `task` can never be satisfied: phi is at most -1\n --> hopeless.spec:1:28\n")
+    assert "bounds prove it" in outcome.err and "--allow-unsatisfiable" in outcome.err and "`safe`" not in outcome.err
+    (report,) = json.loads(scenegen("check", "hopeless.spec", "--json").out)
+    assert report["ok"] is False and report["diagnostics"][0]["severity"] == "error"
+    assert report["labels"]["task"] == [-3.0, -1.0], "the data is there all the same"
+
+
+def test_unless_it_is_meant_so(scenegen, here):
+    (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & x(mug) >= x(plate) + 2\n")
+    outcome = scenegen("check", "hopeless.spec", "--allow-unsatisfiable")
+    assert outcome.status == 0 and outcome.out.startswith("hopeless.spec: ok\n")
+    assert outcome.err.startswith("warning: `task` can never be satisfied")
+    (report,) = json.loads(scenegen("check", "hopeless.spec", "--json", "--allow-unsatisfiable").out)
+    assert report["ok"] is True and report["diagnostics"][0]["severity"] == "warning"
+
+
+def test_what_is_not_proved_is_a_warning(scenegen, here):
+    """Seven circles round one, just too large to fit: a search finds no scene, and bounds prove nothing in so little
+    time."""
+    text = "object ring[7] = cylinder(0.05, 0.1), hub = cylinder(0.05, 0.1)\nrequire noOverlap()\n"
+    (here / "tight.spec").write_text(text + "task: forall p in ring: gap(p, hub) <= 1 mm\n")
+    outcome = scenegen("check", "tight.spec")
+    assert outcome.status == 0 and "can hardly be satisfied" in outcome.err and "error" not in outcome.err
 
 
 def test_what_clashes_is_named_with_its_lines(scenegen, here):
@@ -82,5 +101,45 @@ def test_a_requirement_that_no_scene_meets_is_told_once(scenegen, here):
     text = "object a = box(0.9, 0.9, 0.1), b = box(0.9, 0.9, 0.1)\nrequire insideWorkspace()\nrequire noOverlap()\n"
     (here / "hopeless.spec").write_text(text + "task: leftOf(a, b)\nother: leftOf(b, a)\n")
     outcome = scenegen("check", "hopeless.spec")
-    assert outcome.err.startswith("warning: what the spec requires can never be met\n")
-    assert outcome.err.count("warning:") == 1
+    assert outcome.status == 1 and outcome.err.startswith("error: what the spec requires can never be met\n")
+    assert outcome.err.count("error:") == 1 and "warning:" not in outcome.err
+
+
+BLOCKS = "object block[30]\nrequire noOverlap() & insideWorkspace()\ntask: closeTo(block[1], block[2], 0.3)\n"
+WIDE = "task: " + " & ".join(f"x(o{n}) <= y(p{n}) + 1" for n in range(100)) + "\n"
+DEEP = "task: " + "".join(f"(x(a) <= 0.{n} | " for n in range(1, 60)) + "x(b) <= 1" + ")" * 59 + "\n"
+MANY = "object a, b\n" + "".join(f"l{n}: leftOf(a, b) | x(a) >= 0.{n}\n" for n in range(1, 100))
+LARGE = {"blocks": BLOCKS, "wide": WIDE, "deep": DEEP, "many": MANY}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_page_at_most(scenegen, here, name):
+    (here / "large.spec").write_text(LARGE[name])
+    outcome = scenegen("check", "large.spec")
+    lines = outcome.out.splitlines()
+    assert outcome.status == 0 and len(lines) <= 42 and max(map(len, lines)) <= 120
+    assert ("Only a page of it" in outcome.out) == (name != "blocks")
+    assert len(scenegen("check", "large.spec", "--full").out.splitlines()) > 100
+
+
+def test_what_repeats_is_folded(scenegen, here, golden):
+    (here / "blocks.spec").write_text(BLOCKS)
+    golden("cli/check/blocks.txt", scenegen("check", "blocks.spec").out)
+
+
+def test_depth(scenegen, here):
+    (here / "deep.spec").write_text(DEEP)
+    for depth in (0, 3):
+        lines = scenegen("check", "deep.spec", "--depth", str(depth)).out.splitlines()
+        formulas = lines[lines.index(next(line for line in lines if line.startswith("  task:"))) + 1 :]
+        assert max((len(line) - len(line.lstrip()) - 4) // 2 for line in formulas) == depth
+    assert scenegen("check", "deep.spec", "--depth", "-1").status == 1
+    assert len(scenegen("check", "deep.spec", "--depth", "58").out.splitlines()) > 100
+
+
+def test_bounds_that_say_too_little_are_said_to_be_rough(scenegen, here):
+    """40 boxes are too many for a search in half a second: nothing is claimed."""
+    (here / "blocks.spec").write_text(BLOCKS.replace("block[30]", "block[40]"))
+    outcome = scenegen("check", "blocks.spec")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert "; rough: a quick look found no scene that meets it" in outcome.out

@@ -41,6 +41,29 @@ def test_which_atom_decides(scenegen, scenes):
     assert {row["task is decided by"] for row in rows} == {"leftOf(mug, plate)", "aboveOf(mug, plate)"}
 
 
+def test_json(scenegen, scenes):
+    outcome = scenegen("eval", "two.spec", "s.json", "--json")
+    assert (outcome.status, outcome.err) == (0, "")
+    found = json.loads(outcome.out)
+    assert found["labels"] == ["task", "safe"] and len(found["scenes"]) == 40
+    for number, (row, scene) in enumerate(zip(found["scenes"], scenes, strict=True), 1):
+        assert row == {"scene": number, "phi": pytest.approx(scene["phi"], abs=1e-9)}
+    explained = json.loads(scenegen("eval", "two.spec", "s.json", "--json", "--explain").out)["scenes"]
+    assert {row["decided_by"]["safe"] for row in explained} == {"!closeTo(mug, plate, 0.25)"}
+    one = json.loads(scenegen("eval", "two.spec", "s.json", "--json", "--explain", "--scene", "3").out)
+    assert [row["scene"] for row in one["scenes"]] == [3]
+    assert [line["text"] for line in one["formulas"]["task"]] == ["all of", "leftOf(mug, plate)", "aboveOf(mug, plate)"]
+    assert one["formulas"]["task"][0]["value"] == one["scenes"][0]["phi"]["task"]
+
+
+def test_json_of_scenes_that_the_file_has_wrong(scenegen, scenes, here):
+    data = json.loads((here / "s.json").read_text())
+    data["scenes"][1]["phi"]["task"] += 0.5
+    (here / "s.json").write_text(json.dumps(data))
+    outcome = scenegen("eval", "two.spec", "s.json", "--json")
+    assert outcome.status == 1 and json.loads(outcome.out)["scenes"] and "scene 2 of s.json stores" in outcome.err
+
+
 def test_scenes_of_another_spec_of_the_same_objects(scenegen, scenes, here):
     outcome = scenegen("eval", "good.spec", "s.json")
     assert outcome.status == 0

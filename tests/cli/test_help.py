@@ -2,8 +2,8 @@
 
 import pytest
 
-COMMANDS = "check fmt range train info sample eval render export assets experiment lsp".split()
-ALONE = ["assets", "lsp"]  # these say or do something without an argument
+COMMANDS = "new specs check fmt range train info sample eval render export assets lsp".split()
+ALONE = ["assets", "lsp", "specs"]  # these say or do something without an argument
 
 
 def test_every_command_has_its_golden():

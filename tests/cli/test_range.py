@@ -8,6 +8,7 @@ import re
 import pytest
 from PIL import Image
 
+RARE = "object peg, hole\ntask: dist(peg, hole) <= 0.2 mm & abs(wrap(theta(peg) - theta(hole))) <= 0.001 rad\n"
 FAST = "object mug, plate\ntask: leftOf(mug, plate)\n"
 
 
@@ -86,6 +87,17 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
         assert outcome.status == 0, outcome.err
         phi = [scene["phi"]["task"] for scene in json.loads((here / "s.json").read_text())["scenes"]]
         assert band["phi"][0] <= min(phi) <= max(phi) <= band["phi"][1]
+
+
+def test_what_is_too_rare_to_count_is_offered_all_the_same(report, scenegen, here):
+    """And what violates the task is not called easy, be it the best that occurs."""
+    (here / "rare.spec").write_text(RARE)
+    out = report("rare.spec").out
+    assert "by so few scenes that their share cannot be told" in out and "easy" not in out
+    easier, satisfied = out.splitlines()[-2:]
+    assert easier.split()[0] == "easier" and re.search(r"task=-0\.\d+:-0\.\d+$", easier)
+    assert satisfied.lstrip().startswith("satisfied  too rare to tell  ")
+    assert scenegen(*satisfied.split("scenegen ")[1].split(), "-n", "2", "--out", "s.json").status == 0
 
 
 def test_the_commands_are_printed_for_the_shell(report, here):

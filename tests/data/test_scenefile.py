@@ -7,7 +7,8 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.data import scenefile
 from scenegen.data.scenefile import whole_file
 from scenegen.errors import DataError, RequestError

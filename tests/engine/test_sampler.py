@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scenegen.api.scenes import evaluate, make_header, read_scenes
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import evaluate, read_scenes
 from scenegen.engine.stream import stream_scenes
 from scenegen.lang.check import check_text
 from scenegen.lang.core import gated

@@ -1,4 +1,4 @@
-"""The experiment `curriculum`: what is run, how it is kept, what is said of it. Its learners are tests/curriculum's."""
+"""The experiment `curriculum`: what is run, how it is kept, its tables. The learners have tests of their own."""
 
 import dataclasses
 import json
@@ -8,13 +8,15 @@ from itertools import chain
 
 import pytest
 
+from experiments.cache import Cache
+from experiments.curricula import runs as module
+from experiments.curricula import tables
+from experiments.curricula.bars import bars
+from experiments.curricula.cases import MODEL, beyond, figure5, sensitivity, strategies
+from experiments.curricula.runs import Record, Runner
+from experiments.curriculum import _panels
+from experiments.figures.episodes import episodes
 from scenegen.errors import RequestError
-from scenegen.experiments.curricula import runs as module
-from scenegen.experiments.curricula import tables, words
-from scenegen.experiments.curricula.cases import MODEL, beyond, figure5, sensitivity, strategies
-from scenegen.experiments.curricula.runs import Record, Runner, key
-from scenegen.experiments.curriculum import _panels
-from scenegen.experiments.figures.episodes import episodes
 
 SEEDS = (0, 1)
 
@@ -41,42 +43,49 @@ def found(size=10):
     return [(case, record(case)) for case in cases(size)]
 
 
-def test_a_key_holds_all_that_decides_a_run():
-    every = cases()
-    by_key = {}
-    for case in every:
-        by_key.setdefault(key(case), []).append(case)
+@pytest.fixture
+def cache(tmp_path):
+    return Cache.beside(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def every():
+    return found()
+
+
+def test_a_request_holds_all_that_a_run_follows_from(cache):
+    runner, by_key = Runner(cache, True), {}
+    for case in cases():
+        by_key.setdefault(runner.key(case), []).append(case)
     for same in by_key.values():
         plain = {dataclasses.replace(case, group="", name="") for case in same}
         assert len(plain) == 1
-    assert len(by_key) < len(every)  # beyond repeats rows of Fig. 5, sensitivity the unchanged setting
-    [case] = [case for case in every if case.name == "map, uniform" and case.seed == 0]
-    assert '"learner is":"Explorer"' in key(case)
+    assert len(by_key) < len(cases())  # beyond repeats rows of Fig. 5, sensitivity the unchanged setting
+    [case] = [case for case in cases() if case.name == "map, uniform" and case.seed == 0]
+    assert runner.request(case)["learner"][0] == "Explorer"
+    [drawn] = [case for case in cases() if case.source == MODEL and case.task == "A" and case.size == 5
+               and case.seed == 0 and case.both]  # fmt: skip
+    assert runner.request(drawn) != Runner(cache, False).request(drawn)  # another model
 
 
-def test_what_was_found_is_kept_and_used_again(tmp_path, monkeypatch):
+def test_what_was_found_is_kept_and_used_again(cache, monkeypatch):
     done = []
     monkeypatch.setattr(Runner, "draw", lambda self, case: None)
     monkeypatch.setattr(Runner, "perform", lambda self, case: done.append(case) or record(case))
-    path, few = tmp_path / "runs.json", [case for case in cases() if case.source != MODEL][:40]
-    first = Runner(path, None)
+    few = [case for case in cases() if case.source != MODEL][:40]
+    first = Runner(cache, True)
     first.all(few[:30], 2, lambda text: None)
-    assert {key(case) for case in few[:30]} <= {key(case) for case in done}
+    assert {first.key(case) for case in few[:30]} <= {first.key(case) for case in done}
     done.clear()
-    second, told = Runner(path, None), []
+    second, told = Runner(cache, True), []
     second.all(few, 2, told.append)
     kinds = {(type(case.learner), case.relations) for case in few}
-    assert len(done) <= len({key(case) for case in few[30:]}) + len(kinds)  # one of each is run to compile it
+    assert len(done) <= len({second.key(case) for case in few[30:]}) + len(kinds)  # one of each is run to compile it
     assert told and "from an earlier run" in told[0]
     assert all(second.of(case) == record(case) for case in few)
-    document = json.loads(path.read_text())
-    path.write_text(json.dumps(document | {"version": 0}))
-    assert not Runner(path, None).found
-    path.write_text("{")
-    assert not Runner(path, None).found
 
 
-def test_what_fails_on_a_thread_is_raised(tmp_path, monkeypatch):
+def test_what_fails_on_a_thread_is_raised(cache, monkeypatch):
     def fail(self, case):
         if case.most > 1:
             raise RequestError(module.__name__)
@@ -84,12 +93,12 @@ def test_what_fails_on_a_thread_is_raised(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "draw", lambda self, case: None)
     monkeypatch.setattr(Runner, "perform", fail)
     with pytest.raises(RequestError):
-        Runner(tmp_path / "runs.json", None).all(cases()[:9], 2, lambda text: None)
+        Runner(cache, True).all(cases()[:9], 2, lambda text: None)
 
 
-def test_what_was_done_before_a_failure_is_kept(tmp_path, monkeypatch):
+def test_what_was_done_before_a_failure_is_kept(cache, monkeypatch):
     few = [case for case in cases() if case.source != MODEL][:12]
-    drawn, path = [], tmp_path / "runs.json"
+    drawn = []
 
     def draw(self, case):
         drawn.append(case)
@@ -103,34 +112,20 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "draw", draw)
     monkeypatch.setattr(Runner, "perform", lambda self, case: record(case))
     with pytest.raises(RequestError):
-        Runner(path, None).all(few, 2, lambda text: None)
-    assert len(drawn) == 9 and len(Runner(path, None).found) >= 5
+        Runner(cache, True).all(few, 2, lambda text: None)
+    assert len(drawn) == 9 and len(list(cache.folder.glob("*.json"))) >= 5
     deadline = time.monotonic() + 30.0
     while threading.active_count() > before and time.monotonic() < deadline:
         time.sleep(0.01)
     assert threading.active_count() == before
 
 
-def test_tables_and_words(golden):
-    every = found()
-    parts = [
-        *words.summary(every, 10),
-        tables.at_largest(every, 10),
-        words.sources(every, 10),
-        words.corridors(every, 10),
-        words.ties(every),
-        *(tables.by_size(every, setting, (5, 10)) for setting in ("paper-like", "fair")),
-        tables.sensitivity(every),
-        tables.knobs(every),
-        tables.strategies(every),
-        tables.beyond(every, 96),
-        *words.bars(every, 10),
-    ]
-    golden("experiments/curriculum.md", "\n\n".join(parts) + "\n")
+def test_tables(golden, every):
+    made = tables.tables(every, (5, 10), 96) | {"bars": bars(every, 10)}
+    golden("experiments/curriculum.md", "\n\n".join(f"## {name}\n\n{text}" for name, text in made.items()) + "\n")
 
 
-def test_data_has_every_run():
-    every = found()
+def test_data_has_every_run(every):
     rows = tables.data(every)
     assert sum(len(row["seeds"]) for row in rows) == len(every)
     row = next(row for row in rows if row["name"] == "corridors" and row["M"] == 10)
@@ -139,8 +134,7 @@ def test_data_has_every_run():
     json.dumps(rows)
 
 
-def test_the_figure_leaves_out_what_did_not_converge():
-    every = found()
+def test_the_figure_leaves_out_what_did_not_converge(every):
     panels = _panels(every)
     assert [panel.words.partition(":")[0] for panel in panels] == [
         "paper-like, task A", "fair, task A", "paper-like, task B", "fair, task B",

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenegen.experiments.charts import small_png
-from scenegen.experiments.figures import orderings as fig9
-from scenegen.experiments.figures.isomap import Query, isomap
-from scenegen.experiments.figures.overlay import overlay
-from scenegen.experiments.figures.steering import STEPS
-from scenegen.experiments.figures.strip import strips
-from scenegen.experiments.measure import phi_of
-from scenegen.experiments.problems import PROBLEMS
-from scenegen.experiments.semantics import PLATE, TEXT, way
+from experiments.charts import small_png
+from experiments.figures import orderings as fig9
+from experiments.figures.isomap import Query, isomap
+from experiments.figures.overlay import overlay
+from experiments.figures.steering import STEPS
+from experiments.figures.strip import strips
+from experiments.measure import phi_of
+from experiments.problems import PROBLEMS
+from experiments.semantics import PLATE, TEXT, way
 
 
 def pixels(png):

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from scenegen.api.sample import sample
-from scenegen.experiments.known import HITS, KNOWN
-from scenegen.experiments.measure import (
+from experiments.known import HITS, KNOWN
+from experiments.measure import (
     accuracy,
     columns,
     covered,
@@ -17,8 +16,9 @@ from scenegen.experiments.measure import (
     shares,
     target,
 )
-from scenegen.experiments.problems import BAND, ORDERINGS, PROBLEMS
-from scenegen.experiments.samplers import plain_rejection
+from experiments.problems import BAND, ORDERINGS, PROBLEMS
+from experiments.samplers import plain_rejection
+from scenegen.api.sample import sample
 
 EXP1, SORT = PROBLEMS["exp1"], PROBLEMS["exp3_3"]
 

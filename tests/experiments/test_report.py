@@ -6,13 +6,14 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.experiments.bench import Row
-from scenegen.experiments.compare import Comparison
-from scenegen.experiments.plan import Plan
-from scenegen.experiments.problems import ORDERINGS, PROBLEMS
-from scenegen.experiments.report import Report, picture, short, spread, table, write
-from scenegen.experiments.samplers import EXACT
-from scenegen.experiments.tables import best, data, tables
+from experiments.bench import Row
+from experiments.compare import Comparison
+from experiments.page import block, picture, table
+from experiments.plan import Plan
+from experiments.problems import ORDERINGS, PROBLEMS
+from experiments.report import Report, short, spread, write
+from experiments.samplers import EXACT
+from experiments.tables import best, data, tables
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,9 @@ def comparison():
 
 
 def test_tables(golden):
-    golden("experiments/tables.md", "\n\n".join(tables(comparison())) + "\n")
+    made = tables(comparison())
+    assert list(made) == [f"exp3_7-{name}" for name in ("accuracy", "diversity", "orderings", "cost", "bars")]
+    golden("experiments/tables.md", "\n\n".join(made.values()) + "\n")
 
 
 def test_the_best_model_is_the_least_short_of_both_bars():
@@ -81,21 +84,29 @@ def test_data_has_every_digit():
 
 
 def test_a_report_is_written(tmp_path):
-    words = "words " * 60
-    blocks = ["## Part", words.strip(), table(["", "a"], [["b", "1" * 200]]), picture("x.png", "Fig. 1", "Blue.")]
+    blocks = {"numbers": table(["", "a"], [["b", "1" * 200]]), "fig": picture("x.png", "Fig. 1")}
     report = Report("thing", "A thing", blocks, {"answer": 0.1 + 0.2}, {"x.png": b"png"})
     names = write(Plan(tmp_path, (0, 1), True, 1, print), report)
     assert names == ["x.png", "thing.json", "thing.md"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     found = json.loads((tmp_path / "thing.json").read_text())
+    assert found["answer"] == 0.1 + 0.2 and found["quick"] and found["seeds"] == [0, 1]
+    assert found["figures"] == ["x.png"]
+    page = tmp_path / "thing.md"
+    assert page.read_text().startswith("# A thing\n\n<!-- begin made -->\n") and "![Fig. 1](x.png)" in page.read_text()
+    assert "`python -m experiments thing --quick`" in page.read_text() and "numbers mean nothing" in page.read_text()
+
+
+def test_a_page_keeps_its_text_and_tells_what_is_stale(tmp_path):
+    page, told = tmp_path / "thing.md", []
+    page.write_text(f"# By hand\n\n{block('numbers', 'old')}\n\nWhat it means.\n\n{block('gone', 'older')}\n")
+    write(Plan(tmp_path, (0,), False, 1, told.append), Report("thing", "A thing", {"numbers": "new"}, {}))
+    text = page.read_text()
     assert (
-        found["answer"] == 0.1 + 0.2 and found["quick"] and found["seeds"] == [0, 1] and found["figures"] == ["x.png"]
+        text.startswith(f"# By hand\n\n{block('numbers', 'new')}\n\nWhat it means.") and block("gone", "older") in text
     )
-    lines = (tmp_path / "thing.md").read_text().splitlines()
-    assert lines[0] == "# A thing" and "figures mean nothing" in lines[2]
-    assert "![Fig. 1](x.png)" in lines and "*Fig. 1. Blue.*" in lines
-    assert all(len(line) < 120 or line.startswith("|") for line in lines)
-    assert "scenegen experiment thing --quick" in lines[4]
+    assert block("made", "Tables")[:26] in text and "numbers mean nothing" not in text
+    assert len(told) == 1 and "gone" in told[0]
 
 
 def test_of_models_that_meet_every_bar_the_most_accurate_is_best():

@@ -4,11 +4,12 @@ import dataclasses
 
 import pytest
 
-from scenegen.experiments import crew, trainings
-from scenegen.experiments.plan import FULL, Plan
-from scenegen.experiments.problems import PROBLEMS
-from scenegen.experiments.trainings import Job, kept, perform
-from scenegen.experiments.variants import VARIANTS
+from experiments import trainings
+from experiments.cache import Cache
+from experiments.plan import FULL, Plan
+from experiments.problems import PROBLEMS
+from experiments.trainings import Job, kept, perform, trained
+from experiments.variants import VARIANTS
 from scenegen.models.table import MODELS
 
 
@@ -53,7 +54,8 @@ def test_a_changed_file_is_not_taken(done, tmp_path):
 
 def test_a_model_of_another_recipe_is_not_taken(done, monkeypatch):
     """A recipe that changes makes what was trained by it stale."""
-    monkeypatch.setattr(Job, "config", dataclasses.replace(done[0].config, lr=2e-3))
+    other = dataclasses.replace(done[0].training, config=dataclasses.replace(done[0].training.config, lr=2e-3))
+    monkeypatch.setattr(Job, "training", other)
     assert kept(done[0]) is None
 
 
@@ -84,9 +86,8 @@ def test_variants_that_differ_in_steps_share_a_training(tmp_path, monkeypatch):
     few = next(place for place, one in enumerate(VARIANTS) if one.family == "flow")
     pair = (VARIANTS[few], dataclasses.replace(VARIANTS[few], steps=5))
     monkeypatch.setattr(trainings, "VARIANTS", pair)
-    monkeypatch.setattr(crew, "VARIANTS", pair)
     told: list[str] = []
-    found = crew.trained(Plan(tmp_path, (0,), True, 1, told.append), PROBLEMS["exp1"])
+    found = trained(Plan(tmp_path, (0,), True, 1, told.append), PROBLEMS["exp1"])
     assert list(found) == ["flow", "flow, 5 steps"] and sum("trained in" in line for line in told) == 1
     assert [runs[0].model.trained.steps for runs in found.values()] == [1, 5]
 
@@ -100,11 +101,11 @@ def test_two_workers_train_what_one_does(tmp_path):
         out.mkdir()
         told: list[str] = []
         plan = Plan(out, (0, 1), True, workers, told.append)
-        found = crew.trained(plan, problem)
+        found = trained(plan, problem)
         assert {name: len(runs) for name, runs in found.items()} == {one.name: 2 for one in VARIANTS}
         assert sum("trained in" in line for line in told) == 2 * len(FILES)
-        files.append({path.name: path.read_bytes() for path in (out / crew.FOLDER).glob("*.safetensors")})
+        files.append({path.name: path.read_bytes() for path in Cache.beside(out).folder.glob("*.safetensors")})
     assert files[0] == files[1]
     told.clear()
-    crew.trained(plan, problem)
+    trained(plan, problem)
     assert told == [f"{problem.title}: {len(files[0])} of {len(files[0])} models are there from an earlier run"]

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.assets import ASSETS
 from scenegen.lang.check import check_text
 from scenegen.scene.data import RequestData

@@ -1,7 +1,8 @@
 """`make fuzz`: python -m tests.fuzz [--minutes 30] [--seed 0] [--workers CORES] [--out fuzz-out] [--number K]
 
 Writes each kind of fault once, minimised, to OUT/SEED-NUMBER.spec with its story beside it. Exit status 1 if there is
-any. `--number K` judges input K alone and prints it.
+any. `--number K` judges input K alone and prints it. Every tenth input comes with a session of the language server
+whose messages are damaged, kept as SEED-NUMBER.messages where it finds a fault.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import sys
 import time
 from pathlib import Path
 
-from .run import Bench, corpus, inputs, make, scratch
+from .run import SIZES, Bench, corpus, inputs, make, scratch
 
 MEMORY = 2 << 30  # bytes of address space
+SESSIONS = 10  # every so many inputs a session with the language server
 STUCK = 300.0  # seconds after which a worker that no signal reaches shows where it is and ends
 
 
@@ -47,6 +49,14 @@ def work(seed: int, first: int, step: int, seconds: float, out: Path) -> int:
                 (out / f"{name}.spec").write_bytes(small.main)
                 beside = "".join(f"---- {one}\n{data.decode(errors='replace')}\n" for one, data in small.beside.items())
                 (out / f"{name}.txt").write_text(f"{signature}\nseed {seed}, number {number}\n{story}\n{beside}")
+            if number % SESSIONS == 0:
+                signature, story, data = bench.attacked(seed, number)
+                if signature and signature not in known:
+                    known.add(signature)
+                    print(f"session {number}: {signature}", flush=True)
+                    out.mkdir(parents=True, exist_ok=True)
+                    (out / f"{seed}-{number}.messages").write_bytes(data)
+                    (out / f"{seed}-{number}.messages.txt").write_text(f"{signature}\nseed {seed}, {number}\n{story}")
             now = time.monotonic()
             if now - report > 30:
                 report = now
@@ -75,7 +85,7 @@ def main() -> int:
     parser.add_argument("--number", type=int, help="judge this input alone")
     asked = parser.parse_args()
     if asked.number is not None:
-        case = make(asked.seed, asked.number, corpus())
+        case = make(asked.seed, asked.number, corpus(), SIZES)
         sys.stdout.buffer.write(case.main + b"\n")
         with scratch() as folder:
             good, _, story = Bench(Path(folder)).verdict(case)

@@ -26,10 +26,11 @@ Write = Callable[[], str]
 
 @dataclass(slots=True)
 class Case:
-    """A spec file's bytes, and the files beside it by name."""
+    """A spec file's bytes, and the files beside it by name. `sized` says that it attacks by what it expands to."""
 
     main: bytes
     beside: dict[str, bytes] = field(default_factory=dict)
+    sized: bool = False
 
 
 def relations() -> dict[str, list[str]]:

@@ -6,6 +6,7 @@ import contextlib
 import math
 import random
 import re
+import resource
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -33,6 +34,9 @@ from .generate import Case
 SLOW = 2.0  # seconds of CPU for one check
 AT_LIMITS = 20.0  # how much longer it may take to find out that a spec is too large
 HANG = 60.0  # seconds of CPU after which a case is broken off
+CHECK, SHOW = 10.0, 10.0  # seconds of CPU for a text that attacks by its size: twice what an idle machine needs
+MEMORY = 1 << 30  # bytes that it may take,
+PER_TEXT = 3_000  # and as many for each of its own
 POSES = 3
 LARGE = 20_000  # nodes of a core from which on time is allowed in proportion
 
@@ -76,10 +80,41 @@ def judge(case: Case, folder: Path, rng: random.Random, names: frozenset[str]) -
     for name, data in case.beside.items():
         (folder / name).write_bytes(data)
     try:
-        return _judge(case, path, rng, names)
+        return _sized(case, path) if case.sized else _judge(case, path, rng, names)
     finally:
         for name in case.beside:
             (folder / name).unlink()
+
+
+def _sized(case: Case, path: Path) -> bool:
+    """Only what it takes: to check, and to show what was checked; memory is limited by the process."""
+    spec: Spec | None = None
+    with limited("check", CHECK, PER_TEXT * len(case.main)), contextlib.suppress(SpecError):
+        spec = Spec(check_file(path, case.main))
+    if spec is not None:
+        with limited("the outline", SHOW):
+            outline = Outline(spec)
+            for label in outline.labels[:20]:
+                outline.lines(label)
+        with limited("the search for clashes", SHOW):
+            spec.hopeless()
+    return spec is not None
+
+
+@contextlib.contextmanager
+def limited(what: str, seconds: float, memory: float = 0.0) -> Iterator[None]:
+    """Raises Fault where what is done inside takes more CPU time, or grows the process by more than MEMORY bytes."""
+    began, peak = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with deadline(HANG):
+        try:
+            yield
+        except MemoryError:
+            raise Fault(f"{what} takes more memory than there is") from None
+    if time.process_time() - began > seconds:
+        raise Fault(f"{what} takes longer than {seconds:g} s")
+    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak)
+    if grown > MEMORY + memory:
+        raise Fault(f"{what} takes more than {MEMORY >> 20} MB")
 
 
 def _judge(case: Case, path: Path, rng: random.Random, names: frozenset[str]) -> bool:

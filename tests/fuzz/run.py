@@ -10,10 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .generate import Case, generate
-from .judge import Fault, Hang, grammar_names, judge
+from .judge import Fault, Hang, deadline, grammar_names, judge
+from .messages import attack, survive
 from .minimise import minimise
 from .mutate import mutate
+from .sizes import sized
 
+SIZES = 0.02  # of the inputs of `make fuzz`; they take a second, the others a hundredth
+SESSION = 10.0  # seconds of CPU after which a session with the language server is broken off
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -36,8 +40,11 @@ def corpus() -> list[str]:
     return [*texts, *[prelude] * 5, *(line for line in lines if line and not line.startswith("#"))]
 
 
-def make(seed: int, number: int, texts: list[str]) -> Case:
-    """Input `number` of a seed."""
+def make(seed: int, number: int, texts: list[str], sizes: float = 0.0) -> Case:
+    """Input `number` of a seed; `sizes` is the share of inputs that attack by their size."""
+    big = random.Random(f"{seed}:{number}:size")
+    if big.random() < sizes:
+        return sized(big)
     rng = random.Random(f"{seed}:{number}")
     if rng.random() < 0.55:
         return generate(rng)
@@ -71,7 +78,20 @@ class Bench:
             story = "".join(traceback.format_exception(error, limit=-12))
             return False, signature(error), story
 
+    def attacked(self, seed: int, number: int) -> tuple[str, str, bytes]:
+        """Signature and story of the fault of the language server under attack `number` of a seed ("" where there is
+        none), and the bytes of the attack."""
+        data = attack(random.Random(f"{seed}:{number}:messages"))
+        try:
+            with deadline(SESSION):
+                survive(data)
+        except (Exception, Hang) as error:
+            return signature(error), "".join(traceback.format_exception(error, limit=-12)), data
+        return "", "", data
+
     def shrink(self, case: Case, wanted: str) -> Case:
+        if case.sized:
+            return case  # a smaller one is another case
         return minimise(case, lambda candidate: self.verdict(candidate)[1] == wanted)
 
 
@@ -80,7 +100,7 @@ def inputs(seed: int, first: int, step: int) -> Iterator[tuple[int, Case]]:
     texts = corpus()
     number = first
     while True:
-        yield number, make(seed, number, texts)
+        yield number, make(seed, number, texts, SIZES)
         number += step
 
 

@@ -1,6 +1,7 @@
 """The fuzzer's first inputs of a fixed seed, and the fuzzer itself: `make fuzz` runs it for as long as one likes."""
 
 import random
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,6 +30,21 @@ def test_accepted_with_one_meaning_or_refused_politely(bench):
     assert COUNT * 0.1 < accepted < COUNT * 0.9, "a fuzzer that is always refused, or never, tests half of the language"
 
 
+def test_damaged_messages_leave_the_language_server_usable(bench):
+    pytest.importorskip("pygls")
+    for number in range(25):
+        signature, story, data = bench.attacked(SEED, number)
+        assert not signature, f"{data!r}\n{story}"
+
+
+def test_it_finds_a_server_that_does_not_answer(bench, monkeypatch):
+    pytest.importorskip("pygls")
+    from scenegen.lsp.rpc import Protocol
+
+    monkeypatch.setattr(Protocol, "_dispatch", lambda self, message: None)
+    assert "without its one answer" in bench.attacked(SEED, 0)[0]
+
+
 def test_the_same_number_is_the_same_input():
     texts = corpus()
     for number in range(30):
@@ -54,6 +70,35 @@ def test_it_finds_what_is_wrong(bench, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(judging, name, broken)
             assert said in bench.verdict(case)[1], name
+
+
+def test_texts_that_attack_by_their_size(bench, monkeypatch):
+    """Two in a hundred; what takes too long, or too much, is found."""
+    texts = corpus()
+    cases = [make(SEED, number, texts, 0.02) for number in range(500)]
+    big = [case for case in cases if case.sized]
+    assert 2 < len(big) < 30
+    small = Case(b"task: forall i in 1..300: x(a) * i <= x(b)", sized=True)
+    assert bench.verdict(small) == (True, "", "")
+    for name, said in (("CHECK", "check takes longer"), ("SHOW", "the outline takes longer")):
+        with monkeypatch.context() as patch:
+            patch.setattr(judging, name, 0.0)
+            assert said in bench.verdict(small)[1]
+
+    monkeypatch.setattr(judging, "MEMORY", 1 << 20)
+    monkeypatch.setattr(judging.resource, "getrusage", grown())
+    assert "check takes more than 1 MB" in bench.verdict(small)[1]
+
+
+def grown():
+    """The peak of memory as if each look found another 64 MB: the true one may lie far above already."""
+    seen = []
+
+    def look(who):
+        seen.append(who)
+        return SimpleNamespace(ru_maxrss=65_536 * len(seen))
+
+    return look
 
 
 def judging_interval():

@@ -59,6 +59,11 @@ WRITTEN_OUT = [
     ),
     ("forall p in block: leftOf(p, lid) -> aboveOf(p, lid)", "forall p in block: (leftOf(p, lid) -> aboveOf(p, lid))"),
     ("noOverlap(block)", every("gap({}, {}) >= 0", PAIRS)),
+    (
+        "noOverlap([lid] + block)",
+        every("gap({}, {}) >= 0", [("lid", b1), ("lid", b2), ("lid", b3), ("lid", b4), *PAIRS]),
+    ),
+    ("forall p in [lid] + [block[2]] + [block[1]]: x(p) <= 1", every("x({}) <= 1", [("lid",), (b2,), (b1,)])),
     ("insideWorkspace([lid])", "room(lid, workspace) >= 0"),
     ("ordered(block, EAST)", every("rightOf({}, {})", [(b2, b1), (b3, b2), (b4, b3)])),
     ("forall g in gaps(block): g >= 2 cm", every("gap({}, {}) >= 2 cm", [(b1, b2), (b2, b3), (b3, b4)])),
@@ -109,6 +114,9 @@ def test_a_quantifier_in_a_definition_sees_its_parameters():
         ("forall objects in block: leftOf(lid, block[1])", "`objects` is built in"),
         ("block[1] & leftOf(lid, block[1])", "each side of `&` must be a formula, not an object"),
         ("lid[1] -> true", "`lid` is one object, not an array"),
+        ("noOverlap(block + lid)", "`+` joins a list to another list, not to an object"),
+        ("noOverlap(2 + block)", "`+` joins a list to another list, not to a number"),
+        ("noOverlap(block - block)", "what `-` works on must be a number, not a list"),
         ("leftOf(block, lid)", "the argument `a` of `leftOf` must be an object, a point or a region, not a list"),
     ],
 )

@@ -6,6 +6,8 @@ from .worth import warnings
 
 TASK = "task: leftOf(mug, plate)"
 
+HEADING = "a heading is compared as a number: it jumps from 2 pi to 0 at EAST"
+
 NOTICED = [
     (f"const A = 1\n{TASK}", [("the constant `A` is never used", "A")]),
     (f"region r = rect(0, 0, 1, 1)\n{TASK}", [("the region `r` is never used", "r")]),
@@ -36,6 +38,13 @@ NOTICED = [
         [("the variable `r` hides a region of that name", "r")],
     ),
     ("object a[2]\ntask: forall i in 1..2: leftOf(a[1], a[2])", [("the variable `i` is never used", "i")]),
+    ("theta(mug) <= 0.5 rad & leftOf(mug, cup)", [(HEADING, "theta(mug) <= 0.5 rad")]),
+    ("abs(theta(mug) - theta(cup)) <= 20 deg", [(HEADING, "abs(theta(mug) - theta(cup)) <= 20 deg")]),
+    ("abs(wrap(theta(mug) / 2)) <= 20 deg", [(HEADING, "abs(wrap(theta(mug) / 2)) <= 20 deg")]),
+    (
+        "def h(a) = mean(theta(a), NORTH)\ntask: !(0 deg <= h(mug) <= 90 deg) | leftOf(mug, cup)",
+        [(HEADING, "(0 deg <= h(mug) <= 90 deg)")],
+    ),
     ("forall p, q in [mug, plate]: leftOf(p, cup)", [("the variable `q` is never used", "q")]),
 ]
 
@@ -49,6 +58,10 @@ QUIET = [
     "def f(p) = leftOf(p, plate)\ntask: f(p)",  # the only p is the object that the label names: nothing is hidden
     "object a, spare\ntask: x(a) <= 1",
     "import_: leftOf(a, b)",
+    "angle(a, theta(b)) & facing(a, b) & sameHeading(a, b) & mirrored(a, b) & noOverlap([a, b]) & fullyLeftOf(a, b)",
+    "abs(wrap(theta(a) - 2 * theta(b) + NORTH)) <= 1 rad & sin(3 * theta(a)) <= cos(-theta(b))",
+    "reach(a, theta(b) - NORTH) <= reach(b, theta(a)) & sum(theta(a), -theta(a)) <= x(b) * 1 rad / 1 m",
+    "object tray at (0.5, 0.5, 20 deg), mug\ntask: theta(tray) * x(mug) <= 1 m * 1 rad",
 ]
 
 

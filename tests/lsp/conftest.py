@@ -53,6 +53,17 @@ class Client:
         self.process.stdin.write(b"Content-Length: %d\r\n\r\n" % len(body) + body)
         self.process.stdin.flush()
 
+    def raw(self, data: bytes) -> None:
+        """Send bytes as they are."""
+        self.process.stdin.write(data)
+        self.process.stdin.flush()
+
+    def unasked(self) -> dict[str, Any]:
+        """The next message that is an answer, whatever it answers."""
+        while "id" not in (message := self._next()):
+            pass
+        return message
+
     def notify(self, method: str, params: Any = None) -> None:
         self.send({"method": method, "params": params})
 

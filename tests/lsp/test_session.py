@@ -131,15 +131,20 @@ def test_characters_are_counted_as_agreed(client, tmp_path):
     editor.open(uri, "\U0001f375 leftOf(mug, plate)")
     (problem,) = editor.diagnostics(uri, 1)
     assert problem["range"] == {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 4}}
-    assert editor.close() == 0
+    editor.process.stdin.close()  # an editor that ends without a word
+    assert editor.process.wait(30) == 0
 
 
-def test_a_failure_of_a_feature_is_logged_and_no_more(caplog):
-    pytest.importorskip("pygls")
-    from scenegen.lsp.server import guarded
+def test_a_failure_of_a_feature_is_logged_and_no_more(caplog, monkeypatch):
+    from scenegen.lsp import answers
+    from scenegen.lsp.document import Document
 
-    def broken(params):
-        raise ZeroDivisionError(params)
+    def broken(page, offset, question):
+        raise ZeroDivisionError(page.uri)
 
-    assert guarded(broken)("this text") is None
-    assert "broken failed" in caplog.text and "ZeroDivisionError: this text" in caplog.text
+    monkeypatch.setattr(answers, "ANSWERS", dict.fromkeys(("hover", "diagnostics"), broken))
+    page = answers.Page(Document("leftOf(a, b)"), "this text")
+    assert answers.answer(page, answers.Question("hover")) is None
+    assert "hover of this text failed" in caplog.text and "ZeroDivisionError: this text" in caplog.text
+    (said,) = answers.answer(page, answers.Question("diagnostics"))
+    assert said["message"] == "scenegen itself failed: ZeroDivisionError: this text"

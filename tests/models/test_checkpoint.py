@@ -10,7 +10,7 @@ import pytest
 import safetensors.torch
 import torch
 
-from scenegen.api.train import Model
+from scenegen.api.model import Model
 from scenegen.errors import DataError, OutputError
 from scenegen.models.card import FORMAT
 from scenegen.models.checkpoint import load_model, save_model

@@ -2,12 +2,14 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
 import zipfile
 
 import pytest
+from hatchling.builders.sdist import SdistBuilder
 
 FROM_RESOURCES = "from scenegen.resources import shipped_specs; print(shipped_specs()['first'])"
 
@@ -53,7 +55,20 @@ def test_what_the_wheel_holds(wheel, root):
     assert "scenegen/py.typed" in names
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     shipped = {name.split("/")[0] for name in names}
+    # experiments/ and tests/ stay in the repository
     assert shipped == {"scenegen", next(name for name in shipped if name.endswith(".dist-info"))}
+
+
+def test_what_a_package_index_shows_leads_somewhere(wheel):
+    """Neither pictures nor pages of the repository can be seen from there."""
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+        head, _, text = archive.read(name).decode().partition("\n\n")
+    assert "Description-Content-Type: text/markdown" in head
+    assert text.startswith("# scenegen\n") and "## Two commands" in text and "docs/formats.md" in text
+    assert "![" not in text and "<!--" not in text
+    links = re.findall(r"\]\(([^)]*)\)", text)
+    assert links and all(link.startswith("https://") for link in links)
 
 
 def test_the_clean_environment_is_clean(clean, tmp_path):
@@ -67,11 +82,12 @@ def test_the_same_scenes_from_the_wheel_and_from_the_checkout(clean, tmp_path):
     for python in (clean / "bin" / "python", sys.executable):
         spec = run([python, "-c", FROM_RESOURCES], tmp_path).stdout.strip()
         program = [clean / "bin" / "scenegen"] if python != sys.executable else [python, "-m", "scenegen"]
-        checked = run([*program, "check", spec], tmp_path).stdout
-        assert checked.startswith(f"{spec}: ok\n")
+        checked = run([*program, "check", "first"], tmp_path).stdout
+        assert checked.startswith("first: ok\n") and checked == run([*program, "check", spec], tmp_path).stdout
+        assert "table_setting " in run([*program, "specs"], tmp_path).stdout
         scenes = run([*program, "sample", spec, "--phi", "0:0.2", "-n", "8"], tmp_path).stdout
         assert len(json.loads(scenes)["scenes"]) == 8
-        outputs.append((checked.removeprefix(spec), scenes))
+        outputs.append((checked, scenes))
     assert outputs[0] == outputs[1]
     assert list(tmp_path.iterdir()) == []
 
@@ -79,3 +95,10 @@ def test_the_same_scenes_from_the_wheel_and_from_the_checkout(clean, tmp_path):
 def test_the_editable_install_reads_the_checkout(root, tmp_path):
     spec = run([sys.executable, "-c", FROM_RESOURCES], tmp_path).stdout.strip()
     assert spec == str(root / "specs" / "first.spec")
+
+
+def test_the_source_distribution_holds_what_make_needs(root):
+    builder = SdistBuilder(str(root))
+    folders = {file.distribution_path.split("/")[0] for file in builder.recurse_included_files()}
+    assert {"scenegen", "experiments", "tests", "docs", "grammar", "specs", "Makefile"} <= folders
+    assert not {name for name in folders if name.endswith(("-out", ".json", "runs"))}

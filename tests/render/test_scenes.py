@@ -12,6 +12,9 @@ from scenegen.assets import ASSETS
 from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
 from scenegen.formats import folder
 from scenegen.render import process, render_scenes
+from scenegen.render.camera import frame
+from scenegen.render.request import usual_size
+from scenegen.render.stage import stage_of
 
 from .scenefiles import scene_file
 
@@ -33,6 +36,37 @@ def test_names_order_sizes_and_progress(tmp_path):
         with Image.open(path) as picture:
             assert (picture.size, picture.mode, picture.format) == (SIZE, "RGB", "PNG")
     assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "size"),
+    [
+        (1.0, 1.0, (640, 480)),
+        (1.2, 0.8, (768, 400)),
+        (0.9, 0.35, (896, 352)),
+        (3.0, 0.3, (960, 320)),
+        (0.3, 1.0, (480, 640)),
+    ],
+)
+def test_pictures_have_the_shape_of_their_table(x, y, size):
+    file = scene_file(["bottle"], [[(0.2, 0.2, 0.0)]], x=(0.0, x), y=(0.0, y))
+    assert usual_size(file) == size
+    # The table reaches the frame's edges on at least one axis, and most of the way on the other.
+    corners = frame("perspective", stage_of(file).corners(), size).project(stage_of(file).corners())
+    filled = np.ptp(corners, axis=0) / size
+    assert filled.max() > 0.9 and (filled.min() > 0.75 or max(x, y) > 2.0 * min(x, y))
+
+
+def test_a_wide_table_is_drawn_wide_unless_a_size_is_given(tmp_path):
+    file = scene_file(["mug"], [[(0.2, 0.2, 0.0)]], x=(0.0, 1.4), y=(0.0, 0.7))
+    (picture,) = render_scenes(file, tmp_path, views=("perspective",), workers=1).pictures
+    assert Image.open(picture).size == usual_size(file) == (848, 352)
+
+
+def test_the_elements_of_an_array_are_coloured_apart_on_request():
+    file = scene_file([f"apple[{k}]" for k in (1, 2, 3)], [[(0.2 * k, 0.5, 0.0) for k in (1, 2, 3)]])
+    assert len({thing.color for thing in stage_of(file).things}) == 1
+    assert len({thing.color for thing in stage_of(file, distinct=True).things}) == 3
 
 
 def test_one_worker_and_two_give_the_same_bytes(tmp_path):

@@ -10,7 +10,7 @@ import scenegen
 from scenegen.metrics.coverage import coverage
 from scenegen.resources import shipped_specs
 from scenegen.sampling.base import draw, piece_generator
-from scenegen.sampling.pieces import PIECE
+from scenegen.sampling.piece_size import PIECE
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.api.scenes import SceneSet, make_header
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
 from scenegen.data import scenefile
 from scenegen.data.uniform import uniform
 from scenegen.errors import DataError, RequestError

@@ -2,8 +2,8 @@ import io
 
 from rich.console import Console
 
-from scenegen.training.loop import EpochReport
 from scenegen.training.progress import TrainingProgress
+from scenegen.training.report import EpochReport
 
 
 def report(epoch, epochs):

@@ -1,5 +1,5 @@
-"""Growing a population of scenes: objects one after another, resampling, moves (sequential Monte Carlo; Del Moral et al.
-2006, Doucet and Johansen 2009)."""
+"""Growing a population of scenes: objects one after another, resampling, moves (sequential Monte Carlo; Del Moral et
+al. 2006, Doucet and Johansen 2009)."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Grown:
-    """`particles` have all objects; `log_share` (islands, C) is each island's estimate of the share of the contracted box
-    that is of each cell, as a natural logarithm, -inf where none was found."""
+    """`particles` have all objects; `log_share` (islands, C) is each island's estimate of the share of the contracted
+    box that is of each cell, as a natural logarithm, -inf where none was found."""
 
     particles: Particles
     log_share: Array

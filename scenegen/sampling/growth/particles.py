@@ -18,9 +18,10 @@ GENERATIONS = 4  # times at which ancestors are noted
 
 @dataclass(slots=True)
 class Particles:
-    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen` (choices, P) are the ways decided on, -1 before
-    that; `met[c]` (W, P) tells which ways of choice c hold once its objects are placed. `fresh` (N, P) tells which
-    objects have moved since a scene was last copied. `families` are ancestors, (P,) each, at several times."""
+    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen`
+    (choices, P) are the ways decided on, -1 before that; `met[c]` (W, P) tells which ways of choice c hold once its
+    objects are placed. `fresh` (N, P) tells which objects have moved since a scene was last copied. `families` are
+    ancestors, (P,) each, at several times."""
 
     machine: Machine
     rng: np.random.Generator
@@ -53,7 +54,7 @@ class Particles:
 
     @property
     def count(self) -> int:
-        return self.scenes.shape[1]
+        return int(self.scenes.shape[1])
 
     @property
     def group(self) -> Index:
@@ -67,7 +68,7 @@ class Particles:
     @property
     def apart(self) -> Bool:
         """Which scenes share no object's place with another, (P,)."""
-        out: Bool = self.fresh[list(self.placed)].all(axis=0)
+        out: Bool = np.all(self.fresh[list(self.placed)], axis=0)
         return out
 
     def note_ancestors(self) -> None:

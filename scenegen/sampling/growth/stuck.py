@@ -34,13 +34,16 @@ def why_stuck(machine: Machine, end: Stuck, tried: str) -> Diagnostic:
     span: Span | None = None
     label = ""
     if crowded:
-        note += f"; {end.placed.attracted:,} of {end.placed.tries:,} poses met all else, and none was clear of what stands there"
+        note += f"; {end.placed.attracted:,} of {end.placed.tries:,} poses met all else,"
+        note += " and none was clear of what stands there"
     elif refused:
         text, span, share = refused[0]
         label = f"`{text}` refused {share:.0%} of the poses"
         others = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
         note += f"; also refused: {others}" if others else ""
-    help_ = "use fewer or smaller objects, or a larger area" if crowded else "widen the range, or what the spec requires"
+    help_ = (
+        "use fewer or smaller objects, or a larger area" if crowded else "widen the range, or what the spec requires"
+    )
     return Diagnostic(title, span, label, help_, note=note)
 
 

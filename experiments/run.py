@@ -1,0 +1,72 @@
+"""Carrying out experiments, one after the other, each written as soon as it is done."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from experiments.cache import FOLDER
+from experiments.charts import check_libraries
+from experiments.plan import Plan
+from experiments.report import write
+from experiments.table import chosen
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.formats.files import ensure_folder
+from scenegen.needs import need
+from scenegen.render.process import cores
+
+MOST_SEEDS = 100
+
+
+def run(
+    name: str,
+    out: Path,
+    *,
+    seeds: int | None = None,
+    workers: int | None = None,
+    quick: bool = False,
+    tell: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Carry out an experiment, or `all`, and write the reports into the folder `out` (made if its parent is there).
+
+    Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes,
+    by default one per core, unless the cache in `out` holds them. `tell` is told what happens. Raises RequestError for
+    an unknown name, for numbers out of range, for a quick run among the reports of real ones and where matplotlib,
+    scikit-learn or torch is missing, OutputError where something cannot be written; KeyboardInterrupt with words on how
+    to go on.
+    """
+    entries = chosen(name)
+    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
+        raise RequestError(Diagnostic(f"{seeds} seeds", help=f"ask for 1 to {MOST_SEEDS}"))
+    if workers is not None and workers < 1:
+        raise RequestError(Diagnostic(f"{workers} workers cannot train", help="ask for 1 or more"))
+    need("torch", "for experiments")
+    check_libraries()
+    if quick:
+        for which in entries:
+            _check_quick(out / f"{which}.json")
+    ensure_folder(out)
+    for which, entry in entries.items():
+        plan = Plan(out, tuple(range(seeds or entry.seeds)), quick, workers or cores(), tell)
+        if not quick:
+            tell(f"{which}: {entry.about}; about {entry.time} on two cores with {entry.seeds} seeds, less what is kept")
+        began = time.monotonic()
+        try:
+            files = write(plan, entry.run(plan))
+        except KeyboardInterrupt as error:
+            again = f"interrupted; the same command goes on with what is in {out / FOLDER}"
+            raise KeyboardInterrupt(again) from error
+        tell(f"{which}: wrote {', '.join(files)} in {out} ({(time.monotonic() - began) / 60.0:.1f} min)")
+
+
+def _check_quick(path: Path) -> None:
+    """Refuse to replace the numbers of a real run by those of a quick one. Raises RequestError."""
+    try:
+        real = json.loads(path.read_bytes()).get("quick") is False
+    except (OSError, ValueError, AttributeError):
+        return  # no report
+    if real:
+        title = f"{path} is the report of a run that was not quick"
+        raise RequestError(Diagnostic(title, help="give --quick another folder"))

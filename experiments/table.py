@@ -1,0 +1,57 @@
+"""The table of experiments. A new one is one module and one line here."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, RequestError, suggest
+
+if TYPE_CHECKING:
+    from experiments.plan import Plan
+    from experiments.report import Report
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Where an experiment's function is, what it shows, how many seeds it takes unless told otherwise, and about how
+    long that takes on two cores."""
+
+    function: str
+    about: str
+    time: str
+    seeds: int = 3
+
+    def run(self, plan: Plan) -> Report:
+        """Carry it out. Raises ScenegenError for whatever stands in its way."""
+        module, _, name = self.function.partition(":")
+        found: Report = getattr(importlib.import_module(module), name)(plan)
+        return found
+
+
+# Text, not functions: `python -m experiments --help` lists them without importing torch.
+EXPERIMENTS: dict[str, Entry] = {
+    "semantics": Entry("experiments.semantics:run", "phi while a mug moves round a plate", "10 seconds"),
+    "exp1": Entry("experiments.exp1:run", "a mug to the upper left of a plate, two labels", "20 minutes"),
+    "exp2": Entry("experiments.exp2:run", "a table set for one, rare", "20 minutes"),
+    "exp3": Entry("experiments.exp3:run", "3, 5 and 7 blocks in order", "70 minutes"),
+    "rejection": Entry("experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
+    # its networks are those of exp1 and exp2
+    "space": Entry("experiments.space:run", "look-up tables against networks and specs", "1 minute"),
+    "curriculum": Entry("experiments.curriculum:run", "Q-learning with scenes by phi", "15 minutes", 5),
+    "curriculum-deep": Entry("experiments.curriculum_deep:run", "two and four objects, learnt by PPO", "10 minutes"),
+}
+
+
+def chosen(name: str) -> dict[str, Entry]:
+    """The experiments that a name stands for, in the order of the table. Raises RequestError for an unknown one."""
+    if name == ALL:
+        return EXPERIMENTS
+    if name not in EXPERIMENTS:
+        known = [*EXPERIMENTS, ALL]
+        help_ = suggest(name, known, f"the experiments are {', '.join(known)}")
+        raise RequestError(Diagnostic(f"unknown experiment `{name}`", help=help_))
+    return {name: EXPERIMENTS[name]}

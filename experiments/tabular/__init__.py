@@ -1,0 +1,1 @@
+"""Tabular learners for tasks on a grid, compiled by numba (extra `experiments`)."""

@@ -1,0 +1,68 @@
+"""Trained models: a model together with its spec, read from a file."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenegen import given
+from scenegen.api.spec import Spec, check_spec
+from scenegen.errors import DataError, Diagnostic
+from scenegen.lang.check import check_text
+from scenegen.needs import need
+
+if TYPE_CHECKING:
+    from scenegen.models.trained import TrainedModel
+
+
+class Model:
+    """A trained model together with the spec that it was trained on (the model file carries both)."""
+
+    def __init__(self, trained: TrainedModel) -> None:
+        self.trained = trained
+        made_from = trained.card.spec
+        # the canonical text has no comments, so the title comes from the card
+        self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
+        self._refuse_contradictions()
+
+    def __repr__(self) -> str:
+        card = self.trained.card
+        return f"<Model {card.model} of {card.spec.name}, {card.epochs_done} epochs>"
+
+    def _refuse_contradictions(self) -> None:
+        """Objects, labels and workspace of the card are the spec's. Raises DataError for a file that was put together
+        by hand."""
+        card, area = self.trained.card, self.spec.workspace
+        pairs = {
+            "objects": (tuple(card.objects), self.spec.objects),
+            "labels": (tuple(label.name for label in card.labels), self.spec.labels),
+            "workspace": (card.area, area),
+        }
+        for what, (told, true) in pairs.items():
+            if told != true:
+                title = f"the model file contradicts itself: its {what} are not those of the spec in it"
+                raise DataError(Diagnostic(title, help="train anew"))
+
+    @property
+    def name(self) -> str:
+        """What kind of model it is, e.g. "gan"."""
+        return self.trained.name
+
+    def in_steps(self, steps: int) -> Model:
+        """The same model, taking `steps` evaluations of its network for a scene: for a flow, which is trained once and
+        taken in any number. Raises RequestError for models that have no such choice, and beyond 1 to 1,000."""
+        other = copy.copy(self)
+        other.trained = self.trained.in_steps(steps)
+        return other
+
+
+def load_model(path: str | Path, spec: Spec | None = None) -> Model:
+    """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
+    need("torch", "to read a model file")
+    from scenegen.models.checkpoint import load_model as load
+
+    if spec is not None:
+        check_spec(spec)
+    return Model(load(given.path("path", path), None if spec is None else spec.checked))

@@ -1,0 +1,72 @@
+"""What bounds and planning may take: until someone says stop, and at most so much work, which is counted.
+
+A unit of work is about what bounding a sum over one box takes, some 20 ns; calls of numpy and of Python are counted in
+the same units. Counts do not depend on the machine: what gives up for having counted too much does so everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from scenegen.lang.core import Apply, Node, children
+from scenegen.primitives.footprint import Circle
+
+CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
+CORNERED = 10  # times as much as a sum: what a footprint with corners takes
+PYTHON = 200  # a few lines of Python for one node, set or tuple
+
+
+class StoppedError(Exception):
+    """Time was up before there was a result."""
+
+
+class TooMuchError(Exception):
+    """More work was counted than was allowed."""
+
+
+@dataclass(slots=True)
+class Effort:
+    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed."""
+
+    stop: Callable[[], bool] = lambda: False
+    most: float = math.inf
+    used: float = 0.0
+
+    def spend(self, units: float) -> None:
+        """Count work that is about to be done. Raises TooMuchError beyond `most`, StoppedError where `stop` says so."""
+        self.used += units
+        if self.used > self.most:
+            raise TooMuchError
+        self.check()
+
+    def check(self) -> None:
+        """Raises StoppedError where `stop` says so."""
+        if self.stop():
+            raise StoppedError
+
+
+def bounding(node: Node, boxes: int) -> int:
+    """The work of one call of a node's rule, forward or backward, for so many boxes."""
+    return len(children(node)) * (CALL + boxes * (CORNERED if _cornered(node) else 1))
+
+
+def scoring(nodes: Iterable[Node], scenes: int) -> float:
+    """The work of computing nodes of so many scenes."""
+    each, calls = per_scene(nodes)
+    return calls + scenes * each
+
+
+def per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
+    """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
+    plain = cornered = 0
+    for node in nodes:
+        count = len(children(node))
+        plain += count
+        cornered += count * _cornered(node)
+    return 0.1 * plain + 1.4 * cornered, plain * CALL / 8
+
+
+def _cornered(node: Node) -> bool:
+    return isinstance(node, Apply) and any(not isinstance(shape, Circle) for shape in node.shapes)

@@ -1,0 +1,155 @@
+"""What `scenegen check` prints of a spec: its objects, and the formulas of its labels on a page, or all of them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from math import nan
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from scenegen.api.fold import Folded, Part
+from scenegen.api.outline import Line, Outline
+from scenegen.cli.tree import tree
+from scenegen.lang.core import REQUIRE
+
+if TYPE_CHECKING:
+    from scenegen.api.spec import Spec
+
+LINES = 40  # of a page, at most
+WIDTH = 110  # columns of a page that goes to no terminal
+NAMES = 3  # lines of names
+HEAD = 3  # lines of a label: a blank one, its bounds, and its formula
+MOST = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
+
+
+@dataclass(slots=True)
+class _Shown:
+    """A part on the page: what is shown below it, and how many parts are not."""
+
+    part: Part
+    depth: int
+    below: list[_Shown] = field(default_factory=list)
+    hidden: int = 0
+
+
+def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool, width: int) -> Iterator[str]:
+    """The lines of text. `rough` has a remark for labels whose bounds say too little; `depth` is how deep formulas are
+    shown, however many lines that takes; `full` folds and leaves out nothing."""
+    everything = full or depth is not None
+    head = list(_head(spec, None if full else width))
+    yield from head
+    outline = Outline(spec)
+    labels = outline.labels
+    titles = {name: _title(outline, name, rough.get(name, "")) for name in labels}
+    left = MOST if everything else LINES - len(head) - 2
+    if left < HEAD * len(labels):  # no space for formulas
+        left = max(left, HEAD)
+        yield ""
+        yield from (titles[name] for name in labels[: left - 1])
+        if len(labels) > left - 1:
+            yield f"  ... and {len(labels) - left + 1:,} labels more"
+        yield "\n  Only a page of it: --depth 1 shows the formulas of all labels, --full everything."
+        return
+    folded = Folded(outline, fold=not full)
+    roots = [_Shown(folded.root(name), 0) for name in labels]
+    whole = _unfold(folded, roots, left - HEAD * len(roots), depth)
+    for name, root in zip(labels, roots, strict=True):
+        yield ""
+        yield titles[name]
+        yield from tree(list(_lines(root)), width=None if full else width)
+    if not whole and depth is None:
+        yield "\n  Only a page of it: --depth N shows more, --full everything."
+
+
+def _head(spec: Spec, width: int | None) -> Iterator[str]:
+    checked, (x, y) = spec.checked, (spec.workspace.x, spec.workspace.y)
+    if checked.title:
+        yield f"  {checked.title}"
+    yield f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m"
+    held = [
+        f"{name} at ({', '.join(f'{number:g}' for number in checked.fixed[index])})"
+        for index, name in enumerate(spec.objects)
+        if index in checked.fixed
+    ]
+    free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
+    regions = [one.name for one in checked.regions]
+    for kind, names in (("objects", free if width is None else arrays(free)), ("fixed", held), ("regions", regions)):
+        if not names:
+            continue
+        lines = [", ".join(names)] if width is None else _wrapped(names, max(20, width - 13))
+        for number, line in enumerate(lines):
+            yield f"  {'' if number else kind:<9}  {line}"
+
+
+def _wrapped(names: Sequence[str], width: int) -> list[str]:
+    """Names on at most NAMES lines; how many are left out stands at the end."""
+    for count in range(min(len(names), NAMES * width), 0, -1):
+        rest = [] if count == len(names) else [f"... and {len(names) - count:,} more"]
+        lines = wrap(", ".join([*names[:count], *rest]), width, break_on_hyphens=False)
+        if len(lines) <= NAMES:
+            return lines
+    return [f"{len(names):,} names"]
+
+
+def arrays(names: Sequence[str]) -> list[str]:
+    """Names with the elements of an array that follow each other as one: `block[1..30]`."""
+    found: list[str] = []
+    for array, group in groupby(names, key=lambda name: name.partition("[")[0] if name.endswith("]") else name):
+        elements = list(group)
+        if len(elements) < 3:
+            found += elements
+        else:
+            first, last = (name.partition("[")[2].rstrip("]") for name in (elements[0], elements[-1]))
+            found.append(f"{array}[{first}..{last}]")
+    return found
+
+
+def _title(outline: Outline, label: str, remark: str) -> str:
+    top = outline.line(outline.core.labels[label], margin=False)
+    what = "margin" if label == REQUIRE else "phi"
+    return f"  {label}: {what} in [{top.low:.4g}, {top.high:.4g}]" + (f"; {remark}" if remark else "")
+
+
+def _unfold(folded: Folded, roots: list[_Shown], left: int, depth: int | None) -> bool:
+    """Show what is below the roots, level by level, in `left` lines, down to a depth; returns whether that is all."""
+    waiting = deque(roots)
+    whole = True
+    while waiting:
+        one = waiting.popleft()
+        parts = folded.children(one.part)
+        if not parts:
+            continue
+        count = len(parts)
+        if depth is not None and one.depth >= depth:
+            count = 0
+        elif count > left:
+            # a formula that is too wide for the page shows its first parts; one further down none
+            others = sum(other.depth == 0 for other in waiting)
+            count = left // (others + 1) - 1 if one.depth == 0 else 0
+        if count < len(parts):
+            whole = False
+            one.hidden = len(parts) - max(0, count)
+        one.below = [_Shown(part, one.depth + 1) for part in parts[: max(0, count)]]
+        left -= len(one.below) + (0 < count < len(parts))
+        waiting.extend(one.below)
+    return whole
+
+
+def _lines(root: _Shown) -> Iterator[Line]:
+    stack: list[_Shown | Line] = [root]
+    while stack:
+        one = stack.pop()
+        if isinstance(one, Line):
+            yield one
+            continue
+        line = one.part.line
+        text = f"{one.part.count} x {line.text}" if one.part.count else line.text
+        if one.hidden and not one.below:
+            text += " ..."
+        yield replace(line, depth=one.depth, text=text)
+        if one.hidden and one.below:
+            stack.append(Line(one.depth + 1, f"... and {one.hidden:,} more", "", "", nan, nan))
+        stack.extend(reversed(one.below))

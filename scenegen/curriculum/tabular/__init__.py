@@ -1,1 +1,0 @@
-"""Tabular learners for tasks on a grid, compiled by numba (extra `rl`)."""

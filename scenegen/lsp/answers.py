@@ -1,0 +1,201 @@
+"""What the features find, as the JSON of the Language Server Protocol."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from scenegen.lsp.complete import Item, complete
+from scenegen.lsp.define import Symbol, definition, refusal, symbols, uses
+from scenegen.lsp.diagnose import Problem, problems
+from scenegen.lsp.document import Document
+from scenegen.lsp.format import formatted
+from scenegen.lsp.hover import hover
+from scenegen.lsp.positions import Lines
+
+Json = dict[str, Any]
+
+ERROR, WARNING, UNNECESSARY = 1, 2, 1  # DiagnosticSeverity, DiagnosticTag
+LOG = logging.getLogger("scenegen.lsp")
+
+# CompletionItemKind
+_ITEMS: Mapping[str, int] = {
+    "keyword": 14,
+    "function": 3,
+    "definition": 3,
+    "member": 10,  # a property
+    "unit": 11,
+    "asset": 20,  # an enum member
+    "argument": 5,  # a field
+    "file": 17,
+    "object": 6,  # a variable
+    "region": 22,  # a struct
+    "constant": 21,
+    "label": 23,  # an event
+    "parameter": 25,
+    "variable": 25,
+}
+# SymbolKind: object, struct, constant, function, event
+_SYMBOLS: Mapping[str, int] = {"object": 19, "region": 23, "constant": 14, "definition": 12, "label": 24}
+
+
+class Refusal(Exception):  # noqa: N818 - what was wanted cannot be done, and the client learns why: no failure
+    """A request that cannot be answered, with the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One version of an open document, and how its client counts characters."""
+
+    document: Document
+    uri: str
+    encoding: str = "utf-16"
+    lines: Lines = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lines", Lines(self.document.text, self.encoding))
+
+    def span(self, start: int, end: int) -> Json:
+        return _span(self.lines, start, end)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A feature, the position that it is about (0-based), and the new name of a rename."""
+
+    feature: str
+    line: int = 0
+    character: int = 0
+    name: str = ""
+
+
+def answer(page: Page, question: Question) -> Any:
+    """The result of a request as JSON. What a feature fails at is logged and answered with nothing. Raises Refusal."""
+    try:
+        return ANSWERS[question.feature](page, page.lines.offset(question.line, question.character), question)
+    except Refusal:
+        raise
+    except Exception as error:  # nothing that a text holds may end the server
+        LOG.exception("%s of %s failed", question.feature, page.uri)
+        failure = Problem(0, 0, f"scenegen itself failed: {type(error).__name__}: {error}", "error")
+        return [_diagnostic(page, failure)] if question.feature == "diagnostics" else None
+
+
+def _span(lines: Lines, start: int, end: int) -> Json:
+    """Characters start..end as a range."""
+    places = [dict(zip(("line", "character"), lines.position(at), strict=True)) for at in (start, end)]
+    return {"start": places[0], "end": places[1]}
+
+
+def _diagnostic(page: Page, problem: Problem) -> Json:
+    found: Json = {
+        "range": page.span(problem.start, problem.end),
+        "message": problem.message,
+        "severity": ERROR if problem.severity == "error" else WARNING,
+        "source": "scenegen",
+    }
+    if problem.unused:
+        found["tags"] = [UNNECESSARY]
+    if problem.elsewhere is not None:
+        other = problem.elsewhere
+        place = _span(Lines(other.source.text, page.encoding), other.start, other.end)
+        location = {"uri": Path(other.source.name).resolve().as_uri(), "range": place}
+        found["relatedInformation"] = [{"location": location, "message": "it is here"}]
+    return found
+
+
+def _diagnostics(page: Page, offset: int, question: Question) -> list[Json]:
+    return [_diagnostic(page, one) for one in problems(page.document)]
+
+
+def _hover(page: Page, offset: int, question: Question) -> Json | None:
+    found = hover(page.document, offset)
+    if found is None:
+        return None
+    return {"contents": {"kind": "markdown", "value": found.markdown}, "range": page.span(found.start, found.end)}
+
+
+def _completion(page: Page, offset: int, question: Question) -> Json:
+    spans: dict[tuple[int, int], Json] = {}  # there are thousands of items, most of them with the same place
+    items = []
+    for order, one in enumerate(complete(page.document, offset)):
+        place = (one.start, one.end)
+        if place not in spans:
+            spans[place] = page.span(*place)
+        items.append(_item(one, order, spans[place]))
+    return {"isIncomplete": False, "items": items}
+
+
+def _item(item: Item, order: int, place: Json) -> Json:
+    found: Json = {
+        "label": item.word,
+        "kind": _ITEMS[item.group],
+        "sortText": f"{order:06}",
+        "textEdit": {"range": place, "newText": item.word},
+    }
+    if item.detail:
+        found["detail"] = item.detail
+    if item.about:
+        found["documentation"] = item.about
+    return found
+
+
+def _definition(page: Page, offset: int, question: Question) -> Json | None:
+    place = definition(page.document, offset)
+    if place is None:
+        return None
+    if place.path is None or place.text is None:
+        return {"uri": page.uri, "range": page.span(place.start, place.end)}
+    return {
+        "uri": place.path.resolve().as_uri(),
+        "range": _span(Lines(place.text, page.encoding), place.start, place.end),
+    }
+
+
+def _symbols(page: Page, offset: int, question: Question) -> list[Json]:
+    return [_symbol(page, one) for one in symbols(page.document)]
+
+
+def _symbol(page: Page, found: Symbol) -> Json:
+    return {
+        "name": found.name,
+        "kind": _SYMBOLS[found.kind],
+        **({"detail": found.detail} if found.detail else {}),
+        "range": page.span(found.opens, found.closes),
+        "selectionRange": page.span(found.start, found.end),
+    }
+
+
+def _formatting(page: Page, offset: int, question: Question) -> list[Json]:
+    found = formatted(page.document)
+    return [] if found is None else [{"range": page.span(found.start, found.end), "newText": found.text}]
+
+
+def _prepare_rename(page: Page, offset: int, question: Question) -> Json | None:
+    found = page.document.occurrence(offset)
+    return page.span(found.start, found.end) if found is not None and uses(page.document, offset) else None
+
+
+def _rename(page: Page, offset: int, question: Question) -> Json:
+    reason = refusal(page.document, offset, question.name)
+    if reason:
+        raise Refusal(reason)
+    places = uses(page.document, offset)
+    return {
+        "changes": {page.uri: [{"range": page.span(one.start, one.end), "newText": question.name} for one in places]}
+    }
+
+
+ANSWERS: Mapping[str, Callable[[Page, int, Question], Any]] = {
+    "diagnostics": _diagnostics,
+    "hover": _hover,
+    "completion": _completion,
+    "definition": _definition,
+    "symbols": _symbols,
+    "formatting": _formatting,
+    "prepareRename": _prepare_rename,
+    "rename": _rename,
+}

@@ -1,0 +1,207 @@
+"""The open documents of one client, each with a worker process of its own.
+
+A document that takes long to check cannot slow another one down, nor the event loop, and a check that nobody waits for
+any more is ended with its process. All methods run in the thread of the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lsprotocol import types
+from pygls.exceptions import JsonRpcContentModified, JsonRpcException
+from pygls.uris import to_fs_path
+
+from scenegen.lsp.answers import Question, Refusal
+from scenegen.lsp.process import Gone, Process
+
+PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
+# seconds that work on an old text may go on; twice the last check's if that is more, for a new process costs some, too
+GRACE = 1.0
+MOST = 8  # worker processes; of more, those of the documents that were left alone longest are ended
+LOG = logging.getLogger("scenegen.lsp")
+
+NOTHING = b"null"
+
+_IMPORT = re.compile(r'\bimport\s*"')
+
+
+class RequestFailed(JsonRpcException):
+    """What a client wants cannot be done, and it learns why: no failure of the server."""
+
+    CODE = types.LSPErrorCodes.RequestFailed.value
+
+
+@dataclass(eq=False, slots=True)
+class Opened:
+    """A document that the client has open. `revision` counts its changes and those of what it may import."""
+
+    uri: str
+    path: Path | None
+    text: str
+    version: int | None
+    revision: int = 0
+    process: Process | None = None
+    pending: set[asyncio.Future[bytes]] = field(default_factory=set)  # answers about this revision
+    check: asyncio.Task[None] | None = None
+    took: float = 0.0  # seconds of the last check
+    used: int = 0
+
+
+class Desk:
+    """`publish` sends the diagnostics of a document; nothing outside `root` is read (left out: each file's folder)."""
+
+    def __init__(self, publish: Callable[[str, int | None, bytes], None], root: Path | None = None) -> None:
+        self.encoding = "utf-16"
+        self._publish = publish
+        self._root = root
+        self._open: dict[str, Opened] = {}
+        self._clock = 0
+
+    # ---- notifications
+
+    def opened(self, uri: str, text: str, version: int | None) -> None:
+        """A text was opened, or has changed: what was under way for the old one is cancelled, the new one checked."""
+        one = self._open.get(uri)
+        if one is None:
+            one = self._open[uri] = Opened(uri, _path(uri), text, version)
+        one.text, one.version = text, version
+        self._revise(one)
+        self._revise_importers(one)
+
+    def saved(self, uri: str) -> None:
+        """Files that no editor has open may have changed as well."""
+        if uri in self._open:
+            self._revise(self._open[uri])
+
+    def closed(self, uri: str) -> None:
+        one = self._open.pop(uri, None)
+        if one is None:
+            return
+        self._cancel(one)
+        if one.process is not None:
+            one.process.end()
+        self._publish(uri, None, b"[]")
+        self._revise_importers(one)
+
+    def close(self) -> None:
+        """End every process."""
+        for one in self._open.values():
+            if one.process is not None:
+                one.process.end()
+
+    # ---- requests
+
+    async def ask(self, uri: str, question: Question) -> bytes:
+        """The answer about an open document as the bytes of JSON, null for one that is not open.
+
+        Raises JsonRpcException: the text has changed meanwhile, the request is refused, or its process died.
+        """
+        one = self._open.get(uri)
+        try:
+            return NOTHING if one is None else await self._ask(one, question)
+        except Refusal as reason:
+            raise RequestFailed(str(reason)) from None
+        except Gone as how:
+            raise RequestFailed(f"the process that analyses this document {how}") from None
+
+    async def _ask(self, one: Opened, question: Question) -> bytes:
+        while True:
+            process = self._process(one)
+            future = process.ask(question)
+            one.pending.add(future)
+            try:
+                return await future
+            except Gone:
+                if one.process is process:  # it died of itself: what killed it would do so again
+                    one.process = None
+                    raise
+            finally:
+                one.pending.discard(future)
+
+    def _process(self, one: Opened) -> Process:
+        """The process of a document, which has its newest text."""
+        self._clock += 1
+        one.used = self._clock
+        if one.process is None or one.process.ended:
+            self._make_way()
+            one.process = Process()
+        if one.process.revision != one.revision:
+            imports = _IMPORT.search(one.text) is not None
+            texts = {str(other.path): other.text for other in self._open.values() if other.path is not None}
+            message = {"text": one.text, "revision": one.revision, "uri": one.uri, "encoding": self.encoding}
+            message |= {"path": _written(one.path), "root": _written(self._root), "open": texts if imports else {}}
+            one.process.tell(message)
+        return one.process
+
+    def _make_way(self) -> None:
+        running = [one for one in self._open.values() if one.process is not None]
+        idle = [one for one in running if one.process is not None and not one.process.under_way]
+        if len(running) >= MOST and idle:
+            oldest = min(idle, key=lambda one: one.used)
+            if oldest.process is not None:
+                oldest.process.end()
+            oldest.process = None
+
+    # ---- changes
+
+    def _revise_importers(self, changed: Opened) -> None:
+        for other in self._open.values():
+            if other is not changed and _IMPORT.search(other.text) is not None:
+                self._revise(other)
+
+    def _revise(self, one: Opened) -> None:
+        one.revision += 1
+        self._cancel(one)
+        if one.process is not None and one.process.under_way:
+            oldest = next(iter(one.process.under_way))
+            grace = max(GRACE, 2.0 * one.took)
+            asyncio.get_running_loop().call_later(grace, self._break_off, one, one.process, oldest)
+        one.check = asyncio.get_running_loop().create_task(self._check(one))
+
+    def _cancel(self, one: Opened) -> None:
+        if one.check is not None:
+            one.check.cancel()
+        for future in one.pending:
+            if not future.done():
+                future.set_exception(JsonRpcContentModified("the text has changed"))
+
+    def _break_off(self, one: Opened, process: Process, question: int) -> None:
+        """End a process that is still at work for a text that has changed."""
+        if one.process is process and question in process.under_way:
+            one.process = None  # questions about the new text go to another one
+            process.end()
+
+    async def _check(self, one: Opened) -> None:
+        """Say what is wrong with a text, unless it changes soon: the longer a check takes, the later it begins."""
+        await asyncio.sleep(min(max(PAUSE, one.took / 2.0), LONGEST_PAUSE))
+        began = asyncio.get_running_loop().time()
+        try:
+            found = await self._ask(one, Question("diagnostics"))
+        except Gone as how:
+            LOG.error("the process that analyses %s %s", one.uri, how)
+            nowhere = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}}
+            message = f"scenegen itself failed: the process that analyses this document {how}"
+            failure = {"range": nowhere, "message": message, "severity": 1, "source": "scenegen"}
+            found = json.dumps([failure]).encode()
+        one.took = asyncio.get_running_loop().time() - began
+        self._publish(one.uri, one.version, found)
+
+
+def _path(uri: str) -> Path | None:
+    """The file of a URI, None where it names none: an unsaved text, or what no file can be called."""
+    try:
+        found = to_fs_path(uri) if uri.startswith("file:") else None
+        return Path(found).resolve() if found else None
+    except (OSError, RuntimeError, ValueError):  # a NUL, a circle of links, half of a character
+        return None
+
+
+def _written(path: Path | None) -> str | None:
+    return None if path is None else str(path)

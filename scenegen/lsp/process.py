@@ -1,0 +1,107 @@
+"""One worker process as the language server sees it: started with the first question, ended at any time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import sys
+from typing import Any
+
+from scenegen.lsp.answers import Question, Refusal
+
+LONGEST = 1 << 30  # bytes of one answer
+
+# An interrupt from the keyboard reaches the whole group: the server answers it and ends its workers.
+_PROGRAM = (
+    "import json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
+    " sys.path[:] = json.loads(sys.stdin.buffer.readline()); from scenegen.lsp.worker import main; main()"
+)
+_SINGLE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
+    """The process ended before it had answered."""
+
+
+class Process:
+    """A worker process. It must be made, used and ended in the thread of the event loop."""
+
+    def __init__(self) -> None:
+        self.revision = -1  # of the text that it has
+        self.ended = False
+        self.under_way: dict[int, asyncio.Future[bytes]] = {}  # questions that it has not answered, the oldest first
+        self._number = 0
+        self._process: asyncio.subprocess.Process | None = None
+        self._unsent = [json.dumps([str(entry) for entry in sys.path]).encode() + b"\n"]
+        self._task = asyncio.get_running_loop().create_task(self._live())
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Give it a new text."""
+        self.revision = message["revision"]
+        self._send(message)
+
+    def ask(self, question: Question) -> asyncio.Future[bytes]:
+        """Its answer to a question about that text, the bytes of JSON. Raises Refusal, and Gone if it ends before."""
+        self._number += 1
+        future: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self.under_way[self._number] = future
+        place = {"line": question.line, "character": question.character, "name": question.name}
+        self._send({"ask": self._number, "revision": self.revision, "feature": question.feature, **place})
+        return future
+
+    def end(self) -> None:
+        """End it, whatever it is doing."""
+        self.ended = True
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+        self._abandon("ended")
+
+    def _send(self, message: dict[str, Any]) -> None:
+        line = json.dumps(message).encode() + b"\n"
+        if self._process is None:
+            self._unsent.append(line)
+        elif self._process.stdin is not None:
+            self._process.stdin.write(line)  # asyncio logs nothing where the process has died: `_live` notices
+
+    async def _live(self) -> None:
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-c", _PROGRAM),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                limit=LONGEST,
+                env={**os.environ, **_SINGLE},
+            )
+        except OSError as error:
+            self.ended = True
+            self._abandon(f"cannot start: {error.strerror}")
+            return
+        assert process.stdin is not None and process.stdout is not None
+        self._process = process
+        process.stdin.writelines(self._unsent)
+        if self.ended:  # before it had begun
+            process.kill()
+        async for line in process.stdout:
+            self._hear(line)
+        status = await process.wait()
+        self.ended = True
+        self._abandon(f"was killed by signal {-status}" if status < 0 else f"ended with status {status}")
+
+    def _hear(self, line: bytes) -> None:
+        number, kind, told = line.rstrip(b"\n").split(b" ", 2)
+        future = self.under_way.pop(int(number))
+        if future.done():  # cancelled by the client, or the text has changed
+            return
+        if kind == b"refused":
+            future.set_exception(Refusal(json.loads(told)))
+        else:
+            future.set_result(told)
+
+    def _abandon(self, how: str) -> None:
+        waiting = [one for one in self.under_way.values() if not one.done()]
+        self.under_way.clear()
+        for future in waiting:
+            future.set_exception(Gone(how))

@@ -1,0 +1,33 @@
+"""Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+
+from scenegen.errors import Diagnostic, RequestError
+
+INSTALL = {
+    "pybullet": "pip install pybullet",
+    "torch": "pip install torch, or its much smaller CPU build: "
+    "pip install torch --index-url https://download.pytorch.org/whl/cpu",
+}
+
+
+def need(package: str, purpose: str) -> None:
+    """Raises RequestError where a package of `INSTALL` is missing. `purpose` completes "torch is needed ...".
+
+    The package is looked for, not imported.
+    """
+    if not _found(package):
+        title = f"{package} is needed {purpose}, and is not installed"
+        raise RequestError(Diagnostic(title, help=INSTALL[package]))
+
+
+def _found(package: str) -> bool:
+    if sys.modules.get(package) is not None:
+        return True
+    try:
+        return importlib.util.find_spec(package) is not None
+    except (ModuleNotFoundError, ValueError):  # an import hook that refuses it
+        return False

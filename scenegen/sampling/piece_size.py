@@ -1,0 +1,11 @@
+"""How many scenes a piece of a run has."""
+
+from __future__ import annotations
+
+PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k), whoever works on it
+LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
+
+
+def piece_size(objects: int) -> int:
+    """How many scenes of that many objects a piece has."""
+    return max(16, min(PIECE, LARGEST_PIECE // (3 * objects)))

@@ -1,0 +1,124 @@
+"""Documents and their processes, without the processes."""
+
+import asyncio
+import threading
+
+import pytest
+
+pytest.importorskip("pygls")
+
+from scenegen.lsp import desk as desks
+from scenegen.lsp import worker as workers
+from scenegen.lsp.answers import Question, answer
+from scenegen.lsp.once import once
+
+
+class Still:
+    """A process that answers at once."""
+
+    def __init__(self) -> None:
+        self.revision, self.ended, self.under_way, self.told = -1, False, {}, []
+
+    def tell(self, message):
+        self.revision = message["revision"]
+        self.told.append(message)
+
+    def ask(self, question):
+        future = asyncio.get_running_loop().create_future()
+        future.set_result(b"[]")
+        return future
+
+    def end(self):
+        self.ended = True
+
+
+@pytest.fixture
+def desk(monkeypatch):
+    monkeypatch.setattr(desks, "Process", Still)
+    monkeypatch.setattr(desks, "PAUSE", 0.0)
+    said = []
+    found = desks.Desk(lambda *one: said.append(one))
+    found.said = said
+    return found
+
+
+def test_only_so_many_processes_run(desk):
+    async def session():
+        for number in range(desks.MOST + 3):
+            desk.opened(f"untitled:{number}", "leftOf(a, b)", 1)
+            await asyncio.sleep(0.001)
+            await asyncio.sleep(0.001)
+        first = desk._open["untitled:0"]
+        assert first.process is None and sum(one.process is not None for one in desk._open.values()) == desks.MOST
+        assert await desk.ask("untitled:0", Question("hover")) == b"[]"
+        assert first.process is not None and desk._open["untitled:3"].process is None
+
+    asyncio.run(session())
+    assert len(desk.said) == desks.MOST + 3
+
+
+def test_one_text_a_version_and_importers_learn_of_changes(desk, tmp_path):
+    main, table = ((tmp_path / f"{name}.spec").as_uri() for name in ("main", "table"))
+
+    async def session():
+        desk.opened(main, 'import "table.spec"\nt: near(a, b)', 1)
+        desk.opened(table, "const A = 1", 1)
+        for _ in range(3):
+            assert await desk.ask(main, Question("hover")) == b"[]"
+        told = desk._open[main].process.told
+        assert len(told) == 1
+        desk.opened(table, "const A = 2", 2)
+        await desk.ask(main, Question("hover"))
+        assert told[-1]["open"][str(tmp_path / "table.spec")] == "const A = 2"
+        await desk.ask(table, Question("hover"))
+        assert [one["open"] for one in desk._open[table].process.told] == [{}]
+
+    asyncio.run(session())
+
+
+def test_names_do_not_wait_for_meaning(monkeypatch):
+    going, told, arrived = threading.Event(), {}, threading.Semaphore(0)
+
+    def say(number, kind, value):
+        told[number] = value
+        arrived.release()
+
+    def slowly(page, question):
+        if question.feature == "diagnostics":
+            assert going.wait(20.0)
+        return answer(page, question)
+
+    monkeypatch.setattr(workers, "answer", slowly)
+    worker = workers.Worker(say)
+    about = {"uri": "untitled:1", "path": None, "root": None, "open": {}, "encoding": "utf-16"}
+    place = {"line": 0, "character": 0, "name": ""}
+    worker.hear(about | {"text": "t: leftOf(a, b)", "revision": 1})
+    worker.hear(place | {"ask": 1, "revision": 1, "feature": "diagnostics"})
+    worker.hear(place | {"ask": 2, "revision": 1, "feature": "hover"})
+    worker.hear(place | {"ask": 3, "revision": 1, "feature": "symbols"})
+    assert arrived.acquire(timeout=20.0) and list(told) == [3] and told[3][0]["name"] == "t"
+    worker.hear(about | {"text": "u: leftOf(a, b)", "revision": 2})
+    worker.hear(place | {"ask": 4, "revision": 1, "feature": "symbols"})
+    assert arrived.acquire(timeout=20.0) and told[4] is None  # about a text that is gone
+    going.set()
+    assert arrived.acquire(timeout=20.0) and arrived.acquire(timeout=20.0)
+    assert told[1] == [] and told[2] is None
+
+
+def test_two_threads_compute_once():
+    count = []
+
+    class Thing:
+        @once
+        def slow(self):
+            count.append(1)
+            threading.Event().wait(0.02)
+            return object()
+
+    thing, found = Thing(), []
+    threads = [threading.Thread(target=lambda: found.append(thing.slow)) for _ in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert count == [1] and len({*found}) == 1 and Thing().slow is not thing.slow

@@ -1,0 +1,124 @@
+"""Whatever bounds and planning do, they ask whether to stop, again and again; and the work that they count is bounded.
+
+Calls are counted here instead of seconds: no step between two calls may be large.
+"""
+
+import time
+
+import numpy as np
+import pytest
+
+from scenegen.bounds import label_bounds
+from scenegen.bounds.clash import clash
+from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
+from scenegen.bounds.prune import prune
+from scenegen.bounds.search import find
+from scenegen.bounds.tape import make_tape
+from scenegen.errors import RequestError
+from scenegen.lang.check import check_text
+from scenegen.sampling import problem as module
+from scenegen.sampling.auto import choose
+from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.rejection import MOST, make_trial
+from scenegen.sampling.request import Range
+
+BINS = """object item[6] = cylinder(0.03, 0.05)
+region left = rect(0.0, 0.0, 0.25, 0.25)
+region right = rect(0.4, 0.0, 0.65, 0.25)
+require noOverlap(item)
+task: forall i in item: inside(i, left) | inside(i, right)
+"""
+CLUTTER = """object block[30] = box(0.06, 0.06, 0.05)
+require noOverlap() & insideWorkspace()
+task: closeTo(block[1], block[2], 30 cm)
+"""
+LARGEST_STEP = 4e6  # units between two calls: a tenth of a second
+
+
+@pytest.fixture(scope="module", params=[BINS, CLUTTER], ids=["bins", "clutter"])
+def spec(request):
+    return check_text(request.param)
+
+
+def wanted(spec):
+    return {spec.core.requirement: (0.0, np.inf), spec.core.labels["task"]: (0.0, np.inf)}
+
+
+class After:
+    """Says stop at the k-th call, and notes by how much the count of work grew from call to call."""
+
+    def __init__(self, k):
+        self.k, self.calls, self.before, self.largest = k, 0, 0.0, 0.0
+        self.effort = Effort(self, most=3e7)
+
+    def __call__(self):
+        self.calls += 1
+        self.largest = max(self.largest, self.effort.used - self.before)
+        self.before = self.effort.used
+        return self.calls >= self.k
+
+
+TASKS = {
+    "bounds": lambda spec, effort: label_bounds(spec.core, *spec.box(), effort),
+    "tape": lambda spec, effort: make_tape(spec.core, *spec.box(), effort),
+    "prune": lambda spec, effort: prune(spec.core, *spec.box(), wanted(spec), effort=effort),
+    "search": lambda spec, effort: find(spec.core, *spec.box(), wanted(spec), effort=effort),
+    "clash": lambda spec, effort: clash(spec.core, *spec.box(), wanted(spec), effort=effort),
+}
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_everything_stops_when_it_is_told_to(task, spec):
+    """However late it is told: after the first call, and in the middle of things."""
+    for k in (1, 5, 25, 400):
+        after = After(k)
+        try:
+            TASKS[task](spec, after.effort)
+        except StoppedError:
+            assert after.calls == k
+        else:
+            assert after.calls < k and k > 5
+        assert after.largest < LARGEST_STEP
+
+
+def test_work_is_bounded_wherever_planning_is(spec):
+    used = []
+    for most in (1e4, 1e6, 1e7):
+        effort = Effort(most=most)
+        with pytest.raises(TooMuchError):
+            prune(spec.core, *spec.box(), wanted(spec), effort=effort)
+        used.append(effort.used)
+        assert most < effort.used < most + LARGEST_STEP
+    assert used == sorted(used)
+
+
+def test_the_same_work_is_counted_each_time():
+    problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
+    one, other = make_trial(problem, Budget()), make_trial(problem, Budget())
+    assert one.work == other.work > 0.0
+    assert make_trial(problem, Budget(), most=one.work).hits.tolist() == one.hits.tolist()
+    with pytest.raises(TooMuchError):
+        make_trial(problem, Budget(), most=one.work - 1.0)
+
+
+def test_a_request_is_not_looked_at_for_longer_than_its_time(monkeypatch, spec):
+    monkeypatch.setattr(module, "GRACE", 0.0)
+    with pytest.raises(RequestError, match="time was up before"):
+        pose(spec, {"task": Range(0.0)}, n=1, budget=Budget(1e-9))
+
+
+def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
+    monkeypatch.setattr(module, "GRACE", 0.0)
+    problem = pose(check_text(CLUTTER), {"task": Range(0.0)}, n=1)
+    begin = time.thread_time()
+    with pytest.raises(RequestError, match="time was up after no draws at all"):
+        make_trial(problem, Budget(0.1))
+    assert time.thread_time() - begin < 2.0
+
+
+def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
+    monkeypatch.setattr("scenegen.sampling.auto.MOST", 1e5)
+    problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
+    choice = choose(problem, "auto", Budget())
+    assert choice.plan.name == "splitting" and choice.reason == "pruning takes too much work"
+    assert make_trial(problem, Budget()).work < MOST

@@ -67,7 +67,7 @@ class Machine:
         return self.rooms[key]
 
     def leave_whole(self, thing: int, stage: int) -> None:
-        """Note that contraction leaves an object nearly all of its box, where all its clauses but pairs are in force."""
+        """Note that contraction leaves an object nearly all of its box, once all its clauses but pairs are in force."""
         touch = self.touch[thing]
         if len(touch.in_force(stage)) == len(touch.clauses) and not touch.way_clauses:
             self.whole.add(thing)

@@ -105,7 +105,7 @@ def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
         grown, steps = explore(machine, *spread_over(possible, count), rng, tally)
         last = attempt == again or count >= most
         if isinstance(grown, Stuck):
-            if last:
+            if last or not grown.placed.attracted:
                 return Stalled(machine, grown, machine.work)
         elif last or _ancestors(grown.particles) >= FAMILIES:
             break

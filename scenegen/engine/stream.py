@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.bounds.prune import StoppedError
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import Cell, Filler
 from scenegen.engine.interrupt import stop_signals
 from scenegen.engine.pool import run_pieces

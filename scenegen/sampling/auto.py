@@ -68,7 +68,7 @@ def _better(problem: Problem, budget: Budget) -> Choice:
 
 def _after_pruning(problem: Problem, budget: Budget) -> Choice:
     """Where pruning takes much work: growth, if it does well; else pruning may go on for a while."""
-    grown = plan_growth(problem, budget)
+    grown = plan_growth(problem, budget, patient=False)
     if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
         return Choice(grown, "pruning takes much work, growth does not")
     if not isinstance(grown, Growth) and _time_is_up(grown):
@@ -126,7 +126,7 @@ def _without_rejection(problem: Problem, budget: Budget, why: str, trial: Trial 
 
 def _other(problem: Problem, budget: Budget) -> Growth | Splitting | NoGrowth | Stalled:
     """A plan of growth, or of splitting where growth does not do well and splitting does."""
-    quick = plan_growth(problem, budget)
+    quick = plan_growth(problem, budget, patient=False)
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
     if not isinstance(quick, Growth) and _time_is_up(quick):

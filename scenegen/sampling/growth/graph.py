@@ -117,7 +117,8 @@ def make_graph(problem: Problem) -> Graph:
         else:
             clauses.append(clause)
     rows = builder.rows_read([*narrowing, *pairs])
-    parts = _components(one.objects for one in (*clauses, *pairs, *choices))
+    groups = [one.objects for one in clauses] + [one.objects for one in pairs] + [one.objects for one in choices]
+    parts = _components(groups)
     low, high = builder.box(narrowing)
     return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, parts, low, high)
 
@@ -243,9 +244,7 @@ class _Builder:
     def _possible(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
         problem = self._problem
-        wanted = [
-            {one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways
-        ]
+        wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
         shape = (len(problem.lowest), len(ways))
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
         lo, hi = start(problem.tape, wanted, *box)
@@ -301,7 +300,9 @@ def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
     count = len(clause.low)
     found: dict[int, tuple[Array, Array]] = {}
     for cell in range(count):
-        for node, (low, high) in push_down(core, {clause.node: (float(clause.low[cell]), float(clause.high[cell]))}).items():
+        for node, (low, high) in push_down(
+            core, {clause.node: (float(clause.low[cell]), float(clause.high[cell]))}
+        ).items():
             ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
             ends[0][cell], ends[1][cell] = low, high
     return found

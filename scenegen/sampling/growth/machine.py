@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.prune import StoppedError
-from scenegen.sampling.growth.graph import Clause, Graph, make_graph
+from scenegen.bounds.effort import StoppedError
+from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.order import insertion_order
 from scenegen.sampling.growth.room import Room, make_room
 from scenegen.sampling.growth.touch import Touch, touches, within
@@ -116,9 +116,7 @@ def make_machine(problem: Problem) -> Machine:
     return Machine(problem, graph, order, at, hanging, touch, begins, ends, kin, ways)
 
 
-def _kin(
-    touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]
-) -> tuple[tuple[tuple[int, ...], ...], ...]:
+def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Blocks whose members have the same footprints and free rows, two or more together."""
 
     def kind(thing: int) -> object:

@@ -123,7 +123,8 @@ def _width(particles: Particles, row: int) -> Array | float:
     graph = particles.machine.graph
     if graph.low.shape[1] == 1:
         return float(graph.high[row, 0] - graph.low[row, 0])
-    return (graph.high[row] - graph.low[row])[particles.cell]
+    width: Array = (graph.high[row] - graph.low[row])[particles.cell]
+    return width
 
 
 def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -> None:
@@ -200,7 +201,10 @@ def _turn(particles: Particles, thing: int, group: Sequence[int], tally: Tally |
         if one != thing:
             if 3 * one not in rows or 3 * one + 1 not in rows:
                 return
-            dx, dy = particles.scenes[3 * one] - particles.scenes[x], particles.scenes[3 * one + 1] - particles.scenes[y]
+            dx, dy = (
+                particles.scenes[3 * one] - particles.scenes[x],
+                particles.scenes[3 * one + 1] - particles.scenes[y],
+            )
             new[3 * one] = particles.scenes[x] + cos * dx - sin * dy
             new[3 * one + 1] = particles.scenes[y] + sin * dx + cos * dy
         if 3 * one + 2 in rows:

@@ -53,7 +53,7 @@ class Particles:
 
     @property
     def count(self) -> int:
-        return self.scenes.shape[1]
+        return int(self.scenes.shape[1])
 
     @property
     def group(self) -> Index:
@@ -67,7 +67,7 @@ class Particles:
     @property
     def apart(self) -> Bool:
         """Which scenes share no object's place with another, (P,)."""
-        out: Bool = self.fresh[list(self.placed)].all(axis=0)
+        out: Bool = np.all(self.fresh[list(self.placed)], axis=0)
         return out
 
     def note_ancestors(self) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.prune import StoppedError
+from scenegen.bounds.effort import StoppedError
 from scenegen.sampling.growth.grow import Grown, Step, Stuck, explore
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine, make_machine
@@ -80,28 +80,29 @@ def spread_over(cells: Sequence[int], count: int) -> tuple[Index, Index]:
     return np.array(cells, dtype=np.intp)[number // ISLANDS % len(cells)], number % ISLANDS
 
 
-def make_recipe(problem: Problem, budget: Budget) -> tuple[Machine, Recipe] | Stalled:
-    """The plan for a problem; Stalled where there is no room for its objects, or time is up."""
+def make_recipe(problem: Problem, budget: Budget, *, patient: bool) -> tuple[Machine, Recipe] | Stalled:
+    """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, one
+    small population must do: the design effect is infinite where few ancestors are left of it."""
     machine = None
     try:
         machine = make_machine(problem)
         machine.deadline = budget.started + budget.seconds
-        return _make(machine)
+        return _make(machine, AGAIN if patient else 0)
     except StoppedError:
         return Stalled(machine, None, 0.0 if machine is None else machine.work)
 
 
-def _make(machine: Machine) -> tuple[Machine, Recipe] | Stalled:
+def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
     problem = machine.problem
     possible = tuple(sorted(problem.possible))
     most = max(64, min(MOST, NUMBERS // len(problem.lowest)))
     count = min(most, max(LEAST, ISLANDS * OF_A_CELL * len(possible)))
     rng = generator(problem.request.seed, -1)
-    for attempt in range(AGAIN + 1):
+    for attempt in range(again + 1):
         tally = Tally()
         before = machine.work
         grown, steps = explore(machine, *spread_over(possible, count), rng, tally)
-        last = attempt == AGAIN or count >= most
+        last = attempt == again or count >= most
         if isinstance(grown, Stuck):
             if last:
                 return Stalled(machine, grown, machine.work)
@@ -113,6 +114,8 @@ def _make(machine: Machine) -> tuple[Machine, Recipe] | Stalled:
     reached = tuple(map(int, np.unique(grown.particles.cell)))
     wanted = max(ISLANDS * OF_A_CELL * len(reached), int(np.ceil(SPARE * problem.request.n)))
     size = min(most, max(count if count > LEAST else LEAST // 2, wanted))
+    if not again and _ancestors(grown.particles) < FAMILIES / 2.0:
+        return machine, Recipe(tuple(steps), Settings({}), reached, size, 0, np.inf, machine.work, np.inf)
     settle, effect, settings, swept = _settle(grown.particles, tally, cost)
     piece = (cost + swept * settle) * size / count
     return machine, Recipe(tuple(steps), settings, reached, size, settle, effect, machine.work, piece)

@@ -156,9 +156,7 @@ def make_room(problem: Problem, touch: Touch, clauses: Sequence[Clause], ways: S
     dims = [tape.rows[row] for row in rows]
     nodes, number = tape.restrict([*wanted, *dims])
     mine = {number[node] for node in dims}
-    others = [
-        (place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine
-    ]
+    others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
     return Room(
         touch,
         tuple(clauses),

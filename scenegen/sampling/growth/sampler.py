@@ -173,10 +173,11 @@ class Growth:
         return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
 
 
-def plan_growth(problem: Problem, budget: Budget) -> Growth | Stalled:
-    """The plan of a problem; Stalled where there is no room for some object, or time is up."""
+def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True) -> Growth | Stalled:
+    """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
+    spent on it, and its design effect may be infinite: such a plan is not to be used."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget)
+        made = make_recipe(problem, budget, patient=patient)
     if isinstance(made, Stalled):
         return made
     machine, recipe = made
@@ -203,5 +204,3 @@ def log_base(machine: Machine) -> Array:
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, GROWTH, piece + 1, 1]))
-
-

@@ -40,7 +40,9 @@ def why_stuck(machine: Machine, end: Stuck, tried: str) -> Diagnostic:
         label = f"`{text}` refused {share:.0%} of the poses"
         others = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
         note += f"; also refused: {others}" if others else ""
-    help_ = "use fewer or smaller objects, or a larger area" if crowded else "widen the range, or what the spec requires"
+    help_ = (
+        "use fewer or smaller objects, or a larger area" if crowded else "widen the range, or what the spec requires"
+    )
     return Diagnostic(title, span, label, help_, note=note)
 
 

@@ -257,9 +257,7 @@ def hopeless(problem: Problem, trial: Trial) -> Diagnostic:
     return shortfall(problem, 0, f"{trial.tried:,} draws", *_misses(problem, trial.cover))
 
 
-def _alone(
-    problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int], stop: Stop
-) -> Plan:
+def _alone(problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int], stop: Stop) -> Plan:
     """A plan that draws from the common cover alone."""
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE * problem.request.n / (rarest * len(reachable))

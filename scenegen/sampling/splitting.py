@@ -58,9 +58,9 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Splitting:
-    """A plan for one request; `stop` can break its pieces off, and is no part of what they depend on. The facts of a piece are: 1 if it lived, its estimate of the probability and the square
-    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and
-    their squares."""
+    """A plan for one request; `stop` can break its pieces off, and is no part of what they depend on. The facts of a
+    piece are: 1 if it lived, its estimate of the probability and the square of that, the share of moves taken and the
+    share stuck, its scenes, its evaluations, then the design effects and their squares."""
 
     problem: Problem
     plan: Plan

@@ -79,7 +79,10 @@ class Particles:
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
         rows = [row for thing in self.placed for row in range(3 * thing, 3 * thing + 3)]
-        self.scenes[rows] = self.scenes[rows][:, index]
+        if len(index) < self.count:  # some have died out
+            self.scenes = self.scenes[:, index]
+        else:
+            self.scenes[rows] = self.scenes[rows][:, index]
         self.cell, self.island = self.cell[index], self.island[index]
         self.chosen = self.chosen[:, index]
         self.met = [None if met is None else met[:, index] for met in self.met]

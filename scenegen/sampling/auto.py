@@ -17,7 +17,7 @@ from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.levels import Stalled
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, make_trial, search
+from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, hopeless, make_trial, search
 from scenegen.sampling.rejection import Plan as Rejection
 from scenegen.sampling.rejection import make_plan as plan_rejection
 from scenegen.sampling.report import too_early
@@ -116,12 +116,13 @@ def _without_rejection(problem: Problem, budget: Budget, why: str, trial: Trial 
         return Choice(plan, why)
     if _time_is_up(plan):
         raise _nothing(problem, plan)
+    if trial is None or (isinstance(plan, NoGrowth) and plan.crowded):
+        raise _nothing(problem, plan)
     # Levels cannot be told apart where phi is constant: there rejection may be lucky.
-    if trial is not None:
-        longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
-        if longer.rate.hits:
-            return Choice(plan_rejection(problem, budget, longer), "no other method got there")
-    raise _nothing(problem, plan)
+    longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
+    if not longer.rate.hits:
+        raise RequestError(hopeless(problem, longer))
+    return Choice(plan_rejection(problem, budget, longer), "no other method got there")
 
 
 def _other(problem: Problem, budget: Budget) -> Growth | Splitting | NoGrowth | Stalled:
@@ -135,7 +136,7 @@ def _other(problem: Problem, budget: Budget) -> Growth | Splitting | NoGrowth | 
     split = None if crowded else plan_splitting(problem, budget)
     if isinstance(split, Splitting) and split.plan.left < SLOW:
         return split
-    grown = plan_growth(problem, budget)
+    grown = plan_growth(problem, budget) if crowded or isinstance(quick, Growth) else quick
     if isinstance(grown, Growth):
         return grown
     return split if isinstance(split, Splitting) else grown

@@ -7,9 +7,7 @@ that does not fade.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,22 +25,6 @@ _SLOW = 6  # how many of them count
 _TRIES = 6  # moves of a kind by which it is judged
 _WITHIN = 6  # differences watched within each way in which the formula is met
 _PAIRS = 16  # pairs of objects whose difference is watched
-
-
-class Ensemble(Protocol):
-    """Scenes side by side: `rows` D arrays (P,), `phi` L arrays (P,), and the ancestors of each at several times."""
-
-    @property
-    def rows(self) -> Sequence[Array]: ...
-
-    @property
-    def phi(self) -> Sequence[Array]: ...
-
-    @property
-    def families(self) -> Sequence[npt.NDArray[np.intp]]: ...
-
-    @property
-    def count(self) -> int: ...
 
 
 class Statistics:
@@ -64,7 +46,7 @@ class Statistics:
             and (second := getattr(frame.parts[b], axis)) is not None
         ]
 
-    def __call__(self, chains: Ensemble) -> Array:
+    def __call__(self, chains: Chains) -> Array:
         """(S, P), standardised over the chains; statistics that are the same in all chains are left at 0."""
         rows = chains.rows
         values: list[Array] = []
@@ -148,7 +130,7 @@ def helps(memory: Memory, statistics: Statistics, tuning: Tuning, kind: str) -> 
     return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / _TRIES, chains.evaluations
 
 
-def design_effect(chains: Ensemble, values: Array) -> Array:
+def design_effect(chains: Chains, values: Array) -> Array:
     """By how much the mean of each statistic (S, P) varies more than that of independent scenes, because survivors of
     one ancestor are alike: (S,), 1 where they are not. The largest over the remembered generations of ancestors."""
     worst = np.ones(len(values))

@@ -25,7 +25,7 @@ from scenegen.sampling.digest import digest
 from scenegen.sampling.frame import Tape, frame_of
 from scenegen.sampling.levels import SPLIT, Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
-from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.pieces import MANY_PIECES, Account, Candidates, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import SHOWN, shortfall, too_early
 
@@ -93,6 +93,10 @@ class Splitting:
     @property
     def ruled_out(self) -> frozenset[int]:
         return frozenset()
+
+    @property
+    def shared_by(self) -> int:
+        return MANY_PIECES
 
     @property
     def evaluations(self) -> float:

@@ -1,12 +1,12 @@
 """A request as a factor graph: clauses, each with the objects that it touches.
 
 What a request and the spec's requirements ask for is a conjunction of clauses: formula nodes that must lie between two
-ends. A clause depends on the poses of a few objects only; growth scores it as soon as all of these are on the table, and
-a move scores the clauses of what it moves. Three kinds are told apart:
+ends. A clause depends on the poses of a few objects only; growth scores it as soon as all of these are on the table,
+and a move scores the clauses of what it moves. Three kinds are told apart:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
-* a `Choice` is a disjunction over three or more objects: one of its `Way`s must hold, and which one is decided before the
-  objects are placed;
+* a `Choice` is a disjunction over three or more objects: one of its `Way`s must hold, and which one is decided before
+  the objects are placed;
 * every other clause is evaluated as it is.
 
 The ends of a clause depend on the cell of the range that a scene is for.

@@ -1,5 +1,5 @@
-"""Growing a population of scenes: objects one after another, resampling, moves (sequential Monte Carlo; Del Moral et al.
-2006, Doucet and Johansen 2009)."""
+"""Growing a population of scenes: objects one after another, resampling, moves (sequential Monte Carlo; Del Moral et
+al. 2006, Doucet and Johansen 2009)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
-MOST_TRIES = 4096
+MOST_POSES = 1 << 21  # poses tried for one object in all scenes, at most
 HITS = 12.0  # poses that meet all clauses that a scene should have among its tries
 EVEN = 0.9  # effective share of the scenes after weighting from which on no moves are made
 SOME = 24  # objects moved after one is placed: all of them would cost more than the scenes' number of objects squared
@@ -34,8 +34,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Grown:
-    """`particles` have all objects; `log_share` (islands, C) is each island's estimate of the share of the contracted box
-    that is of each cell, as a natural logarithm, -inf where none was found."""
+    """`particles` have all objects; `log_share` (islands, C) is each island's estimate of the share of the contracted
+    box that is of each cell, as a natural logarithm, -inf where none was found."""
 
     particles: Particles
     log_share: Array
@@ -90,14 +90,14 @@ def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[Placed, int]:
 
 
 def _with_enough_tries(particles: Particles) -> Placed:
-    stage, tries = particles.stage, FIRST_TRIES
+    stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MOST_POSES // particles.count)
     while True:
         placed = place(particles, tries, planning=True)
         rate = placed.hits / placed.tries
         enough = int(np.ceil(HITS / rate)) if rate > 0.0 else 16 * tries
-        if enough <= 2 * tries or tries >= MOST_TRIES:
+        if enough <= 2 * tries or tries >= most:
             return placed
-        tries = min(MOST_TRIES, max(2, enough))
+        tries = min(most, max(2, enough))
         particles.stage = stage
 
 

@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 NUMBERS = 1 << 18  # poses tried at a time
+MANY = 0.3  # share of the poses from which on each try is scored for all scenes
 WIDE = 0.6  # share of an object's box from which on its room is not worth contracting
 
 
@@ -30,8 +31,8 @@ class Placed:
 
 def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed:
     """Place the next object: `tries` poses for every scene, uniform over its room, of which one that meets all clauses
-    is taken. The weight is an unbiased estimate of the share of the object's box in which they are met. While `planning`,
-    rooms that are nearly as large as the box are noted: they are not contracted from then on."""
+    is taken. The weight is an unbiased estimate of the share of the object's box in which they are met. While
+    `planning`, rooms that are nearly as large as the box are noted: they are not contracted from then on."""
     machine = particles.machine
     stage = particles.stage + 1
     thing = machine.order[stage]
@@ -101,16 +102,33 @@ def _score(particles: Particles, boxes: Boxes, poses: Array, stage: int) -> tupl
             inside = _within(values(some)[0], one.clause.low, one.clause.high, cell[mine])
             good[:, mine] &= inside
             machine.count(len(values.steps), poses.shape[1] * len(mine))
+    attracted = int(np.count_nonzero(good))
+    if touch.layers and attracted:
+        _keep_clear(particles, poses, good, stage)
+    return good / np.maximum(boxes.holding(poses), 1.0), attracted
+
+
+def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_], stage: int) -> None:
+    """Take out of `good` (M, P) the poses (R, M, P) that are too near to something."""
+    machine, cell, scenes = particles.machine, particles.cell, particles.scenes
+    thing = machine.order[stage]
+    touch = machine.touch[thing]
+    place = {row % 3: values for row, values in zip(touch.rows, poses, strict=True)}
+    if good.mean() > MANY:  # most are to be looked at: try by try, the scenes are read where they are
+        machine.count(6 * stage, good.size)
+        for which, mine in enumerate(good):
+            pose = [place[axis][which] if axis in place else scenes[3 * thing + axis] for axis in range(3)]
+            touch.clear((pose[0], pose[1], pose[2]), scenes, cell, stage, mine)
+        return
     tried, scene = np.nonzero(good)
-    if touch.partners is not None and len(tried):
-        full = particles.scenes[3 * thing : 3 * thing + 3][:, scene]
-        for row, values in zip(touch.rows, poses, strict=True):
-            full[row % 3] = values[tried, scene]
-        x, y, theta = full
-        clear = touch.clear((x, y, theta), particles.scenes, cell[scene], stage, scene)
-        machine.count(6 * stage, len(tried))
-        good[tried[~clear], scene[~clear]] = False
-    return good / np.maximum(boxes.holding(poses), 1.0), len(tried)
+    machine.count(6 * stage, len(tried))
+    step = max(1, NUMBERS // max(1, len(scenes)))
+    for begin in range(0, len(tried), step):
+        number, column = tried[begin : begin + step], scene[begin : begin + step]
+        pose = [place[axis][number, column] if axis in place else scenes[3 * thing + axis, column] for axis in range(3)]
+        clear = np.ones(len(column), dtype=bool)
+        touch.clear((pose[0], pose[1], pose[2]), scenes, cell[column], stage, clear, column)
+        good[number[~clear], column[~clear]] = False
 
 
 def _within(value: Array, low: Array, high: Array, cell: Index) -> npt.NDArray[np.bool_]:

@@ -26,8 +26,8 @@ EXPLORED = 512  # scenes by which it is seen what a run needs
 
 @dataclass(frozen=True, slots=True)
 class Islands:
-    """`log_share` (I,) is the natural logarithm of each island's estimate of the probability of the range, -inf where it
-    died out; `phi` (I, L, P) are the labels of its scenes, NaN there. `work` counts visits of formula nodes."""
+    """`log_share` (I,) is the natural logarithm of each island's estimate of the probability of the range, -inf where
+    it died out; `phi` (I, L, P) are the labels of its scenes, NaN there. `work` counts visits of formula nodes."""
 
     log_share: Array
     phi: Array

@@ -28,8 +28,9 @@ Index = npt.NDArray[np.intp]
 class Machine:
     """`order` is the order of placing, `at` its inverse, `groups` the objects that hang from each object, itself first.
     `begins`, `ends`: the stage at which a choice's first object is placed, and its last. `kin` are classes of
-    blocks that may take each other's places: single objects, or groups, member by member. `whole` are the objects whose
-    room is not worth contracting: a plan finds them out."""
+    blocks that may take each other's places: single objects, or groups, member by member. `mixed` are few objects and
+    others with the same footprints, but of other classes: to trade places with these brings the few across a full
+    table. `whole` are the objects whose room is not worth contracting: a plan finds them out."""
 
     problem: Problem
     graph: Graph
@@ -40,6 +41,7 @@ class Machine:
     begins: tuple[int, ...]
     ends: tuple[int, ...]
     kin: tuple[tuple[tuple[int, ...], ...], ...]
+    mixed: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
     ways: tuple[Values, ...]
     rooms: dict[tuple[int, int, tuple[int, ...]], Room] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
@@ -66,7 +68,7 @@ class Machine:
         return self.rooms[key]
 
     def leave_whole(self, thing: int, stage: int) -> None:
-        """Note that contraction leaves an object nearly all of its box, where all its clauses but pairs are in force."""
+        """Note that contraction leaves an object nearly all of its box, once all its clauses but pairs are in force."""
         touch = self.touch[thing]
         if len(touch.in_force(stage)) == len(touch.clauses) and not touch.way_clauses:
             self.whole.add(thing)
@@ -117,20 +119,32 @@ def make_machine(problem: Problem) -> Machine:
     hanging = {thing: tuple(group) for thing, group in groups.items()}
     roots = [thing for thing in order if thing not in parent]
     kin = _kin(touch, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1])
-    return Machine(problem, graph, order, at, hanging, touch, begins, ends, kin, ways)
+    return Machine(problem, graph, order, at, hanging, touch, begins, ends, kin, _mixed(touch), ways)
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Blocks whose members have the same footprints and free rows, two or more together."""
 
-    def kind(thing: int) -> object:
-        mine = touch[thing]
-        kinds = () if mine.partners is None else mine.partners.kinds
-        shapes = frozenset(pair[0 if first else 1] for pair, first in kinds)
-        return shapes, tuple(row % 3 for row in mine.rows), len(mine.clauses)
-
     alike: dict[object, list[tuple[int, ...]]] = {}
     for blocks in levels:
         for block in blocks:
-            alike.setdefault(tuple(map(kind, block)), []).append(block)
+            alike.setdefault(tuple(_kind(touch[thing]) for thing in block), []).append(block)
     return tuple(tuple(blocks) for blocks in alike.values() if len(blocks) > 1)
+
+
+def _mixed(touch: Mapping[int, Touch]) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+    """For every class of objects but the largest of those with the same footprints: its objects, and the others."""
+    alike: dict[object, dict[object, list[int]]] = {}
+    for thing, mine in touch.items():
+        if mine.shapes:
+            alike.setdefault(_kind(mine)[:2], {}).setdefault(_kind(mine), []).append(thing)
+    found = []
+    for classes in alike.values():
+        ranked = sorted(classes.values(), key=len)
+        for few in ranked[:-1]:
+            found.append((tuple(few), tuple(thing for other in ranked if other is not few for thing in other)))
+    return tuple(found)
+
+
+def _kind(touch: Touch) -> tuple[object, ...]:
+    return touch.shapes, tuple(row % 3 for row in touch.rows), len(touch.clauses)

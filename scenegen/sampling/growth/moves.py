@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.sampling.growth.insert import MANY
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
 from scenegen.sampling.growth.touch import within
@@ -25,6 +26,8 @@ KINDS = ("redraw", "shift", "turn", "way")
 FINEST = 7  # step lengths go down to the box's over 2 to this power
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first
+TRADES = 2  # trades of places for each object of a small class, with objects of others
+MOST_TRADES = 8
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
 SWAPS = 0.5  # swaps for each object that has kin
 
@@ -49,8 +52,8 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds of
-    move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles."""
+    """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
+    of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
@@ -90,6 +93,10 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
             for _ in range(max(1, int(min(len(here), len(turns)) * SWAPS))):
                 first, second = rng.choice(len(here), size=2, replace=False)
                 _swap(particles, here[first], here[second], f"swap {index}", tally)
+    for index, (few, others) in enumerate(machine.mixed):
+        kind = f"trade {index}"
+        if settings.makes(kind):
+            _trades(particles, few, others, kind, tally)
     if settings.makes("way"):
         for index, (begin, end) in enumerate(zip(machine.begins, machine.ends, strict=True)):
             if begin <= particles.stage < end:
@@ -152,6 +159,17 @@ def _swap(
 def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: Tally | None) -> None:
     """Blocks of one kind take each other's poses, in a random order for each scene."""
     _trade(particles, kin, particles.rng.random((len(kin), particles.count)).argsort(axis=0), kind, tally)
+
+
+def _trades(particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: Tally | None) -> None:
+    """Objects of a small class trade places with others of the same footprints."""
+    machine, rng = particles.machine, particles.rng
+    here = [thing for thing in few if machine.at[thing] <= particles.stage]
+    there = [thing for thing in others if machine.at[thing] <= particles.stage]
+    if not here or not there:
+        return
+    for _ in range(min(MOST_TRADES, TRADES * len(here))):
+        _swap(particles, (here[rng.integers(len(here))],), (there[rng.integers(len(there))],), kind, tally)
 
 
 def _trade(
@@ -248,9 +266,9 @@ def _attempt(
     *,
     places: bool = True,
 ) -> Bool:
-    """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say in
-    which that was so. `places`: the values are new to the scene, not those of another of its objects."""
-    machine, cell, stage = particles.machine, particles.cell, particles.stage
+    """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
+    in which that was so. `places`: the values are new to the scene, not those of another of its objects."""
+    machine, cell = particles.machine, particles.cell
     graph = machine.graph
     good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
     brought: dict[int, Array] = {}
@@ -287,8 +305,8 @@ def _attempt(
 
 
 def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], trial: Array, good: Bool) -> None:
-    """Take out of `good` (P,) the scenes that do not meet the clauses in force that touch `things`. `rows` are the tried
-    rows, and `trial` (3N, P) the tried scenes, in which a single thing may stand as before."""
+    """Take out of `good` (P,) the scenes that do not meet the clauses in force that touch `things`. `rows` are the
+    tried rows, and `trial` (3N, P) the tried scenes, in which a single thing may stand as before."""
     machine, cell, stage = particles.machine, particles.cell, particles.stage
     for thing in things:
         touch = machine.touch[thing]
@@ -308,11 +326,16 @@ def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], t
                     good[some] &= inside
     for thing in things:
         touch = machine.touch[thing]
-        if touch.partners is not None:
-            some = np.flatnonzero(good)
-            pose = rows[3 * thing][some], rows[3 * thing + 1][some], rows[3 * thing + 2][some]
-            good[some] = touch.clear(pose, trial, cell[some], stage, some)
-            machine.count(6 * stage, len(some))
+        if touch.layers and good.any():
+            x, y, theta = (rows[3 * thing + axis] for axis in range(3))
+            machine.count(6 * stage, len(good))
+            if good.mean() > MANY:
+                touch.clear((x, y, theta), trial, cell, stage, good)
+            else:
+                some = np.flatnonzero(good)
+                clear = np.ones(len(some), dtype=bool)
+                touch.clear((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
+                good[some] = clear
 
 
 def _ways_met(

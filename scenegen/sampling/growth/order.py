@@ -1,4 +1,5 @@
-"""The order in which objects are placed: what hangs together follows one another, the large and the tightly held first."""
+"""The order in which objects are placed: what hangs together follows one another, the large and the tightly held
+first."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from scenegen.sampling.growth.graph import Graph
 
 
 def insertion_order(graph: Graph) -> tuple[tuple[int, ...], dict[int, int]]:
-    """The objects that phi depends on in the order of their placing, and for each the object that it hangs from, if any.
+    """The objects that phi depends on in the order of their placing, and for each the object that it hangs from, if
+    any.
 
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
     and moves together with it. Deterministic: ties go by size, then by place in the spec.

@@ -18,9 +18,10 @@ GENERATIONS = 4  # times at which ancestors are noted
 
 @dataclass(slots=True)
 class Particles:
-    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen` (choices, P) are the ways decided on, -1 before
-    that; `met[c]` (W, P) tells which ways of choice c hold once its objects are placed. `fresh` (N, P) tells which
-    objects have moved since a scene was last copied. `families` are ancestors, (P,) each, at several times."""
+    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen`
+    (choices, P) are the ways decided on, -1 before that; `met[c]` (W, P) tells which ways of choice c hold once its
+    objects are placed. `fresh` (N, P) tells which objects have moved since a scene was last copied. `families` are
+    ancestors, (P,) each, at several times."""
 
     machine: Machine
     rng: np.random.Generator
@@ -78,11 +79,11 @@ class Particles:
         scene itself, the others as copies until they have moved."""
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
-        rows = [row for thing in self.placed for row in range(3 * thing, 3 * thing + 3)]
-        if len(index) < self.count:  # some have died out
-            self.scenes = self.scenes[:, index]
-        else:
+        if len(index) == self.count:
+            rows = [row for thing in self.placed for row in range(3 * thing, 3 * thing + 3)]
             self.scenes[rows] = self.scenes[rows][:, index]
+        else:
+            self.scenes = self.scenes[:, index]
         self.cell, self.island = self.cell[index], self.island[index]
         self.chosen = self.chosen[:, index]
         self.met = [None if met is None else met[:, index] for met in self.met]

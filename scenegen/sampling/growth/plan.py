@@ -1,4 +1,5 @@
-"""The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how many.
+"""The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
+many.
 
 One population is grown while planning; what it needed is written down and frozen. All of it is counted in evaluations,
 never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
@@ -29,7 +30,7 @@ LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL = 24  # scenes of each cell of the range in an island, at least
 NUMBERS = 1 << 22  # coordinates of a population at most
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
-ALIKE = 1.3  # design effect of common ancestors from which on scenes count as apart
+ALIKE = 1.5  # design effect of common ancestors from which on scenes count as apart
 APART = 0.995  # share of the scenes in which every object must have moved since a copy was made
 LONGEST = 400  # sweeps at most
 PATIENT = 12.0  # times the cost of growing that sweeps may take, but for a few
@@ -104,7 +105,7 @@ def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
         grown, steps = explore(machine, *spread_over(possible, count), rng, tally)
         last = attempt == again or count >= most
         if isinstance(grown, Stuck):
-            if last:
+            if last or not grown.placed.attracted:
                 return Stalled(machine, grown, machine.work)
         elif last or _ancestors(grown.particles) >= FAMILIES:
             break
@@ -159,7 +160,7 @@ def tuned(tally: Tally) -> Settings:
     kinds = [kind for kind in KINDS if (rate := tally.rate(kind)) is None or rate >= USELESS]
     for kind in tally.tried:
         rate = tally.rate(kind)
-        if kind.startswith("swap") and rate is not None and rate >= USELESS:
+        if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
             kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
     return Settings(odds, tuple(kinds))
 

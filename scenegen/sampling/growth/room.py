@@ -67,9 +67,9 @@ class Boxes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Room:
-    """The room of one object under some clauses. `nodes` is the part of the tape that is contracted, `dims` its nodes of
-    the object's rows, `others` those of other objects' rows. `branches` say, for each branch, which half of the circle
-    (-1: all of it) and which ends it adds."""
+    """The room of one object under some clauses. `nodes` is the part of the tape that is contracted, `dims` its nodes
+    of the object's rows, `others` those of other objects' rows. `branches` say, for each branch, which half of the
+    circle (-1: all of it) and which ends it adds."""
 
     touch: Touch
     clauses: tuple[Clause, ...]

@@ -89,6 +89,10 @@ class Growth:
         return frozenset()
 
     @property
+    def shared_by(self) -> int:
+        return -(-self.wanted // self.recipe.count)
+
+    @property
     def evaluations(self) -> float:
         pieces = -(-self.wanted // self.recipe.count)
         return self.recipe.evaluations + pieces * self.recipe.piece

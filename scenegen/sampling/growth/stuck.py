@@ -34,7 +34,8 @@ def why_stuck(machine: Machine, end: Stuck, tried: str) -> Diagnostic:
     span: Span | None = None
     label = ""
     if crowded:
-        note += f"; {end.placed.attracted:,} of {end.placed.tries:,} poses met all else, and none was clear of what stands there"
+        note += f"; {end.placed.attracted:,} of {end.placed.tries:,} poses met all else,"
+        note += " and none was clear of what stands there"
     elif refused:
         text, span, share = refused[0]
         label = f"`{text}` refused {share:.0%} of the poses"

@@ -1,8 +1,8 @@
 """What one object's pose is held against: the clauses that touch it, in the order in which they come into force.
 
 A clause is in force once all of its objects are placed, so at each stage the clauses in force are the first few of a
-list that is sorted by stage. Pairs are scored in two steps: discs around the footprints tell nearly all of them apart at
-the price of a distance (the broad phase), and clearances are computed only for those that are left.
+list that is sorted by stage. Pairs are scored in two steps: discs around the footprints tell nearly all of them apart
+at the price of a distance (the broad phase), and clearances are computed only for those that are left.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-BLOCK = 1 << 19  # distances computed at a time
+BLOCK = 1 << 15  # distances computed at a time: they stay in the cache
+NEVER = 1 << 40  # a stage that does not come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Partners:
-    """What one object keeps a distance from, m of them by ascending stage. Partner i stands where rows `rows[i]` (x, y
-    and heading) of the scenes with the fixed poses below them say. `low` (m, C or 1) in metres, `reach` the same for
-    the centres: what is further away is clear. `kind[i]` is an index into `kinds`: the footprints of the pair, and
-    whether the object is the first of the two; for `round_` partners the reach says it all."""
+class Layer:
+    """What one object keeps a distance from, at most one pair with each of N things: other objects of the spec, or
+    fixed poses `fixed` (N, 3). `stages` (N,) is when a pair comes into force, past all stages where there is none.
+    `low` is the least clearance, `square` the square of the distance of the centres beyond which it is met, (N, C or 1)
+    each, in metres. `kind` (N,) is an index into `kinds`: the footprints, and whether the object is the first of the
+    pair; -1 where both are round, so that the distance says it all."""
 
-    rows: Index
-    fixed: Array
+    fixed: Array | None
+    stages: Index
     low: Array
-    reach: Array
-    round_: Bool
+    square: Array
     kind: Index
     kinds: tuple[tuple[tuple[Footprint, Footprint], bool], ...]
-    stages: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,8 @@ class WayClause:
 
 @dataclass(slots=True, eq=False)
 class Touch:
-    """All that touches object `thing`. `rows` are its rows that some clause reads; `ways[c]` the ways of choice c that
+    """All that touches object `thing`. `rows` are its rows that some clause reads, `shapes` its
+    footprints in pairs; `ways[c]` the ways of choice c that
     touch it. `cache` holds evaluators by the number of clauses that they are for."""
 
     thing: int
@@ -64,7 +65,8 @@ class Touch:
     graph: Graph
     clauses: tuple[Clause, ...]
     clause_stages: tuple[int, ...]
-    partners: Partners | None
+    layers: tuple[Layer, ...]
+    shapes: frozenset[Footprint]
     way_clauses: tuple[WayClause, ...]
     way_stages: tuple[int, ...]
     ways: Mapping[int, tuple[int, ...]]
@@ -97,20 +99,18 @@ class Touch:
         return self.cache[key]
 
     def clear(
-        self, pose: tuple[Array, Array, Array], scenes: Array, cell: Index, stage: int, columns: Index | None = None
-    ) -> Bool:
-        """Which of B poses, x, y and heading (B,) each, keep their distance from what is placed in `scenes` (3N, P).
-
-        Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
-        good = np.ones(len(pose[0]), dtype=bool)
-        partners = self.partners
-        if partners is None:
-            return good
-        count = bisect_right(partners.stages, stage)
-        step = max(1, BLOCK // max(1, len(good)))
-        for begin in range(0, count, step):
-            _clear(partners, slice(begin, min(count, begin + step)), pose, scenes, cell, columns, good)
-        return good
+        self,
+        pose: tuple[Array, Array, Array],
+        scenes: Array,
+        cell: Index,
+        stage: int,
+        good: Bool,
+        columns: Index | None = None,
+    ) -> None:
+        """Take out of `good` (B,) the poses, x, y and heading (B,) each, that are too near to something in `scenes`
+        (3N, P). Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
+        for layer in self.layers:
+            _clear(layer, pose, scenes, cell, stage, columns, good)
 
 
 def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
@@ -127,68 +127,62 @@ def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
 
 
 def _clear(
-    partners: Partners,
-    part: slice,
+    layer: Layer,
     pose: tuple[Array, Array, Array],
     scenes: Array,
     cell: Index,
+    stage: int,
     columns: Index | None,
     good: Bool,
 ) -> None:
-    """Take out of `good` (B,) the columns in which one of some partners is too near."""
+    """Take out of `good` (B,) the columns in which something in force is too near."""
     x, y, theta = pose
-    rows, reach = partners.rows[part], partners.reach[part]
-    dx, dy = _coordinates(partners, rows[:, 0], scenes, columns), _coordinates(partners, rows[:, 1], scenes, columns)
-    dx = dx - x
-    dy = dy - y
-    dx *= dx
-    dy *= dy
-    dx += dy
-    near = dx < (reach * reach if reach.shape[1] == 1 else (reach * reach)[:, cell])
-    which, column = np.nonzero(near)
-    if not len(which):
+    live = layer.stages <= stage
+    if not live.any():
         return
-    touching = partners.round_[part][which]
-    good[column[touching]] = False
-    open_ = np.flatnonzero(~touching & good[column])
-    which, column = which[open_], column[open_]
-    kind = partners.kind[part][which]
-    for number in np.unique(kind):
-        shapes, first = partners.kinds[number]
-        mine = np.flatnonzero(kind == number)
-        other, here = which[mine], column[mine]
-        scene = here if columns is None else columns[here]
-        there = tuple(_values(partners, rows[other, axis], scenes, scene) for axis in range(3))
-        own = x[here], y[here], theta[here]
-        gap = PRIMITIVES["gap"].evaluate(NUMPY, *shapes, *((*own, *there) if first else (*there, *own)))
-        low = partners.low[part]
-        least = low[other, 0] if low.shape[1] == 1 else low[other, cell[here]]
-        good[here[gap < least]] = False
+    square = np.where(live[:, None], layer.square, -1.0)
+    count, width = len(square), len(good)
+    step = max(1, BLOCK // max(1, width))
+    first, last = int(live.argmax()), count - int(live[::-1].argmax())
+    room = np.empty((2, min(step, last - first), width))
+    for begin in range(first, last, step):
+        part = slice(begin, min(last, begin + step))
+        dx, dy = room[:, : part.stop - begin]
+        np.subtract(_coordinates(layer, 0, part, scenes, columns), x, out=dx)
+        np.subtract(_coordinates(layer, 1, part, scenes, columns), y, out=dy)
+        np.multiply(dx, dx, out=dx)
+        np.multiply(dy, dy, out=dy)
+        np.add(dx, dy, out=dx)
+        near = dx < (square[part] if square.shape[1] == 1 else square[part][:, cell])
+        near &= good
+        which, column = np.nonzero(near)
+        if not len(which):
+            continue
+        which = which + begin
+        kind = layer.kind[which]
+        good[column[kind < 0]] = False
+        for number, (shapes, is_first) in enumerate(layer.kinds):
+            mine = np.flatnonzero((kind == number) & good[column])
+            if not len(mine):
+                continue
+            other, here = which[mine], column[mine]
+            scene = here if columns is None else columns[here]
+            if layer.fixed is None:
+                there = scenes[3 * other, scene], scenes[3 * other + 1, scene], scenes[3 * other + 2, scene]
+            else:
+                there = layer.fixed[other, 0], layer.fixed[other, 1], layer.fixed[other, 2]
+            own = x[here], y[here], theta[here]
+            gap = PRIMITIVES["gap"].evaluate(NUMPY, *shapes, *((*own, *there) if is_first else (*there, *own)))
+            least = layer.low[other, 0] if layer.low.shape[1] == 1 else layer.low[other, cell[here]]
+            good[here[gap < least]] = False
 
 
-def _coordinates(partners: Partners, rows: Index, scenes: Array, columns: Index | None) -> Array:
-    """Some rows of the scenes at some columns, (m, B) or (m, 1) where all of them are fixed."""
-    count = len(scenes)
-    free = rows < count
-    if free.all():
-        return scenes[rows] if columns is None else scenes[rows[:, None], columns]
-    if not free.any():
-        return partners.fixed[rows - count][:, None]
-    out = np.empty((len(rows), scenes.shape[1] if columns is None else len(columns)))
-    out[free] = scenes[rows[free]] if columns is None else scenes[rows[free][:, None], columns]
-    out[~free] = partners.fixed[rows[~free] - count][:, None]
-    return out
-
-
-def _values(partners: Partners, rows: Index, scenes: Array, columns: Index) -> Array:
-    """The value of a row at a column, pair by pair."""
-    count = len(scenes)
-    if rows.max() < count:
-        return scenes[rows, columns]
-    fixed = rows >= count
-    out = scenes[np.where(fixed, 0, rows), columns]
-    out[fixed] = partners.fixed[rows[fixed] - count]
-    return out
+def _coordinates(layer: Layer, axis: int, part: slice, scenes: Array, columns: Index | None) -> Array:
+    """x (axis 0) or y (1) of some things at some columns, (m, B) or (m, 1)."""
+    if layer.fixed is not None:
+        return layer.fixed[part, axis, None]
+    rows = scenes[axis::3][part]
+    return rows if columns is None else rows[:, columns]
 
 
 def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
@@ -225,7 +219,8 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
             graph,
             tuple(mine),
             tuple(stage(one.objects) for one in mine),
-            _partners(pairs[thing], at, 3 * len(graph.core.objects)),
+            _layers(pairs[thing], at, len(graph.core.objects)),
+            frozenset(pair.shapes[0 if first else 1] for pair, first in pairs[thing]),
             tuple(further),
             tuple(stage(one.clause.objects) for one in further),
             {index: tuple(numbers) for index, numbers in touched[thing].items()},
@@ -233,34 +228,38 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
     return found
 
 
-def _partners(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: int) -> Partners | None:
-    """The pairs of one object; `count` is the number of rows of the scenes, after which those of fixed poses come."""
-    if not pairs:
-        return None
-    ranked = sorted(pairs, key=lambda one: (_stage(one[0], at), one[0].node))
-    kinds: dict[tuple[tuple[Footprint, Footprint], bool], int] = {}
-    rows: list[tuple[int, int, int]] = []
-    fixed: list[float] = []
-    for pair, first in ranked:
+def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: int) -> tuple[Layer, ...]:
+    """The pairs of one of `count` objects: those with other objects in as few layers as may be, then the others."""
+    layers: list[dict[int, tuple[Pair, bool]]] = []
+    fixed: list[tuple[Pair, bool]] = []
+    for pair, first in sorted(pairs, key=lambda one: one[0].node):
         other = pair.second if first else pair.first
-        begin = 3 * other if isinstance(other, int) else count + len(fixed)
-        fixed += () if isinstance(other, int) else other
-        rows.append((begin, begin + 1, begin + 2))
-        kinds.setdefault((pair.shapes, first), len(kinds))
-    low = np.array([pair.low for pair, _ in ranked])
-    low = low[:, :1] if (low == low[:, :1]).all() else low
-    outer = np.array([[sum(measures(shape).outer for shape in pair.shapes)] for pair, _ in ranked])
-    return Partners(
-        np.array(rows, dtype=np.intp),
-        np.array(fixed),
-        low,
-        np.maximum(low + outer, 0.0),
-        np.array([all(isinstance(shape, Circle) for shape in pair.shapes) for pair, _ in ranked]),
-        np.array([kinds[pair.shapes, first] for pair, first in ranked], dtype=np.intp),
-        tuple(kinds),
-        tuple(_stage(pair, at) for pair, _ in ranked),
-    )
+        if not isinstance(other, int):
+            fixed.append((pair, first))
+            continue
+        layer = next((layer for layer in layers if other not in layer), None)
+        if layer is None:
+            layers.append(layer := {})
+        layer[other] = pair, first
+    made = [_layer(layer, at, count, None) for layer in layers]
+    if fixed:
+        poses = np.array([pair.second if first else pair.first for pair, first in fixed], dtype=np.float64)
+        made.append(_layer(dict(enumerate(fixed)), at, len(fixed), poses))
+    return tuple(made)
 
 
-def _stage(pair: Pair, at: Mapping[int, int]) -> int:
-    return max(at[thing] for thing in pair.objects)
+def _layer(members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], count: int, fixed: Array | None) -> Layer:
+    cells = max(len(pair.low) for pair, _ in members.values())
+    low, square = np.zeros((count, cells)), np.full((count, cells), -1.0)
+    stages, kind = np.full(count, NEVER, dtype=np.intp), np.full(count, -1, dtype=np.intp)
+    kinds: dict[tuple[tuple[Footprint, Footprint], bool], int] = {}
+    for place, (pair, first) in members.items():
+        low[place] = pair.low
+        reach = np.maximum(pair.low + sum(measures(shape).outer for shape in pair.shapes), 0.0)
+        square[place] = reach * reach
+        stages[place] = max(at[thing] for thing in pair.objects)
+        if not all(isinstance(shape, Circle) for shape in pair.shapes):
+            kind[place] = kinds.setdefault((pair.shapes, first), len(kinds))
+    if (low == low[:, :1]).all():
+        low, square = low[:, :1], square[:, :1]
+    return Layer(fixed, stages, low, square, kind, tuple(kinds))

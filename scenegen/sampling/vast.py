@@ -164,12 +164,15 @@ class _Run:
         return self.work / self.runs if self.runs else 0.0
 
     def _next(self, stage: _Stage) -> float | None:
-        """The level that some scenes of a stage reach; None where they have all reached the end."""
+        """The level that some scenes of a stage reach, or the next one where most of them share it; None where they
+        have all reached the end."""
         values = np.sort(stage.values[np.isfinite(stage.values)])
+        if not len(values):
+            return None
         level = float(values[max(0, len(values) - REACHED)])
-        if level > stage.level:
+        if level > stage.level and 2 * np.count_nonzero(values == level) <= len(values):
             return level if level < values[-1] else None
-        above = values[values > stage.level]
+        above = values[values > level]
         return float(above[0]) if len(above) else None
 
     def _hold(self, level: float, effort: float) -> bool:

@@ -150,8 +150,9 @@ class _Run:
                 if not self._hold(level, effort):
                     return
                 continue
-            slow = level is None or self.work + self._each() > GAP * effort
-            if (slow or not self._hold(level, effort)) and (self.work > effort or not self._hold(0.0, effort)):
+            quick = self.work + self._each() <= GAP * effort
+            going = quick and level is not None and self._hold(level, effort)
+            if not going and (self.work > effort or not self._hold(0.0, effort)):
                 return
             far = not self._tells(0.0)
 

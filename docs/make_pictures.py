@@ -57,16 +57,15 @@ def dinner(folder: Path) -> None:
 
 DINNER = """object plate[4], fork[4], knife[4], glass[4]
 require noOverlap() & insideWorkspace()
-task: forall i in 1..4: leftOf(fork[i], plate[i]) & closeTo(fork[i], plate[i], 22 cm) & alignedY(fork[i], plate[i], 4 cm)
-  & angle(fork[i], NORTH, 15 deg) & rightOf(knife[i], plate[i]) & closeTo(knife[i], plate[i], 22 cm)
-  & alignedY(knife[i], plate[i], 4 cm) & angle(knife[i], NORTH, 15 deg)
-  & aboveOf(glass[i], plate[i]) & closeTo(glass[i], plate[i], 25 cm)
+def beside(a, p) = closeTo(a, p, 22 cm) & alignedY(a, p, 4 cm) & angle(a, NORTH, 15 deg)
+task: forall i in 1..4: leftOf(fork[i], plate[i]) & beside(fork[i], plate[i]) & rightOf(knife[i], plate[i])
+  & beside(knife[i], plate[i]) & aboveOf(glass[i], plate[i]) & closeTo(glass[i], plate[i], 25 cm)
 """
 SHOWN = (1, 3, 7, 15)  # stages of growth that are drawn: by then, so many objects are on the table
 
 
 def growth(folder: Path) -> None:
-    """A scene while it grows: what is placed, the room that contraction leaves to the next object, and where it goes."""
+    """A scene while it grows: what is placed, the room that contraction leaves to the next object, where it goes."""
     import numpy as np
     from matplotlib import patches
     from matplotlib.figure import Figure

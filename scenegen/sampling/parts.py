@@ -41,8 +41,8 @@ class Part:
 
 
 def independent_parts(problem: Problem, budget: Budget) -> tuple[Part, ...]:
-    """The parts of a request, those that are common taken together as one, the last; empty where fewer than two are
-    rare. Raises RequestError where a part is proved to have no scene, or time is up."""
+    """The parts of a request; of those that are common, several are taken together, and come last. Empty where fewer
+    than two are rare. Raises RequestError where a part is proved to have no scene, or time is up."""
     with np.errstate(all="ignore"):
         effort = Effort(lambda: budget.overdrawn)
         try:
@@ -63,17 +63,19 @@ def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
     if len(groups) < 2:
         return ()
     shares = {group: _share(_part(problem, group, touches, labels, effort), effort) for group in groups}
-    rare, common = [], Objects()
-    together = 1.0
-    for group in sorted(groups, key=lambda group: -shares[group]):  # stable
-        if together * shares[group] >= COMMON:
-            together *= shares[group]
-            common |= group
+    rare = [group for group in groups if shares[group] < COMMON]
+    common: list[Objects] = []
+    together = 0.0
+    for group in sorted(set(groups).difference(rare), key=lambda group: (-shares[group], min(group))):
+        together *= shares[group]
+        if together >= COMMON:
+            common[-1] |= group
         else:
-            rare.append(group)
-    if len(rare) < 2:
+            common.append(group)
+            together = shares[group]
+    if len(rare) + len(common[1:]) < 2:  # several heaps of common parts are rare together
         return ()
-    groups = tuple(sorted(rare, key=min)) + ((common,) if common else ())
+    groups = (*sorted(rare, key=min), *common)
     return tuple(_part(problem, group, touches, labels, effort) for group in groups)
 
 

@@ -66,6 +66,9 @@ def test_what_counts_as_a_part():
     common = "x(c) >= 0.1 & x(d) >= 0.1"
     assert objects(f"task: {wave('a')} & {wave('b')} & {common}") == [("a",), ("b",), ("c", "d")]
     assert objects(f"task: {wave('a')} & {common}") == []
+    # which many of them together are
+    halves = " & ".join(f"sin(20 * theta({name})) >= 0" for name in "abcdef")
+    assert list(map(len, objects(f"task: {halves}"))) == [2, 2, 2]
 
 
 def test_an_upper_end_parts_a_disjunction():
@@ -115,6 +118,21 @@ def test_probabilities_add_up():
     assert info["log10_error"] == pytest.approx(math.hypot(one["log10_error"], two["log10_error"]), abs=1e-4)
     assert abs(info["log10_probability"] - 2 * math.log10(ODDS)) < 2 * info["log10_error"] < 0.1
     assert info["probability_of"] == "range and requirement"
+
+
+def test_every_method_can_have_a_part():
+    """Their facts differ in number, and none gets those of another."""
+    problem = pose(check_text(f"task: {wave('a')} & {wave('b')} & {wave('c')}"), SATISFIED, n=200)
+    parts = independent_parts(problem, Budget())
+    methods = ("growth", "splitting", "rejection")
+    plans = [choose(part.problem, method, Budget()).plan for part, method in zip(parts, methods, strict=True)]
+    plan = pair(problem, parts, plans)
+    found = drawn(plan)
+    assert found.count == 200 and np.sin(20 * found.rows[2::3]).min() >= LEVEL
+    assert found.info["pieces"] >= plan.fewest == 4 and plan.patience == 8
+    for method, one in zip(methods, found.info["components"], strict=True):
+        assert one["method"] == method
+        assert abs(one["log10_probability"] - math.log10(ODDS)) < max(2 * one["log10_error"], 0.01)
 
 
 def test_cells_and_a_requirement():

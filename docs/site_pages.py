@@ -73,8 +73,8 @@ def turned(markdown: str, name: str) -> str:
 
 
 def _links(text: str, here: str, name: str) -> str:
-    """Links from a file in the folder `here`, rewritten as links between pages; only the text where the target is not on
-    the site. `\\|` in a table is replaced, too: MkDocs would show its backslash."""
+    """Links from a file in the folder `here`, rewritten as links between pages; the text alone where the target is not
+    on the site. `\\|` in a table is replaced, too: MkDocs would show its backslash."""
 
     def link(match: re.Match[str]) -> str:
         words, target, anchor = match[1], match[2], match[3] or ""

@@ -61,8 +61,8 @@ def sample(
         str,
         typer.Option(
             "--method",
-            help="auto, rejection or splitting (a spec), model (a model file).",
-            autocompletion=_choices("auto", "rejection", "splitting", "model"),
+            help="auto, rejection, growth or splitting (a spec), model (a model file).",
+            autocompletion=_choices("auto", "rejection", "growth", "splitting", "model"),
         ),
     ] = "auto",
     spread: Annotated[
@@ -322,6 +322,8 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"rejection, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
     if info["method"] == "splitting":
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    if info["method"] == "growth":
+        return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
     return f"{info['method']}, {info['candidates']:,} candidates"
 
 

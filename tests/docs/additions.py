@@ -17,20 +17,28 @@ BLOCK = re.compile(r"^```\w+ (file|into)=(\S+)(?: (table|after)=(\S+))?\n(.*?)^`
 
 @dataclass(frozen=True)
 class Addition:
-    """A new file, or lines at the end of a table of a file, or `after` its first line that begins with a word."""
+    """A new file; or lines at the end of a table of a file, or `after` its first line that begins with a word; or else a
+    change of a file, as in a diff."""
 
     path: str
+    new: bool
     where: str
     name: str
     text: str
 
     def make(self, project):
         path = project / self.path
-        if not self.where:
+        if self.new:
             assert not path.exists(), f"{self.path} is there already"
             path.write_text(self.text)
             return
         old = path.read_text()
+        if not self.where:
+            lines = self.text.splitlines(keepends=True)
+            before, now = ("".join(line[1:] for line in lines if line[0] in f" {sign}") for sign in "-+")
+            assert old.count(before) == 1, f"{self.path} has no or several\n{before}"
+            path.write_text(old.replace(before, now))
+            return
         end = end_of_table(old, self.name) if self.where == "table" else after(old, self.name)
         path.write_text(old[:end] + self.text + old[end:])
 
@@ -56,8 +64,8 @@ def sections(page):
     for part in re.split(r"^## ", page, flags=re.MULTILINE)[1:]:
         title, _, body = part.partition("\n")
         found[title] = [
-            Addition(path, where or "", name or "", text)
-            for _, path, where, name, text in BLOCK.findall(body)
+            Addition(path, kind == "file", where, name, text)
+            for kind, path, where, name, text in BLOCK.findall(body)
             if "/" in path  # others are files of the reader's own
         ]
     return {title: additions for title, additions in found.items() if additions}

@@ -59,7 +59,7 @@ def test_every_section_touches_what_its_row_names():
             folder = addition.path.rpartition("/")[0]
             new = f"{folder}/NAME.py"
             beside = addition.path in (f"{folder}/table.py", "docs/curriculum.md")  # named by a link, or by its folder
-            assert (addition.path if addition.where else new) in named or beside, (title, addition.path)
+            assert (new if addition.new else addition.path) in named or beside, (title, addition.path)
 
 
 def test_a_metric(extended):
@@ -115,6 +115,18 @@ def test_a_shape(extended):
     (project / "my.spec").write_text("object tile = square(10 cm, 2 cm, 3 cm)\ntask: x(tile) >= 0\n")
     with pytest.raises(AssertionError, match=r"square\(side, height\)"):
         scenegen(project, "check", "my.spec")
+
+
+@pytest.mark.slow
+def test_a_sampler(extended):
+    project = extended("A sampler")
+    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "sample")
+    run_tests(project, "tests/cli/test_help.py", "-k", "sample")
+    request = ("sample", "first", "--phi", "0:0.2", "-n", "2000", "--method", "plain", "--timeout", "30")
+    for workers in ("1", "2"):
+        scenegen(project, *request, "--workers", workers, "--out", f"s{workers}.jsonl")
+    assert (project / "s1.jsonl").read_bytes() == (project / "s2.jsonl").read_bytes()
+    assert '"method":"plain"' in (project / "s1.jsonl").read_text().partition("\n")[0].replace(" ", "")
 
 
 @pytest.mark.slow

@@ -17,8 +17,8 @@ BLOCK = re.compile(r"^```\w+ (file|into)=(\S+)(?: (table|after)=(\S+))?\n(.*?)^`
 
 @dataclass(frozen=True)
 class Addition:
-    """A new file; or lines at the end of a table of a file, or `after` its first line that begins with a word; or else a
-    change of a file, as in a diff."""
+    """A new file; or lines at the end of a table of a file, or `after` its first line that begins with a word; or else
+    a change of a file, as in a diff."""
 
     path: str
     new: bool

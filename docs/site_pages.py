@@ -90,10 +90,10 @@ def _links(text: str, here: str, name: str) -> str:
 
 
 def _fence(block: str) -> str:
-    """`file=NAME` of the block's first line is its title; a language that Pygments does not know is left out."""
+    """`file=NAME` or `into=NAME` of the block's first line is its title; a language that Pygments does not know is left out."""
     first, _, rest = block.partition("\n")
     language, _, options = first.strip("` ").partition(" ")
     known = {"python", "sh", "console", "json", "lua", "toml", "text", "diff", "yaml"}
-    title = re.search(r'(?:file|title)="?([^\s"]+)', options)
+    title = re.search(r'(?:file|into|title)="?([^\s"]+)', options)
     head = [language if language in known else "text", *([f'title="{title[1]}"'] if title else [])]
     return f"{first[: first.index('`')]}```{' '.join(head)}\n{rest}"

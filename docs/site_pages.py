@@ -90,7 +90,7 @@ def _links(text: str, here: str, name: str) -> str:
 
 
 def _fence(block: str) -> str:
-    """`file=NAME` or `into=NAME` of the block's first line is its title; a language that Pygments does not know is left out."""
+    """`file=NAME` or `into=NAME` of the block's first line is its title; languages unknown to Pygments are left out."""
     first, _, rest = block.partition("\n")
     language, _, options = first.strip("` ").partition(" ")
     known = {"python", "sh", "console", "json", "lua", "toml", "text", "diff", "yaml"}

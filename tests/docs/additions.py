@@ -35,7 +35,7 @@ class Addition:
         old = path.read_text()
         if not self.where:
             lines = self.text.splitlines(keepends=True)
-            before, now = ("".join(line[1:] for line in lines if line[0] in f" {sign}") for sign in "-+")
+            before, now = ("".join(line[1:] for line in lines if line[0] in f" {sign}").rstrip() for sign in "-+")
             assert old.count(before) == 1, f"{self.path} has no or several\n{before}"
             path.write_text(old.replace(before, now))
             return
@@ -53,7 +53,7 @@ def end_of_table(text, name):
 
 
 def after(text, name):
-    line = re.search(rf"^[ |`]*{re.escape(name)}[` ].*\n", text, re.MULTILINE)
+    line = re.search(rf"^[ |`:]*{re.escape(name)}\b.*\n", text, re.MULTILINE)
     assert line, f"no line begins with {name}"
     return line.end()
 

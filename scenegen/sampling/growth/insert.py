@@ -70,12 +70,14 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
 
 
 def _decide(particles: Particles, stage: int) -> None:
-    """Decide on a way of every choice whose first object comes now, all ways equally often."""
+    """Decide on a way of every choice whose first object comes now, all ways equally often: where the number of scenes
+    is no multiple of theirs, chance says which come once more."""
     machine = particles.machine
     for index, begin in enumerate(machine.begins):
         if begin == stage:
             ways = len(machine.graph.choices[index].ways)
-            particles.chosen[index] = particles.rng.permutation(np.arange(particles.count) % ways)
+            first = particles.rng.integers(ways)
+            particles.chosen[index] = particles.rng.permutation((first + np.arange(particles.count)) % ways)
 
 
 def _score(particles: Particles, boxes: Boxes, poses: Array, stage: int) -> tuple[Array, int]:

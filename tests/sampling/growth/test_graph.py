@@ -62,7 +62,7 @@ def test_footprints_keep_clear_in_pairs_and_discs_have_no_heading():
 def test_what_is_held_is_no_object_of_a_pair():
     graph = graph_of(DISCS + "require noOverlap()\ntask: farFrom(a, (0.5, 0.5), 0.2)", fixed={"b": (0.2, 0.3, 1.0)})
     ends = {(pair.first, pair.second) for pair in graph.pairs}
-    assert ends == {(0, (0.2, 0.3, 1.0)), (0, 2), ((0.2, 0.3, 1.0), 2), (0, (0.5, 0.5, 0.0))}
+    assert ends == {(0, (0.2, 0.3, 0.0)), (0, 2), ((0.2, 0.3, 0.0), 2), (0, (0.5, 0.5, 0.0))}
     assert graph.objects == {0, 2}
 
 
@@ -94,3 +94,13 @@ def test_every_object_that_phi_depends_on_is_placed_once():
     # a group is finished before the next begins
     places = [machine.at[thing] for thing in (2, 3, 4)]
     assert max(places) - min(places) == 2
+
+
+def test_a_disc_held_in_place_is_held_whatever_its_heading():
+    """Its heading is free, and nothing reads it."""
+    graph = graph_of(DISCS + "require noOverlap()\ntask: leftOf(b, c)", fixed={"a": (0.2, 0.3)})
+    assert {(pair.first, pair.second) for pair in graph.pairs} == {((0.2, 0.3, 0.0), 1), ((0.2, 0.3, 0.0), 2), (1, 2)}
+    assert graph.objects == {1, 2}
+    turned = graph_of(DISCS.replace("cylinder(0.05, 0.1)", "box(0.1, 0.1, 0.1)") + "require noOverlap()\n"
+                      "task: leftOf(b, c)", fixed={"a": (0.2, 0.3)})  # fmt: skip
+    assert turned.objects == {0, 1, 2} and 2 in turned.rows and 0 not in turned.rows

@@ -45,7 +45,8 @@ KNOWN = {
         "task: closeTo(a, b, 0.5)", {"task": Range(0.1, 0.4)}, 0.8**4 * (square_line(0.5) - square_line(0.25))),
     "three in order": ("leftOf(a, b) & leftOf(b, c)", POSITIVE, 1 / 6),
     "in order, with gaps": ("leftOf(a, b) & leftOf(b, c)", {"task": Range(0.2)}, 0.6**3 / 6),
-    "overlapping branches": ("closeTo(a, (0.4, 0.5), 0.2) | closeTo(a, (0.6, 0.5), 0.3)", POSITIVE, lens(0.2, 0.2, 0.3)),
+    "overlapping branches": (
+        "closeTo(a, (0.4, 0.5), 0.2) | closeTo(a, (0.6, 0.5), 0.3)", POSITIVE, lens(0.2, 0.2, 0.3)),
     "a heading either way": ("angle(a, EAST, 0.4) | angle(a, NORTH, 0.6)", POSITIVE, 2.0 / (2 * math.pi)),
     "overlapping ways": ("(leftOf(a, b) & leftOf(b, c)) | (leftOf(a, c) & leftOf(b, c))", POSITIVE, 1 / 3),
     "three ways, one in another": (

@@ -5,7 +5,10 @@ import pytest
 from scipy import stats
 
 from scenegen.sampling.growth import moves
-from scenegen.sampling.growth.moves import Settings, Tally, sweep
+from scenegen.sampling.growth.attempt import attempt
+from scenegen.sampling.growth.choose import cluster, jump
+from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.request import Range
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, plain
@@ -18,6 +21,8 @@ SPECS = {
     "branches": ("closeTo(a, (0.4, 0.5), 0.2) & leftOf(a, b) | closeTo(a, (0.6, 0.5), 0.3) & leftOf(b, a)",
                  {"task": Range(0.02)}),
     "ways": ("(leftOf(a, b) & leftOf(b, c)) | (leftOf(a, c) & leftOf(b, c))", {"task": Range(0.02)}),
+    "chains": ("(closeTo(a, b, 0.2) & closeTo(b, c, 0.2)) | (leftOf(a, b) & belowOf(b, c) & closeTo(a, c, 0.4))",
+               POSITIVE),
     "boxes": ("workspace [0, 0.6] x [0, 0.5]\nobject a = box(0.2, 0.1, 0.1), b = box(0.2, 0.1, 0.1)\n"
               "require noOverlap()\nrequire insideWorkspace()\ntask: farFrom(a, b, 0.0)", POSITIVE),
 }  # fmt: skip
@@ -62,6 +67,16 @@ def trade(particles):
         moves._trades(particles, few, others, "trade", None)
 
 
+def jumps(particles):
+    for thing in particles.placed:
+        jump(particles, thing, None)
+
+
+def clusters(particles):
+    for _ in range(4):
+        cluster(particles, None)
+
+
 def everything(particles):
     sweep(particles, Settings({}), Tally())
 
@@ -71,6 +86,10 @@ CASES = [
     ("group", walk), ("group", redraw), ("group", shift), ("group", turn), ("group", everything),
     ("branches", walk), ("branches", redraw), ("branches", everything),
     ("ways", walk), ("ways", redraw), ("ways", everything),
+    ("ways", jumps),
+    ("chains", jumps),
+    ("chains", clusters),
+    ("chains", everything),
     ("boxes", walk), ("boxes", redraw), ("boxes", swap), ("boxes", everything),
 ]  # fmt: skip
 
@@ -124,7 +143,7 @@ def drifting(particles):
     for thing in particles.placed:
         row = 3 * thing
         step = (2.0 * particles.rng.random(particles.count) - 0.9) * 0.1
-        moves._attempt(particles, (thing,), {row: particles.scenes[row] + step})
+        attempt(particles, (thing,), {row: particles.scenes[row] + step})
 
 
 def careless(particles):
@@ -134,7 +153,7 @@ def careless(particles):
         boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
         poses = boxes.draw(1, particles.rng)[:, 0]
         rows = particles.machine.touch[thing].rows
-        moves._attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
+        attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
 
 
 @pytest.mark.parametrize(("name", "move"), [("discs", drifting), ("overlapping", careless)])

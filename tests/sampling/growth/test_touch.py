@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.bounds.wanted import push_down
 from scenegen.lang.core import Coord, Junction, children
-from scenegen.sampling.growth.moves import _holds
+from scenegen.sampling.growth.attempt import _holds
 from scenegen.sampling.request import Range
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, node_values, plain

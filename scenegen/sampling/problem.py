@@ -64,6 +64,11 @@ class Budget:
         """Time has long been up: even what is better finished is stopped."""
         return time.monotonic() - self.started >= self.seconds + GRACE
 
+    def check(self) -> None:
+        """Raises StoppedError where time has long been up."""
+        if self.overdrawn:
+            raise StoppedError
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:

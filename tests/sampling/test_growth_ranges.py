@@ -6,11 +6,10 @@ import scenegen
 
 
 def test_choices_in_a_bounded_range():
-    """Each way of a choice has ends of its own for every cell; rooms have several branches, too."""
+    """Each way of a choice has ends of its own for every cell."""
     spec = scenegen.parse(
-        "object p[5] = box(0.06, 0.05, 0.05), q[2] = box(0.05, 0.05, 0.05)\n"
-        "require noOverlap()\n"
-        "task: forall i in p: exists j in q: closeTo(i, j, 20 cm) | farFrom(i, j, 60 cm)\n"
+        "object a, b, c\nrequire noOverlap()\n"
+        "task: closeTo(a, b, 30 cm) & closeTo(b, c, 30 cm) | farFrom(a, b, 50 cm) & farFrom(b, c, 50 cm)\n"
     )
     scenes = scenegen.sample(spec, {"task": (-0.1, 0.0)}, 64, method="growth", timeout=60.0)
     values = scenes.phi["task"]

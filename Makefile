@@ -8,7 +8,7 @@ STAMP  := .venv/.installed
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow fuzz fuzz-tables lint goldens pictures tables bench experiments clean
+.PHONY: help demo test test-slow test-pythons fuzz fuzz-tables lint goldens docs pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -30,6 +30,9 @@ test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 c
 test-slow: $(STAMP) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
 
+test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
+	@.ci/test-pythons
+
 FUZZ_MINUTES ?= 30
 FUZZ_SEED    ?= 0
 fuzz: $(STAMP)   ## attack the language with random and damaged specs: FUZZ_MINUTES=30 FUZZ_SEED=0 FUZZ_WORKERS=(cores)
@@ -48,6 +51,10 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
 	$(BIN)/python -m pytest -m "not slow" --regenerate
+
+docs: $(STAMP)   ## the site, into site/; no network needed
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "Look at it: $(BIN)/python -m http.server -d site, then http://localhost:8000"
 
 pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py
@@ -69,4 +76,4 @@ experiments: $(STAMP) ## the paper's experiments with every model, into docs/exp
 	$(BIN)/python -m experiments all --out docs/experiments
 
 clean:           ## remove the environment and everything built
-	rm -rf .venv build dist demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venvs build dist site demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

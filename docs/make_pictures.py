@@ -55,6 +55,60 @@ def dinner(folder: Path) -> None:
     (IMAGES / "sweep.gif").write_bytes(gif.read_bytes())
 
 
+DINNER = """object plate[4], fork[4], knife[4], glass[4]
+require noOverlap() & insideWorkspace()
+def beside(a, p) = closeTo(a, p, 22 cm) & alignedY(a, p, 4 cm) & angle(a, NORTH, 15 deg)
+task: forall i in 1..4: leftOf(fork[i], plate[i]) & beside(fork[i], plate[i]) & rightOf(knife[i], plate[i])
+  & beside(knife[i], plate[i]) & aboveOf(glass[i], plate[i]) & closeTo(glass[i], plate[i], 25 cm)
+"""
+SHOWN = (1, 3, 7, 15)  # stages of growth that are drawn: by then, so many objects are on the table
+
+
+def growth(folder: Path) -> None:
+    """A scene while it grows: what is placed, the room that contraction leaves to the next object, where it goes."""
+    import numpy as np
+    from matplotlib import patches
+    from matplotlib.figure import Figure
+
+    from scenegen.sampling.growth.insert import place
+    from scenegen.sampling.growth.machine import make_machine
+    from scenegen.sampling.growth.particles import Particles, resample
+    from scenegen.sampling.problem import pose
+    from scenegen.sampling.request import Range
+
+    spec = scenegen.parse(DINNER).checked
+    machine = make_machine(pose(spec, {"task": Range(0.0)}, n=1))
+    rng = np.random.default_rng(2)
+    cell = np.zeros(256, dtype=np.intp)
+    particles = Particles.start(machine, cell, cell, rng)
+    figure = Figure(figsize=(8.8, 2.35), dpi=100, layout="tight")
+    for stage, thing in enumerate(machine.order):
+        boxes = machine.room(thing, stage, placing=True).boxes(particles.scenes, particles.cell, particles.chosen)
+        placed = place(particles, 64)
+        scene = int((placed.weights > 0.0).argmax())
+        low, width = boxes.low[:2, :, scene], boxes.width[:2, :, scene]
+        open_ = boxes.volumes[:, scene] > 0.0
+        if stage in SHOWN:
+            axes = figure.add_subplot(1, len(SHOWN), SHOWN.index(stage) + 1, aspect="equal", xticks=(), yticks=())
+            axes.set(xlim=spec.workspace.x, ylim=spec.workspace.y)
+            axes.set_title(f"{stage} placed, then {spec.objects[thing]}", fontsize=8)
+            for corner, size in zip(low.T[open_], width.T[open_], strict=True):
+                axes.add_patch(patches.Rectangle(tuple(corner), *size, color="#f2cf88", zorder=0))
+            for one in machine.order[: stage + 1]:
+                x, y, theta = particles.scenes[3 * one : 3 * one + 3, scene]
+                colour = "#c0392b" if one == thing else "#4a6b8a"
+                length, across = spec.shapes[one].footprint.extent
+                if spec.shapes[one].asset in ("plate", "glass"):
+                    axes.add_patch(patches.Circle((x, y), length / 2, fill=False, color=colour))
+                else:
+                    corner = (x - length / 2, y - across / 2)
+                    turned = {"angle": float(np.degrees(theta)), "rotation_point": "center"}
+                    axes.add_patch(patches.Rectangle(corner, length, across, fill=False, color=colour, **turned))
+        particles.take(resample(placed.weights, particles.group, rng)[0])
+    figure.savefig(folder / "growth.png")
+    small("growth.png", Image.open(folder / "growth.png"))
+
+
 def setting(folder: Path) -> None:
     """Where things go, and what decides."""
     spec = scenegen.load(SPECS / "table_setting.spec")
@@ -78,7 +132,7 @@ def assets(folder: Path) -> None:
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, setting, views, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, assets)}
 
 
 def main() -> None:

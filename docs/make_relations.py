@@ -31,14 +31,14 @@ INTRODUCTION = """# Relations
 
 <!-- made by `make pictures` from grammar/prelude.spec and tests/golden/relations: do not edit -->
 
-The relations of [the prelude](../grammar/prelude.spec), which every spec can use, with their meaning, their formula and
-two scenes each: one that satisfies the relation and one that violates it. phi is the margin of the formula: 0 or more
-is satisfied. It is in metres, and for headings in radians times `ANGLE_SCALE`. x runs to the right, y away from the
-viewer; a triangle marks the heading of an object, a square of the grid is 10 cm wide. The coloured line is what the
-part of the formula that decides phi measures. [language.md](language.md) says what `dist`, `gap`, `room`, `reach` and
-`bearing` are.
+The relations of [the prelude](../grammar/prelude.spec), which every spec can use: meaning, formula and two scenes each,
+one that satisfies the relation and one that violates it. phi is the margin of the formula; phi >= 0 is satisfied. It is
+in metres, for headings in radians times `ANGLE_SCALE`. In the pictures x is to the right and y away from the viewer; a
+triangle marks the heading of an object; a square of the grid is 10 cm wide; the coloured line is what the active atom,
+the one that gives phi its value, measures. [language.md](language.md) explains `dist`, `gap`, `room`, `reach` and
+`bearing`.
 
-Arguments are objects, regions or points unless a heading or a list is asked for; `(x, y)` and `placemat.left` are
+Arguments are objects, regions or points, except where a heading or a list is named; `(x, y)` and `placemat.left` are
 points.
 """
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,7 @@ from scenegen.formats.folder import scene_name, whole_files
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
+from scenegen.lang.spec import CheckedSpec
 from scenegen.scene.data import SceneFile
 
 if TYPE_CHECKING:
@@ -24,7 +27,14 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 
-FIGURES = ("sheet", "sweep", "gif", "heatmap", "topview")
+# Figure -> the function that makes its files: Job -> name -> bytes.
+FIGURES: dict[str, str] = {
+    "sheet": "scenegen.api.figures:sheet",
+    "sweep": "scenegen.api.figures:sweep_strip",
+    "gif": "scenegen.api.figures:sweep_gif",
+    "heatmap": "scenegen.api.figures:heatmap",
+    "topview": "scenegen.api.figures:topviews",
+}
 SHOWN = 6  # scenes of a strip
 FRAMES = 36  # scenes of an animation
 
@@ -46,6 +56,50 @@ class Look:
         return pictures(
             file, self.view, self.size, distinct=self.distinct, workers=self.workers, progress=self.progress
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """The frames of a sweep: phi of the label, the picture and the objects that overlap in each; the strip shows the
+    `picked` ones."""
+
+    label: str
+    phi: list[float]
+    picked: list[int]
+    drawn: list[Image.Image]
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a figure is made of: the scenes, the names of all figures that are made, the label that they are about (the
+    first if None), and how pictures are drawn."""
+
+    scenes: SceneArrays
+    kinds: tuple[str, ...]
+    label: str | None
+    look: Look
+
+    @property
+    def spec(self) -> CheckedSpec:
+        """The spec of the scenes. Raises SpecError."""
+        return check_text(self.scenes.header.spec.source, "the spec of these scenes")
+
+    @cached_property
+    def moving(self) -> Moving:
+        """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
+        from scenegen.api.sweep import sweep
+        from scenegen.render.stage import overlaps_of
+
+        frames, chosen = sweep(self.scenes, self.label, FRAMES)
+        phi = [float(value) for value in frames.phi[chosen]]
+        picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
+        file = frames.file()
+        if "gif" not in self.kinds:
+            file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
+            phi, picked = [phi[place] for place in picked], list(range(len(picked)))
+        notes = [", ".join(pairs) for pairs in overlaps_of(file)]
+        return Moving(chosen, phi, picked, list(self.look.pictures(file)), notes)
 
 
 def figures(
@@ -87,69 +141,67 @@ def figures(
     look = Look(view, size, distinct, workers, progress)
     if not len(scenes):
         raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+    job = Job(scenes, kinds, label, look)
     made: dict[str, bytes] = {}
-    if "sheet" in kinds:
-        made["contact_sheet.png"] = _sheet(scenes, look)
-    if "sweep" in kinds or "gif" in kinds:
-        made |= _sweep(scenes, kinds, label, look)
-    if "heatmap" in kinds:
-        from scenegen.render.heatmap import heatmap
-
-        made["heatmap.png"] = heatmap(scenes.file(), distinct=distinct)
-    if "topview" in kinds:
-        made |= _topviews(scenes, label)
+    for kind, path in FIGURES.items():
+        if kind in kinds:
+            module, _, function = path.partition(":")
+            made |= getattr(importlib.import_module(module), function)(job)
     with whole_files(folder) as put:
         for name, data in made.items():
             put(name, data)
     return tuple(folder / name for name in made)
 
 
-def _sheet(scenes: SceneArrays, look: Look) -> bytes:
+def sheet(job: Job) -> dict[str, bytes]:
+    """All scenes with their phi."""
     from PIL import Image
 
     from scenegen.render.sheet import SHOWN as MOST
     from scenegen.render.sheet import contact_sheet, thumbnail_size
 
-    file = scenes.file()
+    file = job.scenes.file()
     first = file.model_copy(update={"scenes": file.scenes[:MOST]})
-    small = thumbnail_size(look.size, len(scenes))
-    drawn = look.pictures(first)
-    return contact_sheet(file, [picture.resize(small, Image.Resampling.LANCZOS) for picture in drawn])
+    small = thumbnail_size(job.look.size, len(job.scenes))
+    drawn = job.look.pictures(first)
+    thumbnails = [picture.resize(small, Image.Resampling.LANCZOS) for picture in drawn]
+    return {"contact_sheet.png": contact_sheet(file, thumbnails)}
 
 
-def _sweep(scenes: SceneArrays, kinds: tuple[str, ...], label: str | None, look: Look) -> dict[str, bytes]:
+def sweep_strip(job: Job) -> dict[str, bytes]:
+    """One layout from hard to solved, as a strip of pictures."""
     from PIL import Image
 
-    from scenegen.api.sweep import sweep
-    from scenegen.render.stage import overlaps_of
-    from scenegen.render.strip import animation, strip
+    from scenegen.render.strip import strip
 
-    frames, chosen = sweep(scenes, label, FRAMES)
-    phi = [float(value) for value in frames.phi[chosen]]
-    picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
-    file = frames.file()
-    if "gif" not in kinds:
-        file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
-        phi, picked = [phi[place] for place in picked], list(range(len(picked)))
-    drawn = list(look.pictures(file))
-    notes = [", ".join(pairs) for pairs in overlaps_of(file)]
-    made = {}
-    if "sweep" in kinds:
-        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
-        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
-        values, said = [phi[place] for place in picked], [notes[place] for place in picked]
-        made["sweep.png"] = strip(shown, values, chosen, scenes.header.spec.title.rstrip("."), said)
-    if "gif" in kinds:
-        made["sweep.gif"] = animation(drawn, phi, chosen, notes)
-    return made
+    moving = job.moving
+    small = round(job.look.size[0] * 0.5), round(job.look.size[1] * 0.5)
+    shown = [moving.drawn[place].resize(small, Image.Resampling.LANCZOS) for place in moving.picked]
+    values, notes = [moving.phi[place] for place in moving.picked], [moving.notes[place] for place in moving.picked]
+    return {"sweep.png": strip(shown, values, moving.label, job.scenes.header.spec.title.rstrip("."), notes)}
 
 
-def _topviews(scenes: SceneArrays, label: str | None) -> dict[str, bytes]:
+def sweep_gif(job: Job) -> dict[str, bytes]:
+    """The same, animated."""
+    from scenegen.render.strip import animation
+
+    return {"sweep.gif": animation(job.moving.drawn, job.moving.phi, job.moving.label, job.moving.notes)}
+
+
+def heatmap(job: Job) -> dict[str, bytes]:
+    """Where each object goes."""
+    from scenegen.render import heatmap as drawing
+
+    return {"heatmap.png": drawing.heatmap(job.scenes.file(), distinct=job.look.distinct)}
+
+
+def topviews(job: Job) -> dict[str, bytes]:
+    """Every scene from above, with what decides phi as a dimension."""
     from scenegen.render.dimensions import dimensions, short
     from scenegen.render.topview import Thing, View, topview
 
-    spec = check_text(scenes.header.spec.source, "the spec of these scenes")
-    chosen = chosen_label(spec.labels, label)
+    spec, scenes = job.spec, job.scenes
+    chosen = chosen_label(spec.labels, job.label)
     zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
     made = {}
     for number, rows in enumerate(rows_of(spec, scenes).T, start=1):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError, suggest
 from scenegen.given import whole
-from scenegen.sampling.rarity import Estimate, OutOfReach, Reach, measure
+from scenegen.sampling.rarity import Estimate, OutOfReach, Rarity, Reach, measure
 from scenegen.sampling.request import MAX_SEED
+from scenegen.sampling.vast import measure_vast, vast
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
 BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
@@ -88,26 +89,53 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
         raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=suggest(label, spec.labels, otherwise)))
     if not 0 <= seed <= MAX_SEED:
         raise RequestError(Diagnostic(f"{seed} is no seed", help=f"a seed lies between 0 and {MAX_SEED}"))
-    checked = spec.checked
-    lowest, highest = checked.box()
+    lowest, highest = spec.checked.box()
     if not (lowest < highest).any():
         raise RequestError(Diagnostic("every object is held in place: phi has one value", help="free an object"))
     labels = spec.labels if label is None else (label,)
-    found = measure(checked.core, lowest, highest, labels, seed)
-    if isinstance(found, OutOfReach):
-        raise _out_of_reach(spec, found)
     bounds = spec.bounds()
+    found = _measure(spec, labels, bounds, seed)
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     never = {one.label for one in reports if one.reached[1] < 0.0}
     warnings = tuple(_hopeless(spec, never)) if never else ()
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
 
-def _out_of_reach(spec: Spec, found: OutOfReach) -> RequestError:
-    """Why no scene meets what the spec requires."""
+def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int) -> Rarity:
+    """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
+    the requirement."""
+    checked = spec.checked
+    lowest, highest = checked.box()
+    if vast(checked.core, lowest, highest, labels):
+        try:
+            return measure_vast(checked, labels, seed)
+        except RequestError as error:
+            raise _clash(spec) or error from None
+    found = measure(checked.core, lowest, highest, labels, seed)
+    if isinstance(found, OutOfReach):
+        try:
+            return measure_vast(checked, labels, seed)
+        except RequestError:
+            raise _clash(spec) or _out_of_reach(found) from None
+    untold = [name for name in labels if bounds[name][1] > 0.0 and found.reaches[name].up(0.0) is None]
+    if not untold:
+        return found
+    grown = measure_vast(checked, untold, seed, up_only=True)
+    told = {name: reach.up for name, reach in grown.reaches.items() if reach.up(0.0) is not None}
+    reaches = {name: replace(reach, up=told.get(name, reach.up)) for name, reach in found.reaches.items()}
+    return replace(found, reaches=reaches, evaluations=found.evaluations + grown.evaluations)
+
+
+def _clash(spec: Spec) -> RequestError | None:
+    """Which parts of what the spec requires clash, where that is known."""
     for one in spec.hopeless():
         if one.title.startswith("what the spec requires"):
             return RequestError(Diagnostic(one.title, one.span, one.label, one.help, note=one.note))
+    return None
+
+
+def _out_of_reach(found: OutOfReach) -> RequestError:
+    """No scene meets what the spec requires, as far as splitting and growth can tell."""
     title = f"no scene was found that meets what the spec requires, in {found.evaluations:,} evaluations"
     note = f"the best one misses it by {-found.best:.4g}" if math.isfinite(found.best) else ""
     return RequestError(Diagnostic(title, help="require less, or make the workspace larger", note=note))

@@ -19,7 +19,14 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 if TYPE_CHECKING:
     from scenegen.assets.parts import Part
 
-PLAIN = ("box", "cylinder", "prism", "urdf", "mesh")  # shapes that a spec gives sizes of their own
+# shapes that a spec gives sizes of their own
+PLAIN = (
+    "box",
+    "cylinder",
+    "prism",
+    "urdf",
+    "mesh",
+)
 
 
 @dataclass(frozen=True, slots=True)

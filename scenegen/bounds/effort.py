@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 from scenegen.lang.core import Apply, Node, children
 from scenegen.primitives.footprint import Circle
@@ -20,6 +21,24 @@ PYTHON = 200  # a few lines of Python for one node, set or tuple
 
 class StoppedError(Exception):
     """Time was up before there was a result."""
+
+
+class Stop(Protocol):
+    """Tells work that takes long, whenever it checks, that time is up."""
+
+    def check(self) -> None:
+        """Raises StoppedError where time is up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Never:
+    """Time is never up."""
+
+    def check(self) -> None:
+        pass
+
+
+NEVER = Never()
 
 
 class TooMuchError(Exception):

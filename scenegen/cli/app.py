@@ -18,8 +18,6 @@ from typing import Any
 
 import typer
 
-from scenegen.cli import assets, check, eval, export, fmt, info, lsp, new, render, sample, specs, train
-from scenegen.cli import range as range_command
 from scenegen.cli.options import Quiet, Verbose
 from scenegen.cli.output import Voice, complain, print_message, voice
 from scenegen.cli.streams import give_up, prepare, reader_left
@@ -45,21 +43,21 @@ lower, the harder. `scenegen specs` lists the specs that ship with scenegen: whe
 of one will do, as in `scenegen check table_setting`.
 """
 
-# command -> the function that does it; each module imports what it needs only when it runs
-COMMANDS: dict[str, Callable[..., Any]] = {
-    "new": new.new,
-    "specs": specs.specs,
-    "check": check.check,
-    "fmt": fmt.fmt,
-    "range": range_command.range_,
-    "train": train.train,
-    "info": info.info,
-    "sample": sample.sample,
-    "eval": eval.evaluate,
-    "render": render.render,
-    "export": export.export,
-    "assets": assets.assets,
-    "lsp": lsp.lsp,
+# command -> the module and the function that does it; each module imports what it needs only when it runs
+COMMANDS: dict[str, str] = {
+    "new": "scenegen.cli.new:new",
+    "specs": "scenegen.cli.specs:specs",
+    "check": "scenegen.cli.check:check",
+    "fmt": "scenegen.cli.fmt:fmt",
+    "range": "scenegen.cli.range:range_",
+    "train": "scenegen.cli.train:train",
+    "info": "scenegen.cli.info:info",
+    "sample": "scenegen.cli.sample:sample",
+    "eval": "scenegen.cli.eval:evaluate",
+    "render": "scenegen.cli.render:render",
+    "export": "scenegen.cli.export:export",
+    "assets": "scenegen.cli.assets:assets",
+    "lsp": "scenegen.cli.lsp:lsp",
 }
 ALONE = ("assets", "lsp", "specs")  # commands that need no argument; any other shows its help instead
 
@@ -117,7 +115,9 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_global_options)
-    for name, command in COMMANDS.items():
+    for name, path in COMMANDS.items():
+        module, _, function = path.partition(":")
+        command = getattr(importlib.import_module(module), function)
         app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(command))
     return app
 

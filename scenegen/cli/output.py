@@ -37,6 +37,11 @@ def _voice() -> Voice:
     return voice.get(Voice())
 
 
+def elapsed() -> float:
+    """Seconds since the command began."""
+    return time.monotonic() - _voice().started
+
+
 def use_color() -> bool:
     """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or it is a dumb one; FORCE_COLOR
     gives colours to pipes, too. Either variable counts unless it is empty, and NO_COLOR outdoes the other."""

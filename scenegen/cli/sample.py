@@ -182,7 +182,7 @@ def sample(
         "seed": seed,
         "method": method,
         "spread": spread,
-        "timeout": timeout,
+        "timeout": _left(timeout),
         "keep_partial": keep_partial,
         "fix": fixed,
         "settle": settle,
@@ -217,6 +217,13 @@ def sample(
     _summary(scenes.header, len(scenes), _met(scenes), out)
     if render is not None:
         draw(scenes, render)
+
+
+def _left(timeout: float) -> float:
+    """What is left of the time limit, which counts from the start of the command; what is no limit, as it is."""
+    from scenegen.cli.output import elapsed
+
+    return max(timeout - elapsed(), 1e-3) if 0.0 < timeout < float("inf") else timeout
 
 
 def _wanted(ranges: Mapping[str, Range]) -> str:
@@ -324,6 +331,9 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
     if info["method"] == "growth":
         return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
+    if info["method"] == "paired":
+        methods = ", ".join(part["method"] for part in info["components"])
+        return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"
     return f"{info['method']}, {info['candidates']:,} candidates"
 
 

@@ -27,7 +27,11 @@ FORMATS: dict[str, str] = {
 }
 
 # Of simulators' files (see `simulators`): `sample` knows them in order to say where they come from.
-ENDINGS: dict[str, str] = {".xml": "mjcf", ".sdf": "sdf", ".world": "sdf"}
+ENDINGS: dict[str, str] = {
+    ".xml": "mjcf",
+    ".sdf": "sdf",
+    ".world": "sdf",
+}
 
 EXTRAS = {"pyarrow": "parquet"}  # libraries that come with an extra of scenegen only
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenegen.assets import ASSETS, Shape, shape_of
@@ -11,6 +12,7 @@ from scenegen.errors import Diagnostic, Source, Span, SpecError, suggest
 from scenegen.lang import ast
 from scenegen.lang.blame import Frame
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
+from scenegen.lang.places import Point
 from scenegen.lang.resolve import FILES, SHAPES, bind
 from scenegen.lang.scope import Thing
 from scenegen.lang.select import whole_number
@@ -27,6 +29,32 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_OBJECTS = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """The arguments of a shape, as constants. Raises SpecError where they are not."""
+
+    lowering: Lowering
+    source: Source
+    kind: str
+    given: Arguments
+
+    def length(self, name: str) -> float:
+        """A length in metres."""
+        return size(self.lowering, *self.given[name], self.source, f"the {name} of a {self.kind}")
+
+    def points(self, name: str) -> tuple[Point, ...]:
+        """The corners of a convex polygon, counter-clockwise."""
+        return corners(self.lowering, *self.given[name], self.source)
+
+
+OUTLINES: dict[str, Callable[[Sizes], Footprint]] = {
+    "box": lambda sizes: Box(sizes.length("length"), sizes.length("width")),
+    "cylinder": lambda sizes: Circle(sizes.length("radius")),
+    "prism": lambda sizes: convex_hull(sizes.points("corners")),
+}
+"""Shape -> its footprint. Those of files are read from the file."""
 
 
 def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, range]]:
@@ -83,18 +111,8 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
         file: Shape = yield _file(lowering, expr, source, project)
         return file
     given: Arguments = yield arguments(lowering, expr, source)
-
-    def measure(name: str) -> float:
-        return size(lowering, *given[name], source, f"the {name} of a {kind}")
-
-    footprint: Footprint
-    if kind == "box":
-        footprint = Box(measure("length"), measure("width"))
-    elif kind == "cylinder":
-        footprint = Circle(measure("radius"))
-    else:
-        footprint = convex_hull(corners(lowering, *given["corners"], source))
-    return Shape(kind, footprint, measure("height"))
+    sizes = Sizes(lowering, source, kind, given)
+    return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"))
 
 
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
+from scenegen.assets.library import PLAIN
 from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
@@ -15,7 +16,7 @@ from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
 from scenegen.scene.workspace import AXES
 
-SHAPES = ("box", "cylinder", "prism", "urdf", "mesh")  # what an object can be
+SHAPES = PLAIN  # what an object can be
 FILES = ("urdf", "mesh")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names

@@ -1,6 +1,6 @@
 """Units of scalar expressions, as powers of metre and radian.
 
-A bare number takes its unit from its place (design.md, section 3), so `BARE` agrees with every unit.
+A bare number takes its unit from its place (docs/language.md), so `BARE` agrees with every unit.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Core formula -> vectorised torch robustness.
 
-Storage is (3N, B): one contiguous row per coordinate (design.md, section 5: 3 to 4 times faster than scenes-first). The
+Storage is (3N, B): one contiguous row per coordinate, 3 to 4 times faster than one row per scene. The
 tape is run row-wise with each intermediate freed after its last use, in chunks of scenes that stay in cache; or as one
 kernel that torch.compile makes of it.
 """

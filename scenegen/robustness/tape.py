@@ -16,8 +16,8 @@ from scenegen.robustness.namespace import TORCH
 class _Junction(torch.autograd.Function):
     """Hard min or max over the first dimension whose gradient is that of log-sum-exp at sharpness beta.
 
-    The straight-through gradient of design.md, section 5: the value stays exact, and every argument, not the deciding
-    one alone, is told where to go, with softmax weights. Written so that torch.func can transform it.
+    A straight-through gradient: the value stays exact, and all arguments, not only the active one, get a gradient,
+    with softmax weights. Written so that torch.func can transform it.
     """
 
     generate_vmap_rule = True

@@ -3,7 +3,9 @@
 Pruned rejection is tried first: its scenes are independent, and most requests take it a fraction of a second. Where
 pruning takes much work, finds nothing in a part of the range that is not proved empty, or would need many candidates,
 a plan of growth is made, which costs as much as some hundred scenes; and where growth does not do well, one of
-splitting. All of it is counted, never timed, so the same request and seed always get the same method.
+splitting. Before that, a request that falls into parts which have nothing to do with each other is taken apart, and
+each part gets the method that suits it. All of it is counted, never timed, so the same request and seed always get the
+same method.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from scenegen.errors import RequestError
 from scenegen.sampling.growth.plan import Stalled as NoGrowth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.levels import Stalled
+from scenegen.sampling.paired import pair
+from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, first_look, hopeless, make_trial, search
@@ -58,12 +62,23 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
     return _better(problem, budget)
 
 
-def _better(problem: Problem, budget: Budget) -> Choice:
+def _better(problem: Problem, budget: Budget, *, whole: bool = False) -> Choice:
+    """`whole`: the request is not to be taken apart."""
     try:
         trial = make_trial(problem, budget, FIRST)
     except TooMuchError:
-        return _after_pruning(problem, budget)
-    return _after_trial(problem, budget, trial)
+        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget)
+    return _after_trial(problem, budget, trial, whole=whole)
+
+
+def _apart(problem: Problem, budget: Budget) -> Choice | None:
+    """Each independent part by the method that suits it; None where no two of them are rare."""
+    parts = independent_parts(problem, budget)
+    if not parts:
+        return None
+    plans = [_better(part.problem, budget, whole=True).plan for part in parts]
+    methods = ", ".join(plan.name for plan in plans)
+    return Choice(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
 
 def _after_pruning(problem: Problem, budget: Budget) -> Choice:
@@ -81,23 +96,26 @@ def _after_pruning(problem: Problem, budget: Budget) -> Choice:
         trial = make_trial(problem, budget, MOST)
     except TooMuchError:
         return _without_rejection(problem, budget, "pruning takes too much work")
-    return _after_trial(problem, budget, trial)
+    return _after_trial(problem, budget, trial, whole=True)
 
 
-def _after_trial(problem: Problem, budget: Budget, trial: Trial) -> Choice:
+def _after_trial(problem: Problem, budget: Budget, trial: Trial, *, whole: bool) -> Choice:
     if not trial.rate.hits:
-        return _without_rejection(
-            problem, budget, f"none of {trial.tried:,} candidates of rejection is in range", trial
-        )
+        why = f"none of {trial.tried:,} candidates of rejection is in range"
+        return (None if whole else _apart(problem, budget)) or _without_rejection(problem, budget, why, trial)
     try:
         mine = plan_rejection(problem, budget, trial, MOST)
     except TooMuchError:
-        return _without_rejection(problem, budget, "pruning each cell takes too much work")
+        why = "pruning each cell takes too much work"
+        return (None if whole else _apart(problem, budget)) or _without_rejection(problem, budget, why)
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
     cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
     if cheap and open_cells <= len(mine.reached):
         return Choice(mine, in_range)
+    apart = None if whole else _apart(problem, budget)
+    if apart is not None and ADVANTAGE * apart.plan.evaluations < mine.evaluations:
+        return apart
     rival = _other(problem, budget)
     if not isinstance(rival, Growth | Splitting):
         if _time_is_up(rival):

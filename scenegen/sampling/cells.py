@@ -1,4 +1,4 @@
-"""Cutting the wanted range of phi into cells that get equal shares of the scenes (design.md, section 3, Spread)."""
+"""Cutting the wanted range of phi into cells that get equal shares of the scenes (docs/sampling.md)."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 from scenegen.primitives import NUMPY, PRIMITIVES
 from scenegen.primitives.namespace import turning
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 _CHOICES, _FEW = 2, 8  # junctions whose choice is watched, and the most arguments they have
+LIVE = 1 << 24  # nodes times scenes up to which all scenes are taken at once
 _WATCHED = 48  # atoms, and junctions, that are watched for correlation; specs with more have many of a kind
 
 
@@ -130,9 +132,10 @@ def choices(core: Core) -> list[tuple[Junction, Core]]:
 
 
 class Tape:
-    """phi of the labels of a core over the moving rows of a frame."""
+    """phi of the labels of a core over the moving rows of a frame. `stop` is checked before every primitive."""
 
-    def __init__(self, frame: Frame, core: Core | None = None) -> None:
+    def __init__(self, frame: Frame, core: Core | None = None, stop: Stop = NEVER) -> None:
+        self._stop = stop
         self._core = frame.core if core is None else core
         self._dead = last_uses(self._core)
         needed = set(self._core.labels.values())
@@ -150,7 +153,18 @@ class Tape:
         self._headings = [place[row] for row in frame.rows if row % 3 == 2]
 
     def __call__(self, rows: Sequence[Array]) -> list[Array]:
-        """D arrays of shape (B,) -> one (B,) array per label."""
+        """D arrays of shape (B,) -> one (B,) array per label. Raises StoppedError where time is up.
+
+        Thousands of nodes are computed for some scenes at a time: a conjunction keeps all its parts until it is done.
+        """
+        count = rows[0].size if rows else 1
+        if self.length * count <= LIVE:
+            return self._values(rows)
+        size = max(64, LIVE // 4 // self.length)
+        parts = [self._values([row[start : start + size] for row in rows]) for start in range(0, count, size)]
+        return [np.concatenate(values) for values in zip(*parts, strict=True)]
+
+    def _values(self, rows: Sequence[Array]) -> list[Array]:
         values: list[Any] = [None] * len(self._core.nodes)
         namespace = turning(NUMPY, [rows[place] for place in self._headings])
         for index, node in self._steps:
@@ -161,6 +175,7 @@ class Tape:
                     where = self._coords[index]
                     values[index] = rows[where] if isinstance(where, int) else where
                 case Apply(primitive, args, shapes):
+                    self._stop.check()
                     evaluate = PRIMITIVES[primitive].evaluate
                     values[index] = evaluate(namespace, *shapes, *[values[arg] for arg in args])
                 case Atom(margin):

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.lang.core import REQUIRE
 from scenegen.sampling.chains import Chains, Region
 from scenegen.sampling.frame import Tape, frame_of
@@ -68,7 +69,8 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Stalled:
-    """No plan: `why` the descent ended, the scenes it ended with, rows (D,) arrays and phi (L,) arrays, and cost."""
+    """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
+    none where time was up before the first."""
 
     why: Literal["time", "range"]
     rows: tuple[Array, ...]
@@ -84,7 +86,11 @@ def generator(seed: int, piece: int) -> np.random.Generator:
 
 def make_plan(problem: Problem, budget: Budget) -> Plan | Stalled:
     """The plan for a problem; Stalled where the range cannot be reached, or time is up."""
-    return _Planner(problem, budget).plan()
+    try:
+        planner = _Planner(problem, budget)
+    except StoppedError:
+        return Stalled("time", (), (), 0, 0)
+    return planner.plan()
 
 
 class _Planner:
@@ -97,11 +103,18 @@ class _Planner:
         wanted = max(FEWEST, 8 * cells.count, -(-problem.request.n // PIECES))
         self._chains = min(most, CHAINS, wanted)
         ensemble = min(most, max(CHAINS // 2, self._chains))
-        self._state = Chains.start(frame, Tape(frame), cells, ensemble, generator(problem.request.seed, -1))
+        tape = Tape(frame, stop=budget)
+        self._state = Chains.start(frame, tape, cells, ensemble, generator(problem.request.seed, -1))
         self._tuner = Tuner(self._state)
         self._stages: list[Stage] = []
 
     def plan(self) -> Plan | Stalled:
+        try:
+            return self._plan()
+        except StoppedError:
+            return self._stalled("time")
+
+    def _plan(self) -> Plan | Stalled:
         cells, labels, state = self._problem.cells, tuple(self._problem.core.labels), self._state
         low, high = np.full(len(labels), -np.inf), np.full(len(labels), np.inf)
         arrived = True
@@ -119,7 +132,7 @@ class _Planner:
                     return self._stalled("time")
             assert state.region.weights is not None
             reached = frozenset(map(int, np.flatnonzero(state.region.weights)))
-        statistics = Statistics(state.frame)
+        statistics = Statistics(state.frame, self._budget)
         tuning = self._tuner.tune(statistics)
         memory = forgetting(state, statistics, tuning, LONGEST)
         self._stages[-1] = replace(self._stages[-1], tuning=tuning)

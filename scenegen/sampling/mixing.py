@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.sampling.chains import Chains
 from scenegen.sampling.frame import Frame, Tape, choices, watched
 from scenegen.sampling.moves import Tuning
@@ -31,10 +32,10 @@ class Statistics:
     objects along x and y, the margin of every atom, the value of every disjunct, and phi of every label; and the
     differences apart for each way in which the formula is met, since what is slow in one mode may be fast in others."""
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: Frame, stop: Stop = NEVER) -> None:
         self._frame = frame
-        self._atoms = Tape(frame, watched(frame.core))
-        self._choices = [(node.kind, Tape(frame, core)) for node, core in choices(frame.core)]
+        self._atoms = Tape(frame, watched(frame.core), stop)
+        self._choices = [(node.kind, Tape(frame, core, stop)) for node, core in choices(frame.core)]
         pairs = [(a, b) for a in range(len(frame.parts)) for b in range(a)]
         step = max(1, -(-len(pairs) // _PAIRS))
         self._pairs = [

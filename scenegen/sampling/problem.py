@@ -40,7 +40,7 @@ Progress = Callable[[int, int, int], None]
 SLACK = 1e-9  # how far from the range torch's phi is trusted to tell that a scene is out of it
 
 # random streams beside the base draws' (stream 0)
-SHUFFLE, PILOT, GUIDED, PLAN, REJECTION = 1, 2, 3, 4, 5
+SHUFFLE, PILOT, GUIDED, PLAN, REJECTION, PAIRED = 1, 2, 3, 4, 5, 7
 
 LARGE = 1 << 22  # nodes times cells from which on cells are held against plain bounds, not contracted
 
@@ -63,6 +63,11 @@ class Budget:
     def overdrawn(self) -> bool:
         """Time has long been up: even what is better finished is stopped."""
         return time.monotonic() - self.started >= self.seconds + GRACE
+
+    def check(self) -> None:
+        """Raises StoppedError where time has long been up."""
+        if self.overdrawn:
+            raise StoppedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +195,26 @@ def _pose(
     if not possible:
         raise RequestError(impossible(problem, effort))
     return problem
+
+
+def narrowed(
+    problem: Problem,
+    core: Core,
+    box: tuple[Array, Array],
+    ranges: Mapping[str, Range],
+    seed: int,
+    effort: Effort,
+) -> Problem:
+    """The same request for the labels of another core over the same objects, none of them required, in another box of
+    poses, (3N,) each. Raises RequestError where contraction proves it empty, and what `effort` raises."""
+    request = dataclasses.replace(problem.request, ranges=ranges, seed=seed, warnings=())
+    cells = cut(request, tuple(core.labels))
+    tape = make_tape(core, *box, effort)
+    possible = _possible(core, tape, cells, *box, effort)
+    made = Problem(problem.spec, core, *box, request, cells, possible, tape)
+    if not possible:
+        raise RequestError(impossible(made, effort))
+    return made
 
 
 def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:

@@ -1,7 +1,7 @@
 """Moving scenes onto their target by Newton steps along the gradient of phi.
 
 The step for labels with residual r and Jacobian J (one row per label) is the shortest that closes the gap to first
-order, J^T (J J^T)^-1 r; with one label that is (target - phi) g / |g|^2 (design.md, section 5). The first steps follow
+order, J^T (J J^T)^-1 r; with one label that is (target - phi) g / |g|^2. The first steps follow
 the straight-through gradient, which moves every object that matters instead of the deciding pair alone; the last ones
 the exact gradient, which converges.
 """

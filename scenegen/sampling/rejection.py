@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import Effort, StoppedError, TooMuchError, per_scene, scoring
+from scenegen.bounds.effort import NEVER, Effort, Stop, StoppedError, TooMuchError, per_scene, scoring
 from scenegen.bounds.proposal import BELOW_TURN
 from scenegen.bounds.prune import Cover, box_cover, prune
 from scenegen.errors import Diagnostic, RequestError
@@ -83,7 +83,8 @@ class Plan:
     """What pieces are drawn from. The first source covers the whole range, the others one rare cell each.
 
     `reachable` are the cells that get scenes, `ruled_out` those proved empty. `explored` is what the common cover gave
-    while planning, `draws` all candidates of the plan, `expected` those that the request will take beside them.
+    while planning, `draws` all candidates of the plan, `expected` those that the request will take beside them. `stop`
+    can break pieces off, and is no part of what they depend on.
     """
 
     problem: Problem
@@ -93,6 +94,7 @@ class Plan:
     explored: Rate
     draws: int
     expected: float
+    stop: Stop = NEVER
 
     name = "rejection"
     fewest = 1
@@ -128,7 +130,7 @@ class Plan:
 
     def piece(self, k: int) -> Candidates:
         """Piece k, the same whoever computes it; its facts are the hits of each source: in the whole range for the
-        common cover, in its cell for another."""
+        common cover, in its cell for another. Raises StoppedError where time is up meanwhile."""
         rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, k]))
         rows: list[Array] = []
         phi: list[Array] = []
@@ -137,7 +139,7 @@ class Plan:
         room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
         for which, source in enumerate(self.sources):
             for count in _chunks(self.problem, source.candidates):
-                kept, values, cells = _draw(self.problem, source.cover, count, rng, room)
+                kept, values, cells = _draw(self.problem, source.cover, count, rng, room, self.stop.check)
                 mine = np.flatnonzero(source.cells[cells])
                 hits[which] += len(mine) if which else len(cells)
                 if len(mine) < len(cells):
@@ -172,7 +174,7 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most
     """
     trial = make_trial(problem, budget, most) if trial is None else trial
     if problem.cells.count == 1:
-        return _alone(problem, trial, frozenset({0}), frozenset())
+        return _alone(problem, trial, frozenset({0}), frozenset(), budget)
     possible = sorted(problem.possible)
     rate = trial.hits / trial.tried
     common = _served(rate, possible, problem.request.n / len(possible))
@@ -206,9 +208,9 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most
         longer = search(problem, trial, lambda: budget.spent)
         if not longer.rate.hits:
             raise RequestError(hopeless(problem, longer))
-        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out))
+        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out), budget)
     sources, expected = _balance(problem, trial.cover, rate, common, own)
-    return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected)
+    return Plan(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected, budget)
 
 
 def _effort(budget: Budget, most: float = math.inf) -> Effort:
@@ -281,13 +283,13 @@ def hopeless(problem: Problem, trial: Trial) -> Diagnostic:
     return shortfall(problem, 0, f"{trial.tried:,} draws", *_misses(problem, trial.cover))
 
 
-def _alone(problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int]) -> Plan:
+def _alone(problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int], stop: Stop) -> Plan:
     """A plan that draws from the common cover alone."""
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
     source = Source(trial.cover, everywhere, _size(problem, need))
-    return Plan(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need)
+    return Plan(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
 def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:

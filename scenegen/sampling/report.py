@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence, Set
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import per_scene
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE, Atom
 from scenegen.lang.deciding import deciding_atoms
@@ -18,6 +19,7 @@ from scenegen.sampling.request import Range
 Array = npt.NDArray[np.float64]
 
 SHOWN = 4096  # candidates looked at to find out which atom fails most
+LOOK = 1 << 22  # work (see bounds.effort) that this may take: a tenth of a second, for time is up
 
 
 def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:
@@ -100,6 +102,10 @@ def too_early(problem: Problem, tried: str, undecided: int, *, keep: bool = Fals
     return Diagnostic(title, help=help_, note=note)
 
 
+def _shown(problem: Problem) -> int:
+    return max(16, min(SHOWN, int(LOOK / max(1.0, per_scene(problem.core.nodes)[0]))))
+
+
 def shortfall(
     problem: Problem, found: int, tried: str, rows: Array, phi: Array, *, rarest: int | None = None
 ) -> Diagnostic:
@@ -121,7 +127,7 @@ def shortfall(
     label = int(out.mean(axis=1).argmax())
     name, share = tuple(problem.core.labels)[label], out[label].mean()
     wanted = Range(0.0) if name == REQUIRE else problem.request.ranges[name]
-    failing = rows[:, out[label]][:, :SHOWN]
+    failing = rows[:, out[label]][:, : _shown(problem)]
     atom_index, count = next(iter(deciding_atoms(problem.core, failing, name).items()))
     atom = problem.core.nodes[atom_index]
     assert isinstance(atom, Atom)

@@ -1,7 +1,7 @@
 """What is asked for: a range of phi for some labels, and how many scenes.
 
-`LO:HI` is a bounded range, `LO:` and `:HI` are constraints only, a label that is not mentioned is free (design.md,
-section 3).
+`LO:HI` is a bounded range, `LO:` and `:HI` are constraints only, a label that is not mentioned is
+free.
 """
 
 from __future__ import annotations

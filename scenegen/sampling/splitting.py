@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE
 from scenegen.sampling.cells import Cells
@@ -26,7 +27,7 @@ from scenegen.sampling.levels import SPLIT, Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
 from scenegen.sampling.pieces import MANY_PIECES, Account, Candidates, Tally
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import SHOWN, shortfall
+from scenegen.sampling.report import SHOWN, shortfall, too_early
 
 Array = npt.NDArray[np.float64]
 
@@ -57,12 +58,13 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Splitting:
-    """A plan for one request. The facts of a piece are: 1 if it lived, its estimate of the probability and the square
-    of that, the share of moves taken and the share stuck, its scenes, its evaluations, then the design effects and
-    their squares."""
+    """A plan for one request; `stop` can break its pieces off, and is no part of what they depend on. The facts of a
+    piece are: 1 if it lived, its estimate of the probability and the square of that, the share of moves taken and the
+    share stuck, its scenes, its evaluations, then the design effects and their squares."""
 
     problem: Problem
     plan: Plan
+    stop: Stop = NEVER
 
     name = "splitting"
     fewest = FEWEST
@@ -104,7 +106,8 @@ class Splitting:
         return float(plan.evaluations + pieces * plan.chains * (1 + moves))
 
     def piece(self, k: int) -> Candidates:
-        made = run_piece(self.problem, self.plan, k)
+        """Piece k. Raises StoppedError where time is up meanwhile."""
+        made = run_piece(self.problem, self.plan, k, self.stop)
         order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor stand together
         rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
         facts = [
@@ -160,7 +163,7 @@ def plan_splitting(problem: Problem, budget: Budget) -> Splitting | Stalled:
     """The plan of a problem; Stalled where its range is not reached. There must be something to move: see `moves`."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are not taken
         plan = make_plan(problem, budget)
-    return plan if isinstance(plan, Stalled) else Splitting(problem, plan)
+    return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
 
 
 def moves(problem: Problem) -> bool:
@@ -168,17 +171,17 @@ def moves(problem: Problem) -> bool:
     return frame_of(problem).dimension > 0
 
 
-def run_piece(problem: Problem, plan: Plan, number: int) -> Piece:
-    """Piece `number` of a plan: the same scenes whenever and wherever it is run."""
+def run_piece(problem: Problem, plan: Plan, number: int, stop: Stop = NEVER) -> Piece:
+    """Piece `number` of a plan: the same scenes whenever and wherever it is run. Raises what `stop` raises."""
     with np.errstate(all="ignore"):
-        return _run_piece(problem, plan, number)
+        return _run_piece(problem, plan, number, stop)
 
 
-def _run_piece(problem: Problem, plan: Plan, number: int) -> Piece:
+def _run_piece(problem: Problem, plan: Plan, number: int, stop: Stop) -> Piece:
     frame = frame_of(problem)
     rng = generator(problem.request.seed, number)
-    chains = Chains.start(frame, Tape(frame), problem.cells, plan.chains, rng)
-    statistics = Statistics(frame)
+    chains = Chains.start(frame, Tape(frame, stop=stop), problem.cells, plan.chains, rng)
+    statistics = Statistics(frame, stop)
     probability = 1.0
     for stage in plan.stages:
         share = chains.narrow(stage.region)
@@ -249,6 +252,8 @@ def probability(count: int, total: float, square: float) -> dict[str, object]:
 def why_stalled(problem: Problem, end: Stalled) -> Diagnostic:
     """What to say where the descent ended early: the scenes that came nearest tell what stands in the way."""
     tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
+    if not end.phi:
+        return too_early(problem, tried, len(problem.possible))
     shown = min(len(end.phi[0]), SHOWN)
     rng = _aside(problem.request.seed, -1)
     rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)

@@ -2,14 +2,8 @@
 
 import pytest
 
-COMMANDS = "new specs check fmt range train info sample eval render export assets lsp".split()
-ALONE = ["assets", "lsp", "specs"]  # these say or do something without an argument
-
-
-def test_every_command_has_its_golden():
-    from scenegen.cli import app
-
-    assert list(app.COMMANDS) == COMMANDS
+from scenegen.api.figures import FIGURES
+from scenegen.cli.app import ALONE, COMMANDS
 
 
 def test_program(scenegen, golden):
@@ -40,6 +34,11 @@ def test_a_bare_command_shows_its_help_to_people_not_to_pipes(command, scenegen)
     outcome = scenegen(*command.split())
     assert (outcome.status, outcome.out) == (2, "")
     assert outcome.err == scenegen(*command.split(), "--help").out
+
+
+def test_the_help_of_render_names_every_figure(scenegen):
+    told = scenegen("render", "--help").out
+    assert all(f"  {name} " in told for name in FIGURES)
 
 
 def test_version(scenegen):

@@ -89,14 +89,19 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
         assert band["phi"][0] <= min(phi) <= max(phi) <= band["phi"][1]
 
 
-def test_what_is_too_rare_to_count_is_offered_all_the_same(report, scenegen, here):
+@pytest.mark.parametrize("told", [True, False])
+def test_what_is_very_rare_is_offered_even_where_it_cannot_be_counted(told, report, scenegen, here, monkeypatch):
     """And what violates the task is not called easy, be it the best that occurs."""
+    if not told:
+        monkeypatch.setattr("scenegen.sampling.vast.EFFORT", 0.0)
+        monkeypatch.setattr("scenegen.sampling.vast.FEWEST", -1)
     (here / "rare.spec").write_text(RARE)
     out = report("rare.spec").out
-    assert "by so few scenes that their share cannot be told" in out and "easy" not in out
+    share = "1 scene in 10^10" if told else "so few scenes that their share cannot be told"
+    assert f"satisfied (phi >= 0) by {share}" in out and "easy" not in out
     easier, satisfied = out.splitlines()[-2:]
     assert easier.split()[0] == "easier" and re.search(r"task=-0\.\d+:-0\.\d+$", easier)
-    assert satisfied.lstrip().startswith("satisfied  too rare to tell  ")
+    assert satisfied.lstrip().startswith("satisfied  1 scene in 10^10" if told else "satisfied  too rare to tell  ")
     assert scenegen(*satisfied.split("scenegen ")[1].split(), "-n", "2", "--out", "s.json").status == 0
 
 

@@ -52,7 +52,7 @@ def test_every_data_set(name, make_exp1):
 
 def test_uniform_rates_of_experiment_1(exp1):
     data = uniform(exp1, 20_000, seeded())
-    # reference.md: P(task) = 25 % exactly, P(both) = 21.1 %; 4 standard errors are 1.2 %.
+    # P(task) = 25 % exactly, P(both) = 21.1 %; 4 standard errors are 1.2 %.
     assert float((data.phi[0] >= 0.0).float().mean()) == pytest.approx(0.25, abs=0.012)
     assert data.positives == pytest.approx(0.211, abs=0.012)
     means = data.rows.mean(dim=1).tolist()

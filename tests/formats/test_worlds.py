@@ -17,7 +17,15 @@ from tests.formats.worlds import crates, scenes_of
 
 PAIR = "object mug, plate\ntask: leftOf(mug, plate)"
 PLACES = {"mug": (0.2, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
-FILES = {"mjcf": "all.xml", "sdf": "all.sdf"}
+FILES = {
+    "mjcf": "all.xml",
+    "sdf": "all.sdf",
+}
+# the element of an object
+TAGS = {
+    "mjcf": "body",
+    "sdf": "model",
+}
 
 
 def renamed(scenes, name, title="A title."):
@@ -71,8 +79,7 @@ def test_names_of_any_kind(to, name, tmp_path):
     scenes = renamed(scenes_of(PAIR, PLACES), name, "A title\x00 \x1b with <odd> letters")
     (path,) = scenes.export(tmp_path / FILES[to])
     root = ElementTree.parse(path).getroot()
-    tag = {"mjcf": "body", "sdf": "model"}[to]
-    assert [element.get("name") for element in root.iter(tag)].count(name) == 1
+    assert [element.get("name") for element in root.iter(TAGS[to])].count(name) == 1
     if to == "mjcf":
         import mujoco
 

@@ -86,7 +86,7 @@ def test_steps_are_the_published_ones(name, by_the_book, make):
 
 def test_published_sizes(make_model):
     gan, aae = make_model("gan", recipe="paper"), make_model("aae", recipe="paper")
-    assert sum(parameter.numel() for parameter in gan.generator.parameters()) == 128_518  # reference.md: 128.5k
+    assert sum(parameter.numel() for parameter in gan.generator.parameters()) == 128_518  # published: 128.5k
     assert [layer.out_features for layer in aae.encoder.linear()] == [64, 64, 128, 128, 256, 16]
     assert [layer.out_features for layer in aae.decoder.linear()] == [256, 128, 128, 64, 64, 6]
     assert aae.decoder.linear()[0].in_features == 18

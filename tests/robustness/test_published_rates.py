@@ -1,4 +1,4 @@
-"""Experiment 1 on uniform scenes: the shares of reference.md, P(task) = 25 % and P(both) = 21.1 %."""
+"""Experiment 1 on uniform scenes: the published shares, P(task) = 25 % and P(both) = 21.1 %."""
 
 import math
 

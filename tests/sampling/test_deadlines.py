@@ -4,6 +4,7 @@ Calls are counted here instead of seconds: no step between two calls may be larg
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,13 +15,19 @@ from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.prune import prune
 from scenegen.bounds.search import find
 from scenegen.bounds.tape import make_tape
+from scenegen.engine.stream import run_blocks
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
+from scenegen.lang.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
+from scenegen.sampling import report
 from scenegen.sampling.auto import choose
+from scenegen.sampling.frame import Tape, make_frame
+from scenegen.sampling.levels import Stalled
 from scenegen.sampling.problem import Budget, pose
 from scenegen.sampling.rejection import MOST, make_trial
 from scenegen.sampling.request import Range
+from scenegen.sampling.splitting import Splitting, plan_splitting, why_stalled
 
 BINS = """object item[6] = cylinder(0.03, 0.05)
 region left = rect(0.0, 0.0, 0.25, 0.25)
@@ -114,6 +121,91 @@ def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
     with pytest.raises(RequestError, match="time was up after no draws at all"):
         make_trial(problem, Budget(0.1))
     assert time.thread_time() - begin < 2.0
+
+
+class Calls:
+    """A time limit, counted in calls instead of seconds: time is up at the k-th."""
+
+    spent = overdrawn = False
+
+    def __init__(self, k=None):
+        self.k, self.calls = k, 0
+
+    def check(self):
+        self.calls += 1
+        if self.calls == self.k:
+            raise StoppedError
+
+
+FEW = "require leftOf(a, b)\ntask: closeTo(b, c, 0.2)"
+
+
+@pytest.fixture
+def few(monkeypatch):
+    monkeypatch.setattr("scenegen.sampling.levels.CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.levels.FEWEST", 256)
+    return pose(check_text(FEW), {"task": Range(0.0, 0.04)}, n=64)
+
+
+def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
+    """In the first scenes, on the way down, while cells are evened out and while moves are tuned."""
+    whole = Calls()
+    assert isinstance(plan_splitting(few, whole), Splitting)
+    for k in (1, 3, whole.calls // 8, whole.calls // 2, whole.calls - 1):
+        stop = Calls(k)
+        end = plan_splitting(few, stop)
+        assert isinstance(end, Stalled) and end.why == "time" and stop.calls == k
+        assert bool(end.phi) == (k > 3) and len(why_stalled(few, end).title) > 10
+
+
+def test_every_clearance_of_a_large_table_is_a_chance_to_stop(spec):
+    frame = make_frame(gated(spec.core), *spec.box())
+    stop = Calls()
+    Tape(frame, stop=stop)(frame.draw(64, np.random.default_rng(0)))
+    assert stop.calls == sum(isinstance(node, Apply) for node in frame.core.nodes)
+
+
+def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
+    frame = make_frame(gated(spec.core), *spec.box())
+    rows = frame.draw(250, np.random.default_rng(0))
+    whole, once, stop = Tape(frame)(rows), Calls(), Calls()
+    Tape(frame, stop=once)([row[:64] for row in rows])
+    monkeypatch.setattr("scenegen.sampling.frame.LIVE", 4 * 10 * Tape(frame).length)
+    parts = Tape(frame, stop=stop)(rows)
+    assert [one.tolist() for one in parts] == [one.tolist() for one in whole]
+    assert stop.calls == 4 * once.calls
+
+
+@pytest.mark.parametrize("method", ["splitting", "rejection"])
+def test_a_piece_stops_when_it_is_told_to_and_the_run_ends_with_what_is_there(few, method):
+    plan = choose(few, method, Budget()).plan
+    stop = Calls()
+    free = replace(plan, stop=stop)
+    assert free.plan_digest == plan.plan_digest
+    assert free.piece(0).rows.tobytes() == plan.piece(0).rows.tobytes()
+    assert stop.calls > 10
+    many = replace(few, request=replace(few.request, n=10**6))
+    broken = replace(plan, problem=many, stop=Calls(stop.calls + 5))
+    run, scenes = run_blocks(broken, 1), 0
+    while True:
+        try:
+            scenes += next(run).count
+        except StopIteration as end:
+            tally = end.value
+            break
+    assert tally.pieces == 1 and broken.stop.calls == stop.calls + 5
+    assert 0 < scenes == tally.found
+
+
+def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatch):
+    """Time is up then: a look at thousands of scenes with hundreds of clearances would take seconds."""
+    problem = pose(check_text(CLUTTER), {"task": Range(0.0)}, n=1)
+    atom = next(index for index, node in enumerate(problem.core.nodes) if isinstance(node, Atom))
+    seen = []
+    monkeypatch.setattr(report, "deciding_atoms", lambda core, rows, name: seen.append(rows.shape[1]) or {atom: 1})
+    rows = np.random.default_rng(0).random((90, 4096))
+    report.shortfall(problem, 0, "no time", rows, problem.phi(rows))
+    assert 16 <= seen[0] < 2000
 
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):

@@ -84,7 +84,7 @@ def test_a_rare_requirement(direct):
 
 @pytest.mark.parametrize(("name", "truth"), [("table_setting", 9.8e-6), ("table_setting_published", 7.3e-6)])
 def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
-    """shared/reference.md gives two digits: half of the last one, 0.7 %, is within a tenth of the error bar."""
+    """The published figure has two digits: half of the last one, 0.7 %, is within a tenth of the error bar."""
     spec = check_text(shipped_specs()[name].read_text(), name)
     reach = measured(spec).reaches["task"]
     assert off(reach.up(0.0), truth) < 3.0 and reach.up(0.0).error < 0.06

@@ -61,7 +61,7 @@ def test_keep_partial_keeps_what_there_is(exp1):
 
 
 def test_keep_partial_of_nothing_is_nothing():
-    with pytest.raises(RequestError, match="found none|time was up after"):
+    with pytest.raises(RequestError, match=r"found none|time was up after"):
         sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=0.1, spread="base", keep_partial=True)
 
 
@@ -74,7 +74,7 @@ def test_time_changes_no_scene(exp1):
 
 
 def test_infeasible_cells_are_reported_and_their_share_goes_to_the_others(exp1):
-    """A distance of at most 0.17 cannot leave a coordinate 0.18 short (reference.md)."""
+    """A distance of at most 0.17 cannot leave a coordinate 0.18 short."""
     ranges = {"task": Range(-0.18, -0.16), "safe": Range(-0.1, -0.08)}
     found = rejection(pose(exp1, ranges, n=512, seed=0), Budget())
     task, safe = np.linspace(-0.18, -0.16, 17), np.linspace(-0.1, -0.08, 17)

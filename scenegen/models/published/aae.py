@@ -1,4 +1,4 @@
-"""The paper's conditional adversarial autoencoder, as published (reference.md, "The published networks").
+"""The paper's conditional adversarial autoencoder, as published.
 
 Encoder 3N-64-64-128-128-256-latent, not conditioned. Decoder: latent and labels, 256-128-128-64-64-3N, sigmoid.
 Discriminator on the latent code, 128-128-64-64-32-32-1, LeakyReLU 0.2, sigmoid. Per step: the sum of squared errors
@@ -7,7 +7,7 @@ binary cross-entropy the encoder. Labels are shifted so that the smallest of the
 shares of the workspace, theta in turns.
 
 The published sizes of the code are 128 and 16; the paper's figures fit 16, the default here. Encoder and decoder use
-ReLU, and Adam its usual betas (0.9, 0.999): reference.md states other betas for the GAN only.
+ReLU, and Adam its usual betas (0.9, 0.999): other betas are known of the GAN only.
 """
 
 from __future__ import annotations

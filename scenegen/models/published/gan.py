@@ -1,4 +1,4 @@
-"""The paper's conditional GAN, as published (reference.md, "The published networks").
+"""The paper's conditional GAN, as published.
 
 Generator: noise (256) and labels, widths 256-128-128-64-64-3N, ReLU, sigmoid. Discriminator: scene and labels, widths
 128-128-64-64-32-32-1, LeakyReLU 0.2, sigmoid. Adam with betas (0.5, 0.999). One generator step, then one discriminator

@@ -118,12 +118,20 @@ def make_graph(problem: Problem) -> Graph:
             clauses.append(clause)
     rows = builder.rows_read([*narrowing, *pairs])
     groups = [one.objects for one in clauses] + [one.objects for one in pairs] + [one.objects for one in choices]
-    parts = _components(groups)
+    parts = components(groups)
     low, high = builder.box(narrowing)
     return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, parts, low, high)
 
 
-def _components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
+def touched(problem: Problem) -> dict[int, frozenset[int]]:
+    """The free objects that each formula node touches of which something is asked; none where it is the same in every
+    scene."""
+    builder = _Builder(problem)
+    return {clause.node: clause.objects for clause in builder.clauses(builder.demands())}
+
+
+def components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
+    """Sets of objects joined where they share one, largest first."""
     parts: list[set[int]] = []
     for group in groups:
         joined = set(group)

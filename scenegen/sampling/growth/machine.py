@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import StoppedError
+from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.order import insertion_order
 from scenegen.sampling.growth.promise import promises
@@ -50,6 +50,7 @@ class Machine:
     whole: set[int] = field(default_factory=set)
     work: float = 0.0
     deadline: float = math.inf
+    most: float = math.inf
 
     @property
     def cells(self) -> int:
@@ -78,8 +79,11 @@ class Machine:
     def count(self, nodes: int, columns: int) -> None:
         """Note that so many nodes were evaluated over so many columns, in evaluations of the whole formula.
 
-        Raises StoppedError once the deadline has passed: whatever runs asks here, often."""
+        Raises StoppedError once the deadline has passed: whatever runs asks here, often. Raises TooMuchError beyond
+        `most`."""
         self.work += nodes * columns / max(1, len(self.problem.core.nodes))
+        if self.work > self.most:
+            raise TooMuchError
         if time.monotonic() > self.deadline:
             raise StoppedError
 

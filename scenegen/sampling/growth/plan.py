@@ -34,7 +34,7 @@ SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apa
 ALIKE = 1.5  # design effect of common ancestors from which on scenes count as apart
 APART = 0.995  # share of the scenes in which every object must have moved since a copy was made
 LONGEST = 400  # sweeps at most
-PATIENT = 12.0  # times the cost of growing that sweeps may take, but for a few
+PATIENT = 24.0  # times the cost of growing that sweeps may take, but for a few
 FEW = 16
 ANYWAY = 3e5  # evaluations that sweeps may take however little growing costs
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
@@ -136,10 +136,11 @@ def _settle(particles: Particles, tally: Tally, cost: float) -> tuple[int, float
     machine = particles.machine
     kinship = Kinship(machine)
     begun, done = machine.work, 0
+    final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
     while done < 2:
-        sweep(particles, Settings({}), tally)
+        sweep(particles, Settings({}), final)
         done += 1
-    settings = tuned(tally)
+    settings = tuned(final)
     while True:
         block = max(1, done // 3)
         for _ in range(block):

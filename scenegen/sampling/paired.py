@@ -1,0 +1,217 @@
+"""Parts that have nothing to do with each other, each sampled by a plan of its own, and put together.
+
+Piece k pairs piece k of every part's plan. Scenes of a piece come in random order and are independent of those of the
+other parts, so a pair is a scene of the whole request. Costs add up where improbabilities would multiply.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.effort import scoring
+from scenegen.bounds.proposal import BELOW_TURN
+from scenegen.errors import Diagnostic
+from scenegen.lang.core import REQUIRE
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.chains import Chains
+from scenegen.sampling.digest import digest
+from scenegen.sampling.frame import Tape, frame_of
+from scenegen.sampling.growth.sampler import Growth
+from scenegen.sampling.mixing import Statistics
+from scenegen.sampling.parts import Part
+from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.pieces import Plan as AnyPlan
+from scenegen.sampling.problem import PAIRED, Problem
+from scenegen.sampling.rejection import SPARE
+from scenegen.sampling.rejection import Plan as Rejection
+from scenegen.sampling.splitting import Splitting
+
+Array = npt.NDArray[np.float64]
+
+GROWTH_FACTS, SPLITTING_FACTS = 8, 7  # see these plans; splitting adds two for each statistic
+LARGEST = 1 << 25  # work of a piece of rejection at most, where it is to bring as many scenes as those of other parts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paired:
+    """A plan for one request: `plans` of its `parts`. The facts of a piece are those of the parts' pieces one after the
+    other, of each as many as `facts` says: zeros stand for those that a piece lacks."""
+
+    problem: Problem
+    parts: tuple[Part, ...]
+    plans: tuple[AnyPlan, ...]
+    facts: tuple[int, ...]
+
+    name = "paired"
+
+    @property
+    def plan_digest(self) -> str:
+        objects = tuple(part.objects for part in self.parts)
+        return digest("paired", objects, tuple(plan.plan_digest for plan in self.plans))
+
+    @property
+    def wanted(self) -> int:
+        return self.problem.request.n
+
+    @property
+    def seed(self) -> int:
+        return self.problem.request.seed
+
+    @property
+    def cells(self) -> Cells:
+        return self.problem.cells
+
+    @property
+    def reached(self) -> Sequence[int]:
+        return self._spread.reached
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self._spread.ruled_out
+
+    @property
+    def fewest(self) -> int:
+        return max(plan.fewest for plan in self.plans)
+
+    @property
+    def patience(self) -> int | None:
+        known = [plan.patience for plan in self.plans if plan.patience is not None]
+        return max(known, default=None)
+
+    @property
+    def shared_by(self) -> int:
+        return min(plan.shared_by for plan in self.plans)
+
+    @property
+    def evaluations(self) -> float:
+        return sum(plan.evaluations for plan in self.plans)
+
+    @property
+    def _spread(self) -> AnyPlan:
+        """The plan of the part over whose labels the scenes are spread; any, where they are not."""
+        return max(self.plans, key=lambda plan: plan.cells.count)
+
+    def piece(self, k: int) -> Candidates:
+        """Piece k. Raises StoppedError where a part's deadline passes meanwhile."""
+        made = [plan.piece(k) for plan in self.plans]
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PAIRED, k]))
+        chosen = [rng.permutation(np.flatnonzero(one.cell >= 0)) for one in made]
+        count = min(map(len, chosen))
+        lowest, highest = self.problem.lowest, self.problem.highest
+        rows = np.empty((len(lowest), count))
+        mine: set[int] = set()
+        for part, one, order in zip(self.parts, made, chosen, strict=True):
+            for row in (3 * thing + axis for thing in part.objects for axis in range(3)):
+                rows[row] = one.rows[row, order[:count]]
+                mine.add(row)
+        for row in sorted(set(range(len(lowest))) - mine):  # no clause reads them
+            rows[row] = lowest[row] + rng.random(count) * (highest[row] - lowest[row])
+        np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
+        with np.errstate(all="ignore"):  # as in the parts' own plans
+            phi = self.problem.phi(rows)
+        return Candidates(rows, phi, self.cells.find(phi), self._together([one.facts for one in made]))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run: each part's own account, and the probability of all of them."""
+        accounts = [self._account(number, tally) for number in range(len(self.plans))]
+        evaluations = sum(int(_number(one.info, "candidates", "draws")) for one in accounts)
+        info: dict[str, object] = {
+            "method": "paired",
+            "seed": self.seed,
+            "candidates": evaluations,
+            "pieces": tally.pieces,
+            "effective_share": min(_number(one.info, "effective_share", otherwise=1.0) for one in accounts),
+            **_product([one.info for one in accounts]),
+        }
+        if REQUIRE in self.problem.core.labels:
+            info["probability_of"] = "range and requirement"
+        info["components"] = [
+            {"objects": [self.problem.core.objects[thing] for thing in part.objects], **_own(one.info)}
+            for part, one in zip(self.parts, accounts, strict=True)
+        ]
+        warnings: dict[Diagnostic, None] = {}
+        for one in accounts:
+            warnings |= dict.fromkeys(one.warnings)
+        methods = ", ".join(one.tried for one in accounts)
+        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings))
+
+    def _together(self, facts: Sequence[Array]) -> Array:
+        return np.concatenate([np.pad(one, (0, size - len(one))) for one, size in zip(facts, self.facts, strict=True)])
+
+    def _account(self, number: int, tally: Tally) -> Account:
+        first = sum(self.facts[:number])
+        facts = tally.facts[first : first + self.facts[number]]
+        return self.plans[number].account(replace(tally, strays=(), facts=facts))
+
+    def misses(self) -> tuple[Array, Array]:
+        return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+
+
+def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[AnyPlan]) -> Paired:
+    """The plan that pairs plans of the parts. Pieces of rejection, which can have any size, are cut to bring about as
+    many scenes as those of the others."""
+    fixed = [count for plan in plans if (count := _yield(plan)) and not isinstance(plan, Rejection)]
+    enough = SPARE * problem.request.n / max(plan.fewest for plan in plans)
+    target = min(enough, *(fixed or map(_yield, plans)))
+    some = target + 3.0 * math.sqrt(target) + 8.0
+    sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
+    return Paired(problem, tuple(parts), sized, tuple(_facts(plan) for plan in sized))
+
+
+def _facts(plan: AnyPlan) -> int:
+    """How many facts a piece has at most."""
+    if isinstance(plan, Growth):
+        return GROWTH_FACTS
+    if isinstance(plan, Splitting):
+        frame = frame_of(plan.problem)
+        chains = Chains.start(frame, Tape(frame), plan.cells, 2, np.random.default_rng(0))
+        with np.errstate(all="ignore"):
+            return SPLITTING_FACTS + 2 * len(Statistics(frame)(chains))
+    assert isinstance(plan, Rejection)
+    return len(plan.sources)
+
+
+def _yield(plan: AnyPlan) -> float:
+    """About how many scenes a piece brings."""
+    if isinstance(plan, Growth):
+        return plan.recipe.count
+    if isinstance(plan, Splitting):
+        return plan.plan.chains * plan.plan.takes
+    assert isinstance(plan, Rejection)
+    return SPARE * plan.wanted * sum(source.candidates for source in plan.sources) / max(plan.expected, 1.0)
+
+
+def _sized(plan: Rejection, scenes: float) -> Rejection:
+    """The plan with pieces that bring about so many scenes, as far as a piece may take."""
+    most = LARGEST / scoring(plan.problem.core.nodes, sum(source.candidates for source in plan.sources))
+    factor = min(max(1.0, most), scenes / _yield(plan))
+    sources = [replace(one, candidates=math.ceil(factor * one.candidates)) for one in plan.sources]
+    return replace(plan, sources=tuple(sources))
+
+
+def _product(parts: Sequence[Mapping[str, object]]) -> dict[str, object]:
+    """log10 of the product of the parts' probabilities, and its error: independent errors add up in squares."""
+    total = sum(_number(info, "log10_probability", otherwise=math.nan) for info in parts)
+    error = math.hypot(*(_number(info, "log10_error", otherwise=math.nan) for info in parts))
+    return {
+        "log10_probability": None if math.isnan(total) else round(total, 5) + 0.0,
+        "log10_error": None if math.isnan(error) else round(error, 5),
+    }
+
+
+def _number(info: Mapping[str, object], *names: str, otherwise: float = 0.0) -> float:
+    """The first of these facts that is there and known."""
+    for name in names:
+        value = info.get(name)
+        if isinstance(value, int | float):
+            return value
+    return otherwise
+
+
+def _own(info: Mapping[str, object]) -> dict[str, object]:
+    return {name: value for name, value in info.items() if name != "seed"}

@@ -1,0 +1,215 @@
+"""How rare each value of phi is on a table of many objects: what `rarity` tells, by growth instead of by splitting.
+
+Chains that begin as uniform scenes get nowhere where hardly any scene meets what is required, or where one look at phi
+takes hundreds of clearances. Growth makes scenes of the base distribution and of any range of phi at once, each time
+with an unbiased estimate of the probability. So a tail is a series of runs that do not depend on each other: each is
+held to a value of phi which a few scenes of the run before it reach, and tells what lies beyond. Where phi >= 0 is too
+far off for that, a run is held to it directly. Effort is counted in visits of formula nodes, never in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.wanted import push_down
+from scenegen.lang.core import REQUIRE, Core, Junction, gated, part
+from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.cells import cut
+from scenegen.sampling.frame import make_frame
+from scenegen.sampling.growth.graph import flat
+from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
+from scenegen.sampling.growth.plan import Stalled
+from scenegen.sampling.growth.sampler import no_growth
+from scenegen.sampling.problem import Problem, pose
+from scenegen.sampling.rarity import (
+    COUNTED,
+    DEPTH,
+    FEW,
+    ISLANDS,
+    NEAR,
+    ROUNDS,
+    TOP,
+    WORK,
+    Estimate,
+    Rarity,
+    Reach,
+    Tail,
+    cost,
+)
+from scenegen.sampling.request import Range
+from scenegen.sampling.tuning import longest
+
+Array = npt.NDArray[np.float64]
+
+VAST = 7  # random stream of these runs
+MANY = 20  # moving rows from which on chains that begin anywhere get nowhere
+AFFORDED = 100  # chains: where splitting could not afford these, growth takes its place
+EACH = 64  # scenes of an island
+REACHED = 16  # scenes that reach the next level
+EFFORT = 5e8  # visits of formula nodes by all tails together: some 5 s
+FIRST = 4e9  # by the scenes that all tails begin with
+FEWEST = 2  # runs of a tail that are afforded, if they take no more than the scenes that it begins with
+GAP = 0.5  # share of a tail's effort after which a run is held to phi >= 0, if that has not been reached
+WAYS = 64  # alternatives of a disjunction up to which growth is held to it
+
+
+def vast(core: Core, lowest: Array, highest: Array, labels: Sequence[str]) -> bool:
+    """Whether growth is to take the place of splitting: many objects, or phi takes long to compute."""
+    core = gated(core)
+    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    for label in labels:
+        one = part(core, (label, *gate))
+        dimension = make_frame(one, lowest, highest).dimension
+        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
+        if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
+            return True
+    return False
+
+
+def measure_vast(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_only: bool = False) -> Rarity:
+    """What `rarity.measure` tells; the same arguments give the same numbers. With `up_only`, nothing is spent on the
+    tails towards the bottom of phi.
+
+    Raises RequestError where no scene meets what the spec requires, or none was found that does.
+    """
+    base = pose(spec, {}, n=1, seed=seed)
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as out of reach
+        first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST)
+        if isinstance(first, NoRoom):
+            raise no_growth(base, Stalled(first.machine, first.stuck, first.work / len(base.core.nodes)))
+        work = 0.0
+        reaches: dict[str, Reach] = {}
+        for index, label in enumerate(labels):
+            runs = [_Run(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign)) for sign in (1, -1)]
+            for run in runs[:1] if up_only else runs:
+                waiting = len(labels) - index if up_only else 2 * (len(labels) - index) - (run.sign < 0)
+                run.descend(max((EFFORT - work) / waiting, FEWEST * first.work / len(labels)))
+                work += run.work
+            spent = sum(run.work for run in runs) / len(base.core.nodes)
+            reaches[label] = Reach(runs[0].tail(), runs[1].tail(), int(spent))
+    required = _requirement(first) if REQUIRE in base.core.labels else None
+    return Rarity(reaches, required, int((first.work + work) / len(base.core.nodes)))
+
+
+def _requirement(first: Islands) -> Estimate:
+    """Of the scenes that growth began with, however rare they are."""
+    top = float(first.log_share.max())
+    share = np.exp(first.log_share - top)
+    mean = float(share.mean())
+    error = float(share.std(ddof=1)) / math.sqrt(len(share)) / mean
+    return Estimate((top + math.log(mean)) / math.log(10.0), error / math.log(10.0))
+
+
+@dataclass(slots=True)
+class _Stage:
+    level: float
+    values: Array
+    weights: Array
+
+
+class _Run:
+    """The runs of one tail: towards the top of phi of a label (`sign` 1), or towards its bottom."""
+
+    def __init__(self, base: Problem, first: Islands, label: str, sign: int, seed: tuple[int, ...]) -> None:
+        self.base, self.label, self.sign, self.seed = base, label, sign, seed
+        self.place = tuple(base.core.labels).index(label)
+        self.origin = float(first.log_share.max())
+        self.work, self.runs = 0.0, 0
+        self.stages = [self._stage(-np.inf, first)]
+        values = self.stages[0].values
+        self.end = float(values.max())
+        self.middle = float(np.median(values[np.isfinite(values)])) if np.isfinite(self.end) else self.end
+        self.whole = False
+
+    def tail(self) -> Tail:
+        levels = np.array([stage.level for stage in self.stages])
+        values = tuple(stage.values for stage in self.stages)
+        weights = np.array([stage.weights for stage in self.stages])
+        return Tail(self.sign, levels, values, weights, self.sign * self.end, self.whole)
+
+    def descend(self, effort: float) -> None:
+        """Level by level towards the end, at a cost of about `effort` visits of nodes."""
+        if not self._can_be_held():
+            return
+        far = self.sign > 0 and not self._tells(0.0)  # phi >= 0 lies beyond what the last run met
+        if far:
+            self.middle = 0.0  # what counts as near to the top is then a share of what satisfies the label
+        while self.work + self._each() <= effort:
+            last = self.stages[-1]
+            level = self._next(last)
+            if not far:
+                scale = self.end - self.middle
+                if level is None or self.end - level <= TOP * scale or self.end - last.level <= NEAR * scale:
+                    self.whole = True
+                    return
+                if not self._hold(level, effort):
+                    return
+                continue
+            quick = self.work + self._each() <= GAP * effort
+            going = quick and level is not None and self._hold(level, effort)
+            if not going and (self.work > effort or not self._hold(0.0, effort)):
+                return
+            far = not self._tells(0.0)
+
+    def _tells(self, phi: float) -> bool:
+        """Whether the last run met enough scenes beyond a value of phi."""
+        return int((self.stages[-1].values >= self.sign * phi).sum()) >= FEW
+
+    def _each(self) -> float:
+        """What a run takes."""
+        return self.work / self.runs if self.runs else 0.0
+
+    def _next(self, stage: _Stage) -> float | None:
+        """The level that some scenes of a stage reach, or the next one where most of them share it; None where they
+        have all reached the end."""
+        values = np.sort(stage.values[np.isfinite(stage.values)])
+        if not len(values):
+            return None
+        level = float(values[max(0, len(values) - REACHED)])
+        if level > stage.level and 2 * np.count_nonzero(values == level) <= len(values):
+            return level if level < values[-1] else None
+        above = values[values > level]
+        return float(above[0]) if len(above) else None
+
+    def _hold(self, level: float, effort: float) -> bool:
+        """A run held to sign * phi >= level; False where it found nothing, or the tail took twice its effort."""
+        self.runs += 1
+        ends = Range(level, None) if self.sign > 0 else Range(None, -level)
+        problem = _held(self.base, self.label, ends)
+        found = grow_islands(problem, ISLANDS, EACH, (*self.seed, self.runs), 2.0 * effort - self.work)
+        self.work += found.work
+        if isinstance(found, NoRoom):
+            return False
+        self.stages.append(self._stage(level, found))
+        self.end = max(self.end, float(self.stages[-1].values.max()))
+        return True
+
+    def _stage(self, level: float, found: Islands) -> _Stage:
+        values = self.sign * found.phi[:, self.place]
+        values = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
+        return _Stage(level, values, np.exp(found.log_share - self.origin))
+
+    def _can_be_held(self) -> bool:
+        """Whether growth can be held to one end of phi: not to one of hundreds of alternatives."""
+        core = self.base.core
+        ends = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
+        for node, wanted in push_down(core, {core.labels[self.label]: ends}).items():
+            top = core.nodes[node]
+            loose = isinstance(top, Junction) and (top.kind == "max") == (wanted[0] > -np.inf)
+            if loose and len(flat(core, node)) > WAYS:
+                return False
+        return True
+
+
+def _held(base: Problem, label: str, ends: Range) -> Problem:
+    """The base problem with a range for one label, and no proof that it is empty."""
+    request = replace(base.request, ranges={label: ends})
+    cells = cut(request, tuple(base.core.labels))
+    if REQUIRE in base.core.labels:
+        cells.low[-1] = 0.0
+    return replace(base, request=request, cells=cells, possible=frozenset({0}))

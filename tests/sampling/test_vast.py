@@ -1,0 +1,113 @@
+"""How rare phi is by growth: against plain rejection and known answers, and where splitting fails."""
+
+import math
+
+import numpy as np
+import pytest
+
+from scenegen.api.rarity import rarity
+from scenegen.api.spec import parse
+from scenegen.errors import RequestError
+from scenegen.lang.check import check_text
+from scenegen.lang.core import REQUIRE, gated
+from scenegen.lang.interpret import phi as evaluate
+from scenegen.primitives import NUMPY
+from scenegen.resources import shipped_specs
+from scenegen.sampling import vast as module
+from scenegen.sampling.rarity import measure
+from scenegen.sampling.vast import measure_vast, vast
+
+SURE = 4.0  # standard errors
+TABLE = """object disc[5] = cylinder(0.06, 0.05)
+require noOverlap()
+task: forall d in disc: closeTo(d, (0.5, 0.5), 45 cm)
+"""
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """phi of `task` among plain uniform scenes that meet the requirement, and how many there were."""
+    spec = check_text(TABLE)
+    core, (lowest, highest) = gated(spec.core), spec.box()
+    rows = lowest[:, None] + (highest - lowest)[:, None] * np.random.default_rng(5).random((len(lowest), 200_000))
+    values = evaluate(core, list(rows), NUMPY)
+    return values["task"][values[REQUIRE] >= 0.0], 200_000
+
+
+def test_growth_agrees_with_plain_rejection(plain):
+    task, drawn = plain
+    found = measure_vast(check_text(TABLE), ("task",), seed=1)
+    share = len(task) / drawn
+    error = math.hypot(found.requirement.error, 0.43 * math.sqrt((1.0 - share) / len(task)))
+    assert abs(found.requirement.log10 - math.log10(share)) < SURE * error
+    reach = found.reaches["task"]
+    for t in (-0.2, -0.1, -0.02, 0.0, 0.05):
+        for ours, truth in ((reach.up(t), (task >= t).mean()), (reach.down(t), (task <= t).mean())):
+            error = math.hypot(ours.error, 0.43 * math.sqrt((1.0 - truth) / (truth * len(task))))
+            assert abs(ours.log10 - math.log10(truth)) < SURE * error
+    assert reach.up.end > task.max() - 0.02 and reach.down.end < -0.24
+
+
+def test_growth_and_splitting_agree(monkeypatch):
+    monkeypatch.setattr(module, "EFFORT", 1e8)
+    monkeypatch.setattr("scenegen.sampling.rarity.WORK", 500_000_000)
+    spec = check_text(shipped_specs()["sort_5"].read_text(), "sort_5")
+    (label,) = spec.labels
+    grown = measure_vast(spec, (label,)).reaches[label].up
+    split = measure(spec.core, *spec.box(), (label,)).reaches[label].up
+    for t in (0.0, 0.05, 0.1):
+        ours, theirs = grown(t), split(t)
+        assert abs(ours.log10 - theirs.log10) < SURE * math.hypot(ours.error, theirs.error)
+
+
+def test_what_is_known_in_closed_form(monkeypatch):
+    """Twelve objects in order with 2 cm between: (1 - 11 * 2 cm)^12 / 12!, some 10^-10."""
+    monkeypatch.setattr(module, "EFFORT", 1e8)
+    spec = check_text("object b[12]\ntask: forall i in 1..11: x(b[i]) + 2 cm <= x(b[i + 1])")
+    found = measure_vast(spec, ("task",), up_only=True)
+    estimate = found.reaches["task"].up(0.0)
+    truth = 12 * math.log10(1.0 - 0.22) - math.log10(math.factorial(12))
+    assert found.requirement is None
+    assert abs(estimate.log10 - truth) < SURE * estimate.error and estimate.error < 0.2
+
+
+def test_a_label_that_most_scenes_share():
+    """phi is -0.01 in 91 % of the scenes: levels begin above that."""
+    found = measure_vast(check_text("task: leftOf(a, b) & x(a) <= 0.3 & x(b) >= 0.7 | 0 * x(a) - 0.01 >= 0"), ("task",))
+    estimate = found.reaches["task"].up(0.0)
+    assert abs(estimate.log10 - math.log10(0.09)) < SURE * estimate.error
+
+
+def test_the_same_seed_gives_the_same_numbers(monkeypatch):
+    monkeypatch.setattr(module, "EFFORT", 1e7)
+    spec = check_text(TABLE)
+    first, again, other = (measure_vast(spec, ("task",), seed, up_only=True) for seed in (2, 2, 3))
+    assert first.requirement == again.requirement != other.requirement
+    assert first.reaches["task"].up(0.0) == again.reaches["task"].up(0.0)
+    assert first.evaluations == again.evaluations
+
+
+def test_who_takes_whose_place():
+    """Splitting serves small tables, growth those on which it would get nowhere."""
+    large = check_text(
+        "object block[20] = box(0.06, 0.06, 0.05)\nrequire noOverlap()\ntask: leftOf(block[1], block[2])"
+    )
+    assert vast(large.core, *large.box(), large.labels)
+    for name in ("dinner_for_two", "table_setting", "office_desk", "sort_7"):
+        spec = check_text(shipped_specs()[name].read_text(), name)
+        assert not vast(spec.core, *spec.box(), spec.labels)
+
+
+def test_what_splitting_cannot_tell_growth_does():
+    """P(phi >= 0) is pi * (0.2 mm)^2 times 0.001 / pi, less what lies beyond the border."""
+    found = rarity(parse("task: dist(a, b) <= 0.2 mm & abs(wrap(theta(a) - theta(b))) <= 0.001"))
+    (label,) = found.labels
+    at_zero = next(level.above for level in label.levels if level.phi == 0.0)
+    truth = math.log10(math.pi * 0.0002**2 * 0.001 / math.pi)
+    assert abs(at_zero.log10 - truth) < SURE * at_zero.error + 0.01
+
+
+def test_a_table_that_is_too_full():
+    full = "workspace [0, 0.5] x [0, 0.5]\nobject d[12] = cylinder(0.1, 0.1)\nrequire noOverlap() & insideWorkspace()\n"
+    with pytest.raises(RequestError):
+        rarity(parse(full + "task: leftOf(d[1], d[2])"))

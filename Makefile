@@ -8,7 +8,7 @@ STAMP  := .venv/.installed
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-pythons fuzz lint goldens docs pictures tables bench experiments clean
+.PHONY: help demo test test-slow test-pythons fuzz fuzz-tables lint goldens docs pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,6 +38,11 @@ FUZZ_SEED    ?= 0
 fuzz: $(STAMP)   ## attack the language with random and damaged specs: FUZZ_MINUTES=30 FUZZ_SEED=0 FUZZ_WORKERS=(cores)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --minutes $(FUZZ_MINUTES) --seed $(FUZZ_SEED) $(if $(FUZZ_WORKERS),--workers $(FUZZ_WORKERS))
 
+COUNT ?= 100
+SEED  ?= 0
+fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED)
+
 lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -63,6 +68,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/language.py
 	$(BIN)/python benchmarks/robustness.py
 	$(BIN)/python benchmarks/sampling.py
+	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py
 	$(BIN)/python benchmarks/curriculum.py
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal
 
 from scenegen.errors import Span
@@ -121,12 +122,13 @@ def children(node: Node) -> Sequence[int]:
     return (node.margin,) if isinstance(node, Atom) else ()
 
 
-def last_uses(core: Core) -> list[list[int]]:
-    """For every node, the nodes whose value nobody needs after it: what a reader may free to keep memory small."""
+def last_uses(core: Core, instead: Mapping[int, Sequence[int]] = MappingProxyType({})) -> list[list[int]]:
+    """For every node, the nodes whose value nobody needs after it: what a reader may free to keep memory small.
+    Nodes in `instead` are computed from those, not from their children."""
     keep = {*core.labels.values(), core.requirement}
     last = {}
     for index, node in enumerate(core.nodes):
-        for child in children(node):
+        for child in instead.get(index, children(node)):
             last[child] = index
     dead: list[list[int]] = [[] for _ in core.nodes]
     for child, index in last.items():

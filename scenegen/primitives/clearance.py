@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from scenegen.primitives import boxes
 from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
 from scenegen.primitives.namespace import Namespace
 from scenegen.primitives.outline import edges
@@ -28,13 +29,15 @@ def gap(
     if isinstance(a, Circle):
         if isinstance(b, Circle):
             return ns.hypot(dx, dy) - (a.radius + b.radius)
-        return _facing(ns, b, [_into_frame(ns.cos(b_theta), ns.sin(b_theta), -dx, -dy)]) - a.radius
+        return _facing(ns, b, [_into_frame(*ns.turn(b_theta), -dx, -dy)]) - a.radius
     if isinstance(b, Circle):
-        return _facing(ns, a, [_into_frame(ns.cos(a_theta), ns.sin(a_theta), dx, dy)]) - b.radius
-    a_cos, a_sin, b_cos, b_sin = ns.cos(a_theta), ns.sin(a_theta), ns.cos(b_theta), ns.sin(b_theta)
+        return _facing(ns, a, [_into_frame(*ns.turn(a_theta), dx, dy)]) - b.radius
+    (a_cos, a_sin), (b_cos, b_sin) = ns.turn(a_theta), ns.turn(b_theta)
+    if isinstance(a, Box) and isinstance(b, Box):
+        return boxes.gap(ns, a, b, dx, dy, (a_cos, a_sin), (b_cos, b_sin))
     cos, sin = a_cos * b_cos + a_sin * b_sin, a_cos * b_sin - a_sin * b_cos
-    one = _beside(ns, a, b, *_into_frame(a_cos, a_sin, dx, dy), cos, sin)
-    other = _beside(ns, b, a, *_into_frame(b_cos, b_sin, -dx, -dy), cos, -sin)
+    one = _separation(ns, a, _corners(b, *_into_frame(a_cos, a_sin, dx, dy), cos, sin))
+    other = _separation(ns, b, _corners(a, *_into_frame(b_cos, b_sin, -dx, -dy), cos, -sin))
     apart = ns.maximum(one[0], other[0])
     return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
 
@@ -48,13 +51,13 @@ def room(
     if isinstance(b, Circle):
         if isinstance(a, Circle):
             return b.radius - a.radius - ns.hypot(dx, dy)
-        x, y = _into_frame(ns.cos(a_theta), ns.sin(a_theta), -dx, -dy)  # b's centre, as a sees it
+        x, y = _into_frame(*ns.turn(a_theta), -dx, -dy)  # b's centre, as a sees it
         return b.radius - _farthest(ns, a, x, y)
-    b_cos, b_sin = ns.cos(b_theta), ns.sin(b_theta)
+    b_cos, b_sin = ns.turn(b_theta)
     x, y = _into_frame(b_cos, b_sin, dx, dy)
     if isinstance(a, Circle):
         return _inside(ns, b, [(x, y)]) - a.radius
-    a_cos, a_sin = ns.cos(a_theta), ns.sin(a_theta)
+    a_cos, a_sin = ns.turn(a_theta)
     cos, sin = b_cos * a_cos + b_sin * a_sin, b_cos * a_sin - b_sin * a_cos
     return _inside(ns, b, _corners(a, x, y, cos, sin))
 
@@ -63,7 +66,7 @@ def reach(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, heading: 
     """The support function: how far the footprint reaches from the origin of its frame towards `heading`, in metres."""
     if isinstance(a, Circle):
         return 0.0 * heading + a.radius
-    cos, sin = ns.cos(heading - a_theta), ns.sin(heading - a_theta)
+    cos, sin = ns.turn(heading - a_theta)
     if isinstance(a, Box):
         return a.length / 2.0 * ns.absolute(cos) + a.width / 2.0 * ns.absolute(sin)
     return _fold(ns.maximum, [x * cos + y * sin for x, y in a.vertices])
@@ -86,22 +89,6 @@ def _corners(footprint: Box | Polygon, x: Any, y: Any, cos: Any, sin: Any) -> Pa
         return [(x + (cos * u - sin * v), y + (sin * u + cos * v)) for u, v in footprint.vertices]
     (px, py), (qx, qy) = _half_diagonals(footprint, cos, sin)
     return [(x + px, y + py), (x - qx, y - qy), (x - px, y - py), (x + qx, y + qy)]
-
-
-def _beside(ns: Namespace, a: Box | Polygon, b: Box | Polygon, x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
-    """_separation of b's corners from a, for b at (x, y) in a's frame, turned by the angle of this cosine and sine."""
-    if not isinstance(a, Box) or not isinstance(b, Box):
-        return _separation(ns, a, _corners(b, x, y, cos, sin))
-    # Opposite corners share their products. What is used up goes at once: memory bandwidth decides the speed.
-    beyond: Any = None
-    (px, py), (qx, qy) = _half_diagonals(b, cos, sin)
-    for centre, one, other, half in ((x, px, qx, a.length / 2.0), (y, py, qy, a.width / 2.0)):
-        away = ns.absolute(centre) - ns.maximum(ns.absolute(one), ns.absolute(other)) - half
-        beyond = away if beyond is None else ns.maximum(beyond, away)
-    square = _square(ns, a, x + px, y + py)
-    square = ns.minimum(square, _square(ns, a, x - px, y - py))
-    square = ns.minimum(square, _square(ns, a, x + qx, y + qy))
-    return beyond, ns.minimum(square, _square(ns, a, x - qx, y - qy))
 
 
 def _half_diagonals(box: Box, cos: Any, sin: Any) -> Pairs:

@@ -8,7 +8,7 @@ by one unit in the last place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -23,6 +23,10 @@ class Namespace(Protocol):
     def ceil(self, a: Any) -> Any: ...
     def sin(self, a: Any) -> Any: ...
     def cos(self, a: Any) -> Any: ...
+    def turn(self, a: Any) -> tuple[Any, Any]:
+        """Cosine and sine of an angle by which a footprint is turned."""
+        ...
+
     def sqrt(self, a: Any) -> Any:
         """Of a >= 0; its gradient at 0 must be 0, not NaN."""
         ...
@@ -31,12 +35,25 @@ class Namespace(Protocol):
         """sqrt(a * a + b * b), rounded in these steps; its gradient at (0, 0) must be 0, not NaN."""
         ...
 
+    def signed_root(self, square: Any, signed: Any) -> Any:
+        """sqrt(square) with the sign of `signed`, whose gradient is the result's where that is 0."""
+        ...
+
     def atan2(self, y: Any, x: Any) -> Any:
         """The angle of (x, y), 0 for (0.0, 0.0); its gradient there must be 0, not NaN."""
         ...
 
     def clip(self, a: Any, lowest: float, highest: float) -> Any:
         """The number nearest to `a` between two constants."""
+        ...
+
+    def sign(self, a: Any) -> Any:
+        """1.0 or -1.0; of zero, either. Without a gradient."""
+        ...
+
+    def copysign(self, size: Any, sign: Any) -> Any:
+        """The size of one number, which is not negative, with the sign of the other; where that is zero, either sign.
+        No gradient flows to the latter."""
         ...
 
     def where(self, condition: Any, a: Any, b: Any) -> Any:
@@ -56,6 +73,30 @@ def _math_where(condition: bool, a: float, b: float) -> float:
     return a if condition else b
 
 
+def _math_turn(a: float) -> tuple[float, float]:
+    return math.cos(a), math.sin(a)
+
+
+def _math_signed_root(square: float, signed: float) -> float:
+    return math.copysign(math.sqrt(square), signed)
+
+
+def _math_sign(a: float) -> float:
+    return math.copysign(1.0, a)
+
+
+def _numpy_sign(a: Any) -> Any:
+    return np.copysign(np.ones((), np.asarray(a).dtype), a)
+
+
+def _numpy_turn(a: Any) -> tuple[Any, Any]:
+    return np.cos(a), np.sin(a)
+
+
+def _numpy_signed_root(square: Any, signed: Any) -> Any:
+    return np.copysign(np.sqrt(square), signed)
+
+
 def _numpy_hypot(a: Any, b: Any) -> Any:
     return np.sqrt(a * a + b * b)
 
@@ -73,10 +114,14 @@ class _Math:
     ceil = staticmethod(math.ceil)
     sin = staticmethod(math.sin)
     cos = staticmethod(math.cos)
+    turn = staticmethod(_math_turn)
     sqrt = staticmethod(math.sqrt)
+    signed_root = staticmethod(_math_signed_root)
     hypot = staticmethod(_math_hypot)
     atan2 = staticmethod(math.atan2)
     clip = staticmethod(_math_clip)
+    sign = staticmethod(_math_sign)
+    copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
 
 
@@ -89,10 +134,14 @@ class _Numpy:
     ceil = staticmethod(np.ceil)
     sin = staticmethod(np.sin)
     cos = staticmethod(np.cos)
+    turn = staticmethod(_numpy_turn)
     sqrt = staticmethod(np.sqrt)
+    signed_root = staticmethod(_numpy_signed_root)
     hypot = staticmethod(_numpy_hypot)
     atan2 = staticmethod(np.arctan2)
     clip = staticmethod(_numpy_clip)
+    sign = staticmethod(_numpy_sign)
+    copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
 
 
@@ -104,28 +153,45 @@ class Turning:
     """A namespace that works out the sine and cosine of each of the `angles` once, however many footprints turn by it.
     The values are the same bits; an angle is known by being the same object."""
 
-    def __init__(self, of: Namespace, angles: Iterable[Any]) -> None:
+    def __init__(self, of: Namespace, angles: Iterable[Any] = ()) -> None:
         self._of = of
-        self._angles = {id(angle): angle for angle in angles}  # kept: an id is good for as long as its object lives
-        self._sin: dict[int, Any] = {}
-        self._cos: dict[int, Any] = {}
+        self._angles: dict[int, Any] = {}  # kept: an id is good for as long as its object lives
+        self._known: dict[tuple[str, int], Any] = {}
+        for angle in angles:
+            self.keep(angle)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._of, name)
 
+    def keep(self, angle: Any) -> None:
+        """From now on, the angle's sine and cosine are kept."""
+        self._angles[id(angle)] = angle
+
+    def drop(self, angle: Any) -> None:
+        """The angle is not needed any more, nor are its sine and cosine."""
+        if self._angles.pop(id(angle), None) is not None:
+            for function in ("sin", "cos", "turn"):
+                self._known.pop((function, id(angle)), None)
+
     def sin(self, a: Any) -> Any:
-        return self._once(self._sin, self._of.sin, a)
+        turn = self._known.get(("turn", id(a)))
+        return self._once("sin", a) if turn is None else turn[1]
 
     def cos(self, a: Any) -> Any:
-        return self._once(self._cos, self._of.cos, a)
+        turn = self._known.get(("turn", id(a)))
+        return self._once("cos", a) if turn is None else turn[0]
 
-    def _once(self, known: dict[int, Any], function: Callable[[Any], Any], a: Any) -> Any:
-        key = id(a)
-        if key not in self._angles:
-            return function(a)
-        if key not in known:
-            known[key] = function(a)
-        return known[key]
+    def turn(self, a: Any) -> tuple[Any, Any]:
+        turn: tuple[Any, Any] = self._once("turn", a)
+        return turn
+
+    def _once(self, function: str, a: Any) -> Any:
+        key = (function, id(a))
+        if id(a) not in self._angles:
+            return getattr(self._of, function)(a)
+        if key not in self._known:
+            self._known[key] = getattr(self._of, function)(a)
+        return self._known[key]
 
 
 def turning(of: Namespace, angles: Iterable[Any]) -> Namespace:

@@ -12,7 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from scenegen.lang.core import Core, last_uses
+from scenegen.lang.closest import find, last_uses_of
+from scenegen.lang.core import Core, last_uses, part
 from scenegen.lang.headings import bare_rows
 from scenegen.robustness.fused import fused
 from scenegen.robustness.headings import coordinates
@@ -46,11 +47,15 @@ class Robustness:
         self.labels = tuple(core.labels)
         self.objects = core.objects
         self.compiled = compiled
-        self._dead = last_uses(core)
-        self._bare = bare_rows(core)
-        self._most = max(256, LIVE // most_alive(self._dead))
+        self._scored = part(core, self.labels)  # requirements are no part of phi
+        self._dead = last_uses(self._scored)
+        self._closest = find(self._scored)
+        self._dead_closest = last_uses_of(self._scored, self._closest)
+        self._bare = bare_rows(self._scored)
+        pairs = max((closest.count for closest in self._closest.values()), default=0)
+        self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_closest))))
         self._chunk = min(CHUNK, self._most)
-        self._fused = fused(core) if compiled else None
+        self._fused = fused(self._scored) if compiled else None
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Machine code does not travel; whoever unpickles compiles anew, if at all.
@@ -105,10 +110,11 @@ class Robustness:
             done = self._fused(rows, out, wider * self._most)
             if done:
                 return out
+        plainly = rows.device.type == "cpu" and beta is None and not torch.compiler.is_compiling()
         for start in range(0, rows.shape[1], wider * self._chunk):
-            part = slice(start, start + wider * self._chunk)
-            for label, value in zip(out, self._run(rows[:, part], beta), strict=True):
-                label[part] = value
+            some = slice(start, start + wider * self._chunk)
+            for label, value in zip(out, self._run(rows[:, some], beta, plainly), strict=True):
+                label[some] = value
         return out
 
     def _refuse_nonfinite(self, rows: Tensor) -> None:
@@ -126,11 +132,15 @@ class Robustness:
             value = float(rows[row, scene])
             raise ValueError(f"{'xyθ'[row % 3]} of `{name}` in scene {scene} is {value}; coordinates must be finite")
 
-    def _run(self, rows: Tensor, beta: float | None) -> list[Tensor]:
-        """phi of every label, each (B,)."""
+    def _run(self, rows: Tensor, beta: float | None, plainly: bool = False) -> list[Tensor]:
+        """phi of every label, each (B,); `plainly`, without gradients of any kind, on the CPU."""
         batch = rows.shape[1]
         coordinate = coordinates(rows.__getitem__, self._bare)
-        return [value.expand(batch) for value in run(self.core, self._dead, coordinate, rows.new_tensor, beta)]
+        if plainly and self._closest:
+            values = run(self._scored, self._dead_closest, coordinate, rows.new_tensor, closest=self._closest)
+        else:
+            values = run(self._scored, self._dead, coordinate, rows.new_tensor, beta)
+        return [value.expand(batch) for value in values]
 
 
 def _refuse_layout(name: str, tensor: Tensor) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -18,9 +18,15 @@ from torch import Tensor, fx
 
 from scenegen.lang.core import Coord, Core, Node, last_uses
 from scenegen.lang.headings import bare_rows
+from scenegen.primitives import Namespace
 from scenegen.robustness.headings import coordinates
+from scenegen.robustness.namespace import TORCH
+from scenegen.robustness.sincos import DOUBLE, SINGLE, Constants, turn
 from scenegen.robustness.tape import run
 
+# One thread compiles: more would be left running, and there is next to nothing for them. A product and a sum may become
+# one instruction, which rounds once.
+OPTIONS = {"compile_threads": 1, "cpp.enable_floating_point_contract_flag": "fast"}
 LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
 
 
@@ -32,7 +38,8 @@ class Fused:
     """phi of every label by compiled code, without gradients. Make it with `fused`, which keeps the last few cores'.
 
     Where there is no C++ compiler, compiling fails for another reason, or the formula is too large to try, a
-    RuntimeWarning says so once, and every call from then on returns False.
+    RuntimeWarning says so once, and every call from then on returns False. So do calls with headings of footprints of
+    thousands of turns, without a word.
     """
 
     def __init__(self, core: Core) -> None:
@@ -40,11 +47,11 @@ class Fused:
         if not self._works:
             return
         try:
-            graph, self._rows = record(core)
+            _, self._rows, self._turns = record(core, torch.float64)
         except TooLargeError:
             self._give_up(f"its formula takes more than {LARGEST:,} operations, too many to compile in good time")
             return
-        self._kernel = cache(lambda dtype: _compiled(graph))
+        self._kernel = cache(lambda dtype: _compiled(record(core, dtype)[0]))
 
     def __call__(self, rows: Tensor, out: Tensor, chunk: int) -> bool:
         """(3N, B) storage on the CPU, float32 or float64, into `out` (L, B), contiguous; `chunk` scenes at a time at
@@ -76,7 +83,8 @@ class Fused:
             reason = str(error).strip().partition("\n")[0]
             self._give_up(f"{reason}. It takes a C++ compiler (g++, or what CXX names) and the headers of Python")
             return False
-        return True
+        # NaN marks headings too large for the kernel.
+        return not self._turns or bool(torch.isfinite(out.sum()))
 
     def _give_up(self, why: str) -> None:
         self._works = False
@@ -101,29 +109,55 @@ class _Recorder(fx.proxy.GraphAppendingTracer):
         return super().create_node(*args, **kwargs)
 
 
-def record(core: Core) -> tuple[fx.Graph, list[int]]:
+def record(core: Core, dtype: torch.dtype) -> tuple[fx.Graph, list[int], bool]:
     """The tape as a graph from rows (B,) to rows (B,), which it overwrites: first the rows of the storage that the
-    formula reads, given beside it, then one row for each label. Raises TooLargeError."""
+    formula reads, given beside it, then one row for each label; and whether it turns footprints. Raises TooLargeError.
+    """
     graph = fx.Graph()
     tracer = _Recorder(graph)
     read = sorted({node.row for node in core.nodes if isinstance(node, Coord)})
     rows = {row: fx.Proxy(graph.placeholder(f"row{row}"), tracer) for row in read}
     out = [fx.Proxy(graph.placeholder(f"phi{label}"), tracer) for label in range(len(core.labels))]
+    turning = _Turning(SINGLE if dtype == torch.float32 else DOUBLE)
 
     def constant(value: float) -> Any:
         return out[0].new_full((), value)
 
     with torch.no_grad():
-        values = run(core, last_uses(core), coordinates(rows.__getitem__, bare_rows(core)), constant)
+        coordinate = coordinates(rows.__getitem__, bare_rows(core))
+        values = run(core, last_uses(core), coordinate, constant, of=cast(Namespace, turning))
     for label, value in zip(out, values, strict=True):
         label.copy_(value)
     graph.output(None)
-    return graph, read
+    return graph, read, turning.used
+
+
+class _Turning:
+    """The functions of torch, with a faster `turn`."""
+
+    def __init__(self, constants: Constants) -> None:
+        self._constants = constants
+        self.used = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(TORCH, name)
+
+    def sign(self, a: Any) -> Any:
+        return torch.where(a < 0.0, -1.0, 1.0)
+
+    def copysign(self, size: Any, sign: Any) -> Any:
+        return torch.where(sign < 0.0, -size, size)
+
+    def signed_root(self, square: Any, signed: Any) -> Any:
+        return torch.where(signed < 0.0, -torch.sqrt(square), torch.sqrt(square))
+
+    def turn(self, a: Any) -> tuple[Any, Any]:
+        self.used = True
+        return turn(a, self._constants)
 
 
 def _compiled(graph: fx.Graph) -> Callable[..., None]:
     # A module of its own for each dtype: torch.compile allows any one only a few compilations.
     module = fx.GraphModule(torch.nn.Module(), graph)
-    # One thread compiles: more would be left running, and there is next to nothing for them.
-    kernel: Callable[..., None] = torch.compile(module, dynamic=True, fullgraph=True, options={"compile_threads": 1})
+    kernel: Callable[..., None] = torch.compile(module, dynamic=True, fullgraph=True, options=OPTIONS)
     return kernel

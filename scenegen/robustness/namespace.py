@@ -30,8 +30,28 @@ def _atan2(y: Tensor, x: Tensor) -> Tensor:
     return torch.where(zero, angle.detach(), torch.atan2(y, torch.where(zero, torch.ones_like(x), x)))
 
 
+def _turn(a: Tensor) -> tuple[Tensor, Tensor]:
+    return a.cos(), a.sin()
+
+
+def _signed_root(square: Tensor, signed: Tensor) -> Tensor:
+    """sqrt(square) with the sign of `signed`, whose gradient is the result's where that is 0."""
+    root = torch.copysign(_sqrt(square), signed)
+    if not (torch.is_grad_enabled() and root.requires_grad):
+        return root
+    return torch.where(root == 0, signed, root)
+
+
 def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
     return a.clamp(lowest, highest)
+
+
+def _sign(a: Tensor) -> Tensor:
+    return torch.copysign(a.new_ones(()), a.detach())
+
+
+def _copysign(size: Tensor, sign: Tensor) -> Tensor:
+    return torch.copysign(size, sign.detach())
 
 
 def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
@@ -45,10 +65,14 @@ class _Torch:
     ceil = staticmethod(torch.ceil)
     sin = staticmethod(torch.sin)
     cos = staticmethod(torch.cos)
+    turn = staticmethod(_turn)
     sqrt = staticmethod(_sqrt)
+    signed_root = staticmethod(_signed_root)
     hypot = staticmethod(_hypot)
     atan2 = staticmethod(_atan2)
     clip = staticmethod(_clip)
+    sign = staticmethod(_sign)
+    copysign = staticmethod(_copysign)
     where = staticmethod(_where)
 
 

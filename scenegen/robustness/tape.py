@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import functools
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, cast
 
 import torch
 from torch import Tensor
 
+from scenegen.lang.closest import Closest, least
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
-from scenegen.primitives import PRIMITIVES
+from scenegen.primitives import PRIMITIVES, Footprint, Namespace
+from scenegen.primitives.namespace import Turning
 from scenegen.robustness.namespace import TORCH
 
 
@@ -51,28 +55,63 @@ def run(
     coordinate: Callable[[int], Any],
     constant: Callable[[float], Any],
     beta: float | None = None,
+    of: Namespace = TORCH,
+    closest: Mapping[int, Closest] = MappingProxyType({}),
 ) -> list[Any]:
     """phi of every label: tensors (B,), or () where no coordinate decides.
 
-    `dead` is last_uses(core): each intermediate is freed after its last use. coordinate(row) is the row (B,) of the
-    storage, constant(value) a tensor () of its dtype: torch.minimum and its kin take no floats.
+    `dead` is last_uses(core) or, with `closest`, last_uses_of(core, closest): each intermediate is freed after its last
+    use. coordinate(row) is the row (B,) of the storage, constant(value) a tensor () of its dtype: torch.minimum and its
+    kin take no floats. `of` are the primitives' functions; each heading goes through `turn` once. Of the clearances in
+    `closest`, only those that may decide are computed, which takes plain tensors on the CPU without gradients.
     """
     values: list[Any] = [None] * len(core.nodes)
+    turning = Turning(of)
+    namespace = cast(Namespace, turning)
+    left_out = {node for some in closest.values() for node in some.nodes}
     for index, node in enumerate(core.nodes):
         match node:
+            case _ if index in left_out:
+                pass
+            case Junction() if index in closest:
+                values[index] = _least(closest[index], values, namespace)
             case Const(value):
                 values[index] = constant(value)
             case Coord():
                 values[index] = coordinate(node.row)
+                if node.row % 3 == 2:
+                    turning.keep(values[index])
             case Apply(primitive, args, shapes):
-                values[index] = PRIMITIVES[primitive].evaluate(TORCH, *shapes, *(values[arg] for arg in args))
+                values[index] = PRIMITIVES[primitive].evaluate(namespace, *shapes, *(values[arg] for arg in args))
             case Atom(margin):
                 values[index] = values[margin]
             case Junction(kind, args):
                 values[index] = _junction(kind, [values[arg] for arg in args], beta)
         for child in dead[index]:
+            turning.drop(values[child])
             values[child] = None
     return [values[node] for node in core.labels.values()]
+
+
+def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
+    """The conjunction of clearances and whatever else is in it."""
+    needed = {arg: values[arg].detach().numpy() for arg in closest.needs}
+    gap = PRIMITIVES["gap"].evaluate
+
+    def of_arrays(a: Footprint, b: Footprint, *numbers: Any) -> Any:
+        return gap(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
+
+    found = least(closest, needed, of_arrays)
+    if found is None:
+        every = (
+            gap(namespace, *shapes, *(values[arg] for arg in pair))
+            for shapes, pairs in closest.groups
+            for pair in pairs
+        )
+        value = functools.reduce(torch.minimum, every)
+    else:
+        value = torch.from_numpy(found)
+    return functools.reduce(torch.minimum, (values[arg] for arg in closest.others), value)
 
 
 def most_alive(dead: list[list[int]]) -> int:

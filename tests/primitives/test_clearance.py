@@ -236,6 +236,25 @@ def test_boxes_are_polygons():
                 assert function(NUMPY, one, two, *pose, *other) == pytest.approx(value, abs=1e-14)
 
 
+def test_boxes_on_a_grid():
+    """Parallel and touching boxes, one above the middle of the other: signs of zero and ties must not matter."""
+    steps = np.linspace(-1.0, 1.0, 9)
+    poses = np.array(np.meshgrid(steps, steps, np.arange(-4, 5) * EIGHTH, np.arange(3) * QUARTER)).reshape(4, -1)
+    x, y, theta, other = poses
+    for a, b in ((Box(0.5, 0.25), Box(0.5, 0.25)), (Box(1.0, 0.25), Box(0.25, 0.5)), (Box(0.5, 0.0), Box(0.0, 0.25))):
+        polygon = Polygon(tuple(map(tuple, local(a)[0].tolist())))
+        value = gap(NUMPY, a, b, x, y, theta, 0.0 * x, -0.0 * y, other)
+        assert gap(NUMPY, polygon, b, x, y, theta, 0.0 * x, -0.0 * y, other) == pytest.approx(value, abs=1e-15)
+        assert (value == 0.0).any() and (value < 0.0).any() and (value > 0.0).any()
+
+
+def test_boxes_in_contact_have_a_gradient():
+    where = torch.tensor([0.0, 0.0, 0.0, 0.5, 0.0, 0.0], dtype=torch.float64, requires_grad=True)
+    value = gap(TORCH, Box(0.5, 0.25), Box(0.5, 0.25), *where)
+    value.backward()
+    assert value == 0.0 and where.grad[:2].tolist() == [-1.0, 0.0] and where.grad[3:5].tolist() == [1.0, 0.0]
+
+
 STEP = 1e-6
 
 

@@ -21,6 +21,9 @@ class Counting:
         self.sines += 1
         return NUMPY.sin(a)
 
+    def turn(self, a):
+        return NUMPY.cos(a), self.sin(a)
+
 
 def test_each_heading_is_turned_by_once():
     core = check_text("object a, b, c, d = box(0.1, 0.06, 0.05)\ntask: noOverlap() & sin(theta(a)) <= 2").core

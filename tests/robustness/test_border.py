@@ -51,7 +51,7 @@ def test_no_copy_of_the_storage_is_made():
     rows = torch.rand(6, 10)
     seen = []
     run = Robustness(SPEC.core)
-    run._run = lambda rows, beta: seen.append(rows.data_ptr()) or torch.zeros(2, 10)
+    run._run = lambda rows, *_: seen.append(rows.data_ptr()) or torch.zeros(2, 10)
     run(rows.reshape(2, 3, 10).permute(2, 0, 1))
     assert seen == [rows.data_ptr()]
 

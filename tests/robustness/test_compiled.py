@@ -194,6 +194,11 @@ def test_footprints(dtype):
     # The square root of the gap near contact is what loses most.
     assert run.numpy() == pytest.approx(eager.numpy(), abs=1e-6 if dtype == torch.float64 else 1e-3)
     assert np.median(np.abs((run - eager).numpy())) <= 4 * torch.finfo(dtype).eps
+    rows[2] += 1e8  # no angle for the kernel
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = Robustness(spec.core, compiled=True).rows(rows)
+    assert torch.equal(again, Robustness(spec.core).rows(rows))
 
 
 @pytest.mark.slow

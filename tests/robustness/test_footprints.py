@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from scenegen.bounds import label_bounds
+from scenegen.lang.check import check_text
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.lang.interpret import phi
 from scenegen.primitives import NUMPY, Box, Circle, Polygon
@@ -60,3 +61,18 @@ def test_every_scene_lies_within_the_bounds(core, rows):
     values = Robustness(core).rows(torch.from_numpy(rows)).numpy()
     assert lowest.shape == (5, 400) and (lowest <= values).all() and (values <= highest).all()
     assert label_bounds(core, low[:, 7], high[:, 7])[0] == pytest.approx(lowest[:, 7])
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("size", [1.0, 0.05])
+def test_the_least_clearance_is_the_same_with_and_without_gradients(dtype, size):
+    text = """object a, b = box(0.1, 0.06, 0.05), c = cylinder(0.03, 0.1), d = box(0.2, 0.02, 0.05)
+    region tray = polygon([(0.6, 0.1), (0.9, 0.1), (0.9, 0.5), (0.7, 0.5)])
+    require clearOf(a, tray)
+    task: noOverlap() & clearOf(d, tray) & leftOf(a, b)
+    near: closeTo(a, b) | noOverlap([a, b, d])"""
+    run = Robustness(check_text(text).core)
+    rows = size * torch.rand(12, 500, dtype=dtype, generator=torch.Generator().manual_seed(1))
+    plain, column = run.rows(rows), run.rows(rows[:, :1])
+    assert torch.equal(plain, run.rows(rows.clone().requires_grad_()).detach())
+    assert torch.equal(plain[:, :1], column) and torch.equal(plain, run.rows(rows, beta=10.0))

@@ -1,0 +1,93 @@
+"""The least clearance from few of them: the same bits, whatever may decide."""
+
+import numpy as np
+import pytest
+
+from scenegen.lang.check import check_text
+from scenegen.lang.closest import find, last_uses_of, least
+from scenegen.lang.interpret import evaluate
+from scenegen.primitives import NUMPY, PRIMITIVES
+
+TABLE = """object a, b = box(0.1, 0.06, 0.05), c = box(0.3, 0.01, 0.05), d = cylinder(0.04, 0.1)
+object e = box(0.1, 0.06, 0.05)
+region tray = polygon([(0.6, 0.1), (0.9, 0.1), (0.9, 0.5), (0.7, 0.5)])
+task: forall p in [a, b, c, d, e]: clearOf(p, tray)
+safe: noOverlap() & leftOf(a, b)"""
+
+
+def gap(*given):
+    return PRIMITIVES["gap"].evaluate(NUMPY, *given)
+
+
+def both(rows, pairs=10):
+    """The least clearance as found, and as that of all pairs."""
+    core = check_text(TABLE).core
+    (closest,) = [one for one in find(core).values() if one.count == pairs]
+    with np.errstate(invalid="ignore", over="ignore"):
+        values = evaluate(core, list(rows), NUMPY)
+        given = {arg: np.asarray(values[arg], rows.dtype) for arg in closest.needs}
+        every = [gap(*key, *(given[arg] for arg in pair)) for key, group in closest.groups for pair in group]
+        return least(closest, given, gap), np.min(every, axis=0)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("size", [1.0, 0.3, 1e3])
+def test_the_same_bits(dtype, size):
+    rows = np.random.default_rng(1).uniform(0.0, size, (15, 3000)).astype(dtype)
+    for pairs in (5, 10):
+        found, wanted = both(rows, pairs)
+        assert found.dtype == dtype and np.array_equal(found, wanted)
+
+
+def test_ties_and_places_in_common():
+    rows = np.round(np.random.default_rng(2).uniform(0.0, 1.0, (15, 3000)), 1)
+    found, wanted = both(rows)
+    assert np.array_equal(found, wanted)
+
+
+def test_numbers_without_bounds():
+    rows = np.random.default_rng(3).uniform(0.0, 1.0, (15, 40))
+    rows[0, 0], rows[1, 1], rows[4, 2], rows[3, 3] = np.nan, np.nan, 1e200, -1e300
+    found, wanted = both(rows)
+    assert np.array_equal(found[:2], wanted[:2], equal_nan=True) and np.isnan(found[:2]).all()
+    assert np.array_equal(found[2:], wanted[2:])
+
+
+def test_where_most_may_decide_it_says_so():
+    rows = np.random.default_rng(4).uniform(0.0, 0.01, (15, 100))
+    assert both(rows)[0] is None
+
+
+def test_few_clearances_are_computed():
+    core = check_text("object a[20] = box(0.05, 0.03, 0.05)\ntask: noOverlap()").core
+    ((_, closest),) = find(core).items()
+    rows, computed = np.random.default_rng(5).uniform(0.0, 1.0, (60, 500)), 0
+
+    def counted(*given):
+        nonlocal computed
+        computed += len(given[-1])
+        return gap(*given)
+
+    needed = {arg: rows[core.nodes[arg].row] for arg in closest.needs}
+    least(closest, needed, counted)
+    assert 500 <= computed < 190 * 500 // 20
+
+
+def test_what_is_wanted_elsewhere_is_left_alone():
+    boxes = "object a, b, c, d = box(0.1, 0.1, 0.1)\n"
+    assert find(check_text(boxes + "task: clearOf(a, b) & clearOf(b, c)").core) == {}  # too few
+    assert (
+        find(check_text(boxes + "one: clearOf(a, b)\ntask: clearOf(a, b) & clearOf(b, c) & clearOf(a, c)").core) == {}
+    )
+    assert find(check_text(boxes + "task: clearOf(a, b) | clearOf(b, c) | clearOf(a, c)").core) == {}
+    cans = "object a, b, c = cylinder(0.1, 0.1)\ntask: noOverlap([a, b, c])"
+    assert find(check_text(cans).core) == {}
+
+
+def test_poses_stay_until_the_conjunction_is_done():
+    core = check_text(TABLE).core
+    found = find(core)
+    freed = {child: node for node, some in enumerate(last_uses_of(core, found)) for child in some}
+    assert len(found) == 2
+    for index, closest in found.items():
+        assert all(freed[arg] >= index for arg in closest.needs) and not closest.nodes & freed.keys()

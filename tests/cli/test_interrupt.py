@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("interruptible")
+
 
 def started(words, cwd):
     environment = os.environ | {"TERM": "dumb", "PYTHONUNBUFFERED": "1"}

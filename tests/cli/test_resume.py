@@ -12,6 +12,8 @@ import pytest
 
 from scenegen.api.scenes import read_scenes
 
+pytestmark = pytest.mark.usefixtures("interruptible")
+
 WORDS = ["sample", "two.spec", "--phi", "task=-0.4:0.4", "--phi", "safe=0:", "--seed", "8"]
 
 

@@ -90,6 +90,7 @@ def train(
     """
     from scenegen.cli.output import console, detail, print_error
     from scenegen.formats.files import check_writable
+    from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
 
     options = {
@@ -106,6 +107,7 @@ def train(
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
     check_writable(out, spec)
+    need("torch", "to train a model")
     from scenegen.api.card import check_card, write_card
     from scenegen.api.spec import load
     from scenegen.api.train import train as run

@@ -2,8 +2,8 @@
 
 `spec` blocks must pass the checker (`spec file=NAME` also writes them for later blocks of the page); `sh` blocks run
 line by line; `console` blocks are run by a shell and their output compared; `python` blocks are executed. A page's
-blocks share a folder that holds `specs`. `golden` blocks are put to work by test_relations_page.py. Links between pages must lead
-somewhere.
+blocks share a folder that holds `specs`. `golden` blocks are put to work by test_relations_page.py. Links between pages
+must lead somewhere.
 """
 
 import os

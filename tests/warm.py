@@ -1,4 +1,4 @@
-"""Python programs, each in a fork of one process that has torch and the like loaded, which takes seconds of CPU time."""
+"""Python programs, each in a fork of one process that has torch and the like loaded, which takes seconds of CPU."""
 
 from __future__ import annotations
 

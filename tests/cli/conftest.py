@@ -57,6 +57,12 @@ def scenegen(capfd, plain):
 
 
 @pytest.fixture
+def small_pictures(monkeypatch):
+    """Pictures are as small as they get where no size is given."""
+    monkeypatch.setattr("scenegen.render.scenes.usual_size", lambda file: (32, 24))
+
+
+@pytest.fixture
 def refused(scenegen, here):
     """Runs a command that must fail: status 1, one diagnostic with help, no output, nothing written."""
 

@@ -3,7 +3,9 @@ of another kind is told before any work is done."""
 
 from __future__ import annotations
 
-from numbers import Integral
+import math
+import os
+from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 
@@ -17,6 +19,13 @@ def whole(name: str, value: object) -> int:
     return int(value)
 
 
+def seconds(name: str, value: object) -> float:
+    """A span of time. Raises RequestError for what is none, or not above 0."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
+        raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it a number of seconds above 0"))
+    return float(value)
+
+
 def words(name: str, value: object, example: str) -> tuple[str, ...]:
     """A list of words, not one by itself, whose letters would be taken for words. Raises RequestError."""
     if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):
@@ -25,7 +34,19 @@ def words(name: str, value: object, example: str) -> tuple[str, ...]:
 
 
 def path(name: str, value: object) -> Path:
-    """Raises RequestError for what is no path."""
-    if not isinstance(value, str | PathLike):
+    """Raises RequestError for what is no path, and for a name that no file can have."""
+    given = os.fspath(value) if isinstance(value, str | PathLike) else None
+    if not isinstance(given, str):
         raise RequestError(Diagnostic(f"`{name}` is {value!r}", help="give it the path of a file"))
-    return Path(value)
+    odd = "a NUL character" if "\0" in given else "" if _encodes(given) else "half of a character"
+    if odd:
+        raise RequestError(Diagnostic(f"`{name}` is {given!a}", help=f"no file name can hold {odd}; leave it out"))
+    return Path(given)
+
+
+def _encodes(text: str) -> bool:
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
+    return True

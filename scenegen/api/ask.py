@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Budget, Problem
     from scenegen.sampling.request import Range
 
-METHODS = ("auto", "rejection", "splitting", "model")
+METHODS = ("auto", "rejection", "growth", "splitting", "model")
 
 Ends = tuple[float | None, float | None]
 Wanted: TypeAlias = "Mapping[str, Ends | Range] | Ends | Range"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenegen.api.describe import describe
-from scenegen.api.measure import LABELS, SCENES, Measured, measure
+from scenegen.api.measure import ALL, LABELS, SCENES, Measured, measure
 from scenegen.api.model import Model
 from scenegen.formats.files import check_writable, write_whole
 
@@ -21,12 +21,12 @@ def check_card(model: Path, *inputs: Path) -> None:
         check_writable(path, *inputs)
 
 
-def write_card(model: Model, path: Path) -> list[Path]:
+def write_card(model: Model, path: Path, seconds: float = ALL) -> list[Path]:
     """Measure a model whose file is `path`, and write its card beside it, each file whole or not at all. Returns what
     was written: the text, and the picture where there was anything to draw. The same model gives the same card, except
-    that a slow machine may leave out what is rare. Raises OutputError."""
+    that a slow machine, or little time (`seconds`), may leave out what is rare. Raises OutputError."""
     text, picture = card_paths(path)
-    measured = measure(model)
+    measured = measure(model, seconds)
     written = [text]
     if measured.curves:
         from scenegen.render.calibration import Panel, calibration

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenegen import given
 from scenegen.api.labels import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, rows_of
 from scenegen.errors import Diagnostic, RequestError, quoted, suggest
 from scenegen.formats.folder import scene_name, whole_files
-from scenegen.given import words
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
@@ -72,8 +72,9 @@ def figures(
     """
     from scenegen.render.request import check_request, usual_size
 
+    folder = given.path("out", out)
     known = f"the figures are {quoted(FIGURES)}"
-    kinds = words("kinds", kinds, '("sheet", "gif")')
+    kinds = given.words("kinds", kinds, '("sheet", "gif")')
     if not kinds:
         help_ = f'name the folder first, then what to draw: figures("pictures", "sheet"); {known}'
         raise RequestError(Diagnostic("no figure was asked for", help=help_))
@@ -97,7 +98,6 @@ def figures(
         made["heatmap.png"] = heatmap(scenes.file(), distinct=distinct)
     if "topview" in kinds:
         made |= _topviews(scenes, label)
-    folder = Path(out)
     with whole_files(folder) as put:
         for name, data in made.items():
             put(name, data)

@@ -62,10 +62,10 @@ class Measured:
     missing: tuple[str, ...]
 
 
-def measure(model: Model) -> Measured:
+def measure(model: Model, seconds: float = ALL) -> Measured:
     """Accuracy and coverage at a handful of values of each label, and calibration over all of its range. Takes about a
-    second, half a minute where scenes are rare. Nothing is refined: this is what the network itself makes."""
-    until = time.monotonic() + ALL
+    second, half a minute or `seconds` where scenes are rare. Nothing is refined: it is the network's own output."""
+    until = time.monotonic() + min(seconds, ALL)
     levels: list[Level] = []
     curves: list[Curve] = []
     missing: list[str] = []

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from scenegen import given
 from scenegen.assets import Shape
 from scenegen.data.arrange import arranged, check_held, order_of
 from scenegen.errors import Diagnostic
@@ -69,12 +70,14 @@ class SceneArrays:
 
     def file(self) -> SceneFile:
         """The scene file: validated data, ready to be written."""
+        if not len(self):
+            return self.header.without_scenes(tuple(self.phi))
         scenes = [SceneData(poses=poses, phi=phi) for poses, phi in map(self.places, range(len(self)))]
         return self.header.model_copy(update={"scenes": scenes})
 
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
-        path = Path(path)
+        path = given.path("path", path)
         table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import reprlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 import numpy.typing as npt
 
+from scenegen import given
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
 from scenegen.api.scene_arrays import Array, SceneArrays, rows_of
@@ -62,9 +65,8 @@ class SceneSet(SceneArrays):
     @overload
     def __getitem__(self, index: Picked) -> SceneSet: ...
     def __getitem__(self, index: int | Picked) -> Scene | SceneSet:
-        if not isinstance(index, int | np.integer):
-            if isinstance(index, list) and not index:
-                index = slice(0)  # numpy takes an empty list for one of floats
+        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+            index = _picked(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
             return SceneSet(self.poses[index], phi, self.header)
         return Scene(*self.places(index), self.header)
@@ -108,7 +110,7 @@ class SceneSet(SceneArrays):
         """
         from scenegen.api import export
 
-        return export.export(self, Path(out), to)
+        return export.export(self, given.path("out", out), to)
 
     def render(
         self,
@@ -137,7 +139,7 @@ class SceneSet(SceneArrays):
 
         return render_scenes(
             self.file(),
-            Path(out),
+            given.path("out", out),
             views=views,
             size=size,
             distinct=distinct,
@@ -166,17 +168,39 @@ class SceneSet(SceneArrays):
         return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
 
-def read_scenes(path: str | Path) -> SceneSet:
-    """Read a scene file of any format. Raises DataError, and RequestError for an ending that no format has."""
-    reading = table.read_scenes(Path(path))
-    return _scene_set(reading.header, reading.labels, reading.whole())
+def _picked(index: object, count: int) -> Picked:
+    """What picks some of `count` scenes, once it is a thing that does: numpy makes something else of None, of tuples
+    and of lists of lists. Raises RequestError, also for a mask of another length."""
+    with contextlib.suppress(TypeError, ValueError):  # slices of words, ragged lists
+        if isinstance(index, slice):
+            range(count)[index]
+            return index
+        if isinstance(index, list | np.ndarray):
+            chosen = np.asarray(index) if len(index) else np.empty(0, dtype=np.intp)  # [] would be one of floats
+            mask = chosen.dtype == np.bool_ and len(chosen) == count
+            if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
+                return chosen
+    help_ = f"pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values"
+    raise RequestError(Diagnostic(f"{reprlib.repr(index)} does not pick scenes", help=help_))
+
+
+def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None) -> SceneSet:
+    """Read a scene file of any format, or its scenes from `start` up to, not including, `stop` (counted from 0).
+
+    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has.
+    """
+    ends = [given.whole(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
+    if min(ends) < 0:
+        raise RequestError(Diagnostic("`start` and `stop` count scenes from 0", help="leave them out to read all"))
+    reading = table.read_scenes(given.path("path", path))
+    return _scene_set(reading.header, reading.labels, reading.whole(start, stop))
 
 
 def from_file(file: SceneFile) -> SceneSet:
     """The arrays of a scene file."""
     names = [one.name for one in file.objects]
-    labels = tuple(file.scenes[0].phi) if file.scenes else ()
-    return _scene_set(file.model_copy(update={"scenes": []}), labels, block_of(file.scenes, names, labels))
+    labels = file.label_names
+    return _scene_set(file.without_scenes(), labels, block_of(file.scenes, names, labels))
 
 
 def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:

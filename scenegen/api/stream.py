@@ -15,9 +15,10 @@ from scenegen.api.sample import Note, chosen, partial, sample
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
-from scenegen.api.spec import Spec
+from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.files import check_writable
+from scenegen.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.formats.table import format_of, read_scenes
 from scenegen.scene.data import SceneFile
 
@@ -83,10 +84,8 @@ def sample_to(
     format_of(path)
     check_writable(path)
     n = given.whole("n", n)
-    if path.suffix.lower() == ".json" and n > MAX_JSON:
-        title = f"a .json file cannot hold {n:,} scenes: whoever reads it needs all of it in memory"
-        help_ = f"write .jsonl or .parquet, or ask for at most {MAX_JSON:,}"
-        raise RequestError(Diagnostic(title, help=help_))
+    if path.suffix.lower() == ".json":
+        _check_json(n, source.spec if isinstance(source, Model) else source)
     if isinstance(source, Model) and method in ("auto", "model"):
         if settle:
             raise refuse_model()
@@ -137,6 +136,15 @@ def sample_to(
         for block in read_scenes(path).blocks:
             seen(block)
     return Written(path, seen.count, headers[-1], seen.phi(asked.problem.spec.labels), warnings)
+
+
+def _check_json(n: int, spec: Spec) -> None:
+    """Refuse more scenes than a .json file can hold. Raises RequestError."""
+    check_spec(spec)
+    most = min(MAX_JSON, MOST_BYTES // (BYTES * (3 * len(spec.objects) + len(spec.labels))))
+    if n > most:
+        title = f"a .json file cannot hold {n:,} scenes: whoever reads it needs all of it in memory"
+        raise RequestError(Diagnostic(title, help=f"write .jsonl or .parquet, or ask for at most {most:,}"))
 
 
 def met(scenes: SceneSet) -> dict[str, Met]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +29,8 @@ def train(
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_step: Callable[[int, int], None] | None = None,
     on_note: Callable[[str], None] | None = None,
+    on_gather: Callable[[str, int, int], None] | None = None,
+    timeout: float | None = None,
     **options: Any,
 ) -> Model:
     """Train a model of the table (gan, aae, flow, energy) on a spec and write it to `out`.
@@ -36,13 +40,21 @@ def train(
     recipe's own where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to
     the same result as one run without a break. `log_dir` gets TensorBoard event files. `card` writes the model card,
     `out`.md and `out`.png, when training is done. `on_epoch` gets an EpochReport, `on_step` the steps that are done and
-    planned. Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM.
+    planned, `on_gather`, before the first epoch, what is being done and how many of how many training scenes are there.
+
+    After `timeout` seconds the gathering of scenes is given up: RequestError, and nothing is written. Training stops
+    there after the step under way: the model is what it has come to, `resume` goes on, and no card is written.
+
+    Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM, KeyboardInterrupt while scenes are
+    gathered.
     """
     from scenegen.training.config import make_config
 
     check_spec(spec)
     path = given.path("out", out)
     config = make_config(model, recipe, **options)
+    seconds = math.inf if timeout is None else given.seconds("timeout", timeout)
+    until = time.monotonic() + seconds
     need("torch", "to train a model")
     from scenegen.training.loop import train as run
 
@@ -56,12 +68,14 @@ def train(
             config,
             path,
             resume=resume,
-            log_dir=None if log_dir is None else Path(log_dir),
+            log_dir=None if log_dir is None else given.path("log_dir", log_dir),
             on_epoch=on_epoch,
             on_step=on_step,
             on_note=on_note,
+            on_gather=on_gather,
+            timeout=seconds,
         )
     )
-    if card:
-        write_card(done, path)
+    if card and time.monotonic() < until:
+        write_card(done, path, until - time.monotonic())
     return done

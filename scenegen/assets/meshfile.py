@@ -38,8 +38,11 @@ def vertices(name: str, data: bytes) -> Floats:
 
 
 def _numbers(rows: list[bytes]) -> Floats:
+    words = [row.split()[:3] for row in rows]
     try:
-        return np.array([row.split()[:3] for row in rows], dtype=np.float64).reshape(-1, 3)
+        if any(b"_" in row for row in rows) and any(b"_" in word for three in words for word in three):
+            raise ValueError  # Python reads 1_0 as 10, nobody else does
+        return np.array(words, dtype=np.float64).reshape(-1, 3)
     except ValueError:
         raise MeshError("a vertex in it is not three numbers") from None
 

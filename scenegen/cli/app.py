@@ -21,8 +21,8 @@ import typer
 from scenegen.cli import assets, check, eval, export, fmt, info, lsp, new, render, sample, specs, train
 from scenegen.cli import range as range_command
 from scenegen.cli.options import Quiet, Verbose
-from scenegen.cli.output import Voice, complain, voice
-from scenegen.cli.streams import give_up_output, prepare
+from scenegen.cli.output import Voice, complain, print_message, voice
+from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 
 # click's exceptions, wherever they live: typer brought its own copy of click along from some version on
@@ -92,6 +92,8 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             return command(*args, **options)
         except KeyboardInterrupt as error:
             raise _Interrupted(str(error)) from error
+        except BrokenPipeError as error:
+            raise _NobodyReads from error
         finally:
             voice.reset(before)
 
@@ -130,6 +132,10 @@ class _Interrupted(Exception):  # noqa: N818 - no error
     """Ctrl-C on its way past typer, which would swallow what it says."""
 
 
+class _NobodyReads(Exception):  # noqa: N818 - no error
+    """A broken pipe on its way past typer, which would exit with status 1."""
+
+
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
     prepare()
@@ -154,11 +160,16 @@ def run(words: list[str]) -> int:
     except exceptions.UsageError as error:
         return _usage(error)
     except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
-        print(str(error) or "interrupted", file=sys.stderr)
+        print_message(str(error) or "interrupted")
         return 130
-    except BrokenPipeError:
-        give_up_output()
-        return 1
+    except (_NobodyReads, BrokenPipeError):
+        # `scenegen check x.spec | head -1`: whoever reads the data has had enough. That is no failure, as it is none
+        # for ripgrep; with `set -o pipefail`, 1 (or 141, a death by SIGPIPE) would make it one. A run whose *messages*
+        # nobody reads any more was cut short before its work was done, and fails.
+        status = 0 if reader_left() else 1
+        give_up(sys.stdout)
+        give_up(sys.stderr)
+        return status
     except MemoryError:
         if debug:
             raise
@@ -168,7 +179,7 @@ def run(words: list[str]) -> int:
         if debug:
             raise
         if isinstance(error, OSError) and error.filename is None:
-            give_up_output()
+            give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()
             complain(Diagnostic(f"cannot write to standard output: {reason}", help="name a file with --out"))
             return 1

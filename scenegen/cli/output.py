@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenegen.cli.streams import give_up
 from scenegen.errors import Diagnostic, render_all
 
 if TYPE_CHECKING:
@@ -49,14 +50,23 @@ def use_color() -> bool:
 def print_error(text: str) -> None:
     """What a command did, or a note: on standard error, unless -q was given."""
     if not _voice().quiet:
-        print(text, file=sys.stderr, flush=True)
+        print_message(text)
 
 
 def detail(text: str) -> None:
     """What is being done, with the time so far: only where -v was given."""
     now = _voice()
     if now.verbose:
-        print(f"[{time.monotonic() - now.started:6.2f} s] {text}", file=sys.stderr, flush=True)
+        print_message(f"[{time.monotonic() - now.started:6.2f} s] {text}")
+
+
+def print_message(text: str) -> None:
+    """Text on standard error, with -q too. Where nobody reads it any more it goes nowhere: the exit status says
+    enough."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        give_up(sys.stderr)
 
 
 def note_others(folder: Path, total: int, ending: str) -> None:
@@ -73,7 +83,7 @@ def note_others(folder: Path, total: int, ending: str) -> None:
 def complain(*diagnostics: Diagnostic) -> None:
     """Diagnostics on standard error, -q or not."""
     if diagnostics:
-        print(render_all(diagnostics, color=use_color()), file=sys.stderr, flush=True)
+        print_message(render_all(diagnostics, color=use_color()))
 
 
 def console() -> Console:

@@ -61,8 +61,8 @@ def sample(
         str,
         typer.Option(
             "--method",
-            help="auto, rejection or splitting (a spec), model (a model file).",
-            autocompletion=_choices("auto", "rejection", "splitting", "model"),
+            help="auto, rejection, growth or splitting (a spec), model (a model file).",
+            autocompletion=_choices("auto", "rejection", "growth", "splitting", "model"),
         ),
     ] = "auto",
     spread: Annotated[
@@ -141,6 +141,7 @@ def sample(
     from scenegen.api.sample import sample as draw_scenes
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
+    from scenegen.cli.streams import check_output
     from scenegen.errors import Diagnostic, RequestError
     from scenegen.formats.blocks import BLOCK
     from scenegen.formats.files import check_folder, check_writable
@@ -152,6 +153,8 @@ def sample(
         check_writable(out, source)
     elif resume:
         raise RequestError(Diagnostic("--resume goes on with a file, and none is named", help="name it with --out"))
+    else:
+        check_output()
     if satisfied and violated:
         raise RequestError(Diagnostic("--satisfied and --violated contradict each other", help="give one of them"))
     subject = _load(source, spec, root)
@@ -256,9 +259,11 @@ def looks_like_model(path: Path) -> bool:
     """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header."""
     if path.suffix == ".safetensors":
         return True
-    if path.suffix == ".spec" or not path.is_file():
+    if path.suffix == ".spec":
         return False
     try:
+        if not path.is_file():
+            return False
         with path.open("rb") as file:
             start = file.read(9)
     except OSError:
@@ -317,6 +322,8 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"rejection, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
     if info["method"] == "splitting":
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    if info["method"] == "growth":
+        return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
     return f"{info['method']}, {info['candidates']:,} candidates"
 
 

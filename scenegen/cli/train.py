@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import time
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -68,6 +70,15 @@ def train(
         Path | None,
         typer.Option("--log-dir", help="Write TensorBoard event files there.", metavar="DIR", show_default=False),
     ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout",
+            help="Seconds after which to stop; left out, there is no limit.",
+            metavar="SEC",
+            show_default=False,
+        ),
+    ] = None,
     card: Annotated[
         bool, typer.Option("--card/--no-card", help="Measure the model when it is done: FILE.md and FILE.png.")
     ] = True,
@@ -85,15 +96,20 @@ def train(
     unbroken run (it reads FILE.train, which lies beside the model and may be deleted when you are done). With more
     --epochs than at first, the learning rate follows the new plan from there on.
 
+    First the training scenes are gathered, which takes as long as such scenes are rare: how many there are is shown.
+    When --timeout is over by then, nothing is written and the exit status is 1. Later, training stops as on Ctrl-C, the
+    model is what it has come to, and no card is made.
+
     Some scenes beside the training scenes are held out; after each epoch the model is asked for their phi, and how far
     it is off is shown. The card, FILE.md, holds what the model is and how it compares with fresh exact scenes.
     """
     from scenegen.cli.output import console, detail, print_error
     from scenegen.formats.files import check_writable
+    from scenegen.given import seconds
     from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
 
-    options = {
+    options: dict[str, Any] = {
         "epochs": epochs,
         "batch_size": batch_size,
         "lr": lr,
@@ -106,6 +122,7 @@ def train(
     }
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
+    until = time.monotonic() + (math.inf if timeout is None else seconds("timeout", timeout))
     check_writable(out, spec)
     need("torch", "to train a model")
     from scenegen.api.card import check_card, write_card
@@ -118,10 +135,15 @@ def train(
     checked = load(spec, root)
     detail(f"parsed and checked {spec}; training {config}")
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir)
-        done = train_on(on_epoch=progress, on_step=progress.step, on_note=progress.note, **options)  # type: ignore[arg-type]
+        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir, timeout=timeout)
+        tell: dict[str, Any] = {"on_step": progress.step, "on_note": progress.note, "on_gather": progress.gather}
+        done = train_on(on_epoch=progress, **tell, **options)
     detail("trained")
-    if card:
-        for path in write_card(done, out):
-            print_error(f"wrote {path}")
+    left = until - time.monotonic()
+    if card and left > 0.0:
+        try:
+            for path in write_card(done, out, left):
+                print_error(f"wrote {path}")
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
     print_error(f"wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 from bisect import bisect_left, bisect_right
 from collections import OrderedDict
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
+from scenegen import given
 from scenegen.api.spec import Spec
 from scenegen.bounds import spec_bounds
 from scenegen.curriculum.aim import Aim
@@ -191,8 +193,9 @@ def open_library(aim: Aim, spec: Spec, source: Any) -> Library:
     gymnasium.error.Error."""
     stamp = None
     if isinstance(source, str | Path):
-        source = Path(source).resolve()
-        stamp = source.stat().st_mtime_ns if source.exists() else None
+        source = Path(os.path.realpath(given.path("source", source)))
+        with contextlib.suppress(OSError):
+            stamp = source.stat().st_mtime_ns
     checked = spec.checked
     key = (checked.sha256, checked.shapes, aim.wanted, source, stamp)
     if key in _KEPT:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
+from scenegen import given
 from scenegen.api.model import Model, load_model
 from scenegen.api.sample import sample
 from scenegen.api.scene_arrays import rows_of
@@ -93,7 +94,7 @@ def open_source(aim: Aim, spec: Spec, source: Any) -> Sampler | Scenes:
     if source is None:
         return Sampler(aim)
     if isinstance(source, str | Path):
-        path = Path(source)
+        path = given.path("source", source)
         source = load_model(path, spec) if path.suffix == ".safetensors" else read_scenes(path)
     if isinstance(source, SceneSet):
         return stock(aim, source)

@@ -8,17 +8,19 @@ solved: of experiment 2's range [-2.94, 0.1] that is a fifteenth, and the part t
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from scenegen.data.dataset import Dataset, labelled
+from scenegen.data.gathering import Gathering
 from scenegen.engine.exact import draw
+from scenegen.engine.stream import Progress
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.spec import CheckedSpec
-from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.problem import pose
 from scenegen.sampling.rarity import OutOfReach, measure
 from scenegen.sampling.request import MAX_SEED, Range
 
@@ -35,23 +37,29 @@ NARROWER = 0.8  # of the range: a middle that is not narrower than this is not w
 ENOUGH = 0.5  # of the scenes that were asked for
 
 
-def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset:
+def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
     """`scenes` exact scenes, flat in phi: in each label by itself, and as far as possible in all labels together
     (the first twelve, where there are more).
 
     What is required holds in all scenes. Raises RequestError where a label cannot vary, or too little is in reach.
     """
     seed = int(torch.randint(2**62, (), generator=generator))
-    whole = reach(spec, seed)
+    gathering = gathering or Gathering()
+    gathering.begin("measuring the range of phi")
+    whole = reach(spec, seed, gathering.check)
     parts = [ranges for label, ends in whole.items() for ranges in _halves({label: ends})]
     wanted = POOL * scenes if len(whole) > 1 else scenes
     found = []
+    gathering.begin("gathering scenes", wanted)
+    before = 0
     for index, ranges in enumerate(parts):
         count = wanted * (index + 1) // len(parts) - wanted * index // len(parts)
         if count:
             problem = pose(spec, ranges, n=count, seed=(seed + index) % MAX_SEED)
-            # no clock: time must not decide what is learnt
-            found.append(draw(problem, Budget(math.inf)).rows)
+            # no clock: time must not decide what is learnt; it may end the run
+            found.append(draw(problem, gathering.budget(), _counted(gathering, before)).rows)
+            before += found[-1].shape[1]
+            gathering.reach(before)
     rows = torch.from_numpy(np.concatenate(found, axis=1)).to(torch.float32)
     rows = rows[:, torch.randperm(rows.shape[1], generator=generator)]
     if rows.shape[1] < ENOUGH * wanted:
@@ -62,6 +70,11 @@ def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Data
         kept = _jointly(data.phi, list(whole.values()), min(scenes, len(data)), generator)
         data = Dataset(data.objects, data.labels, data.rows[:, kept].contiguous(), data.phi[:, kept].contiguous())
     return data
+
+
+def _counted(gathering: Gathering, before: int) -> Progress:
+    """Counts the scenes of a part, of which `before` came before."""
+    return lambda found, wanted, candidates: gathering.reach(before + found)
 
 
 def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Generator) -> Tensor:
@@ -91,10 +104,11 @@ def _halves(ends: dict[str, Ends]) -> list[Ranges]:
     return [{label: Range(*both) for label, both in part.items()} for part in ([ends, middle] if narrow else [ends])]
 
 
-def reach(spec: CheckedSpec, seed: int) -> dict[str, Ends]:
-    """The range of phi of each label that scenes were found to have. Raises RequestError."""
+def reach(spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None) -> dict[str, Ends]:
+    """The range of phi of each label that scenes were found to have; `check` is called now and then. Raises
+    RequestError."""
     lowest, highest = spec.box()
-    found = measure(spec.core, lowest, highest, spec.labels, seed)
+    found = measure(spec.core, lowest, highest, spec.labels, seed, check)
     if isinstance(found, OutOfReach):
         raise RequestError(Diagnostic("no scene was found that meets what the spec requires", help="require less"))
     ends = {}

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from scenegen.data.dataset import Dataset, base_draw, held_in_place, labelled
+from scenegen.data.gathering import Gathering
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import gated
 from scenegen.lang.spec import CheckedSpec
@@ -31,6 +32,7 @@ def boosted(
     spec: CheckedSpec,
     scenes: int,
     generator: torch.Generator,
+    gathering: Gathering | None = None,
     *,
     positives: float = POSITIVES,
     noise: float = NOISE,
@@ -41,14 +43,17 @@ def boosted(
     The others are a uniform sample. Where uniform scenes already hold the share, nothing is perturbed. Raises
     RequestError where `draws` uniform scenes hold no satisfying scene to start from.
     """
-    plain = labelled(spec, base_draw(spec, scenes, generator))
+    gathering = gathering or Gathering()
+    gathering.begin("gathering scenes", scenes)
+    plain = labelled(spec, base_draw(spec, scenes, generator, gathering.reach))
     good = _satisfied(plain.phi)
     wanted = math.ceil(positives * scenes)
     hits = plain.rows[:, good]
     if hits.shape[1] >= wanted:
         return plain
     if not hits.shape[1]:
-        hits = _search(spec, draws - scenes, generator)
+        gathering.begin("looking for a satisfied scene")
+        hits = _search(spec, draws - scenes, generator, gathering)
     if not hits.shape[1]:
         raise RequestError(
             Diagnostic(
@@ -57,7 +62,8 @@ def boosted(
             )
         )
     hits = hits[:, :wanted]
-    moved = _perturb(spec, hits, wanted - hits.shape[1], noise, generator)
+    gathering.begin("perturbing satisfied scenes", wanted - hits.shape[1])
+    moved = _perturb(spec, hits, wanted - hits.shape[1], noise, generator, gathering)
     others = plain.rows[:, ~good]
     rows = torch.cat([hits, moved, others[:, : scenes - wanted]], dim=1)
     order = torch.randperm(scenes, generator=generator)
@@ -68,7 +74,7 @@ def _satisfied(phi: Tensor) -> Tensor:
     return (phi >= 0.0).all(dim=0)
 
 
-def _search(spec: CheckedSpec, draws: int, generator: torch.Generator) -> Tensor:
+def _search(spec: CheckedSpec, draws: int, generator: torch.Generator, gathering: Gathering) -> Tensor:
     """The satisfying scenes (3N, H) of the first chunk of uniform scenes that holds any; H = 0 where none does."""
     robustness = Robustness(spec.core)
     hits = torch.empty(3 * len(spec.objects), 0)
@@ -77,10 +83,13 @@ def _search(spec: CheckedSpec, draws: int, generator: torch.Generator) -> Tensor
         hits = rows[:, _satisfied(robustness.rows(rows))]
         if hits.shape[1]:
             break
+        gathering.check()
     return hits
 
 
-def _perturb(spec: CheckedSpec, hits: Tensor, count: int, noise: float, generator: torch.Generator) -> Tensor:
+def _perturb(
+    spec: CheckedSpec, hits: Tensor, count: int, noise: float, generator: torch.Generator, gathering: Gathering
+) -> Tensor:
     """`count` perturbed hits (3N, count) that satisfy every label and what is required, and lie in the workspace."""
     robustness, codec = Robustness(gated(spec.core)), Codec(spec.workspace, len(spec.objects))
     source = codec.encode(hits)
@@ -101,4 +110,5 @@ def _perturb(spec: CheckedSpec, hits: Tensor, count: int, noise: float, generato
             noise /= 2.0
         kept.append(rows)
         found += rows.shape[1]
+        gathering.reach(min(found, count))
     return torch.cat([torch.empty_like(hits[:, :0]), *kept], dim=1)[:, :count]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -47,9 +48,12 @@ class Dataset:
         return digest.hexdigest()
 
 
-def base_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
+def base_draw(
+    spec: CheckedSpec, scenes: int, generator: torch.Generator, found_so_far: Callable[[int], None] | None = None
+) -> Tensor:
     """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, objects that are held in
-    their place, what is required met. Raises RequestError where that is met too rarely for plain draws."""
+    their place, what is required met. `found_so_far` is told how many there are. Raises RequestError where that is met
+    too rarely for plain draws."""
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)
     judge = Robustness(gated(spec.core))
@@ -61,6 +65,8 @@ def base_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Ten
         rows = _free_draw(spec, _CHUNK, generator)
         kept.append(rows[:, judge.rows(rows)[-1] >= 0.0])
         found, tried = found + kept[-1].shape[1], tried + _CHUNK
+        if found_so_far is not None:
+            found_so_far(min(found, scenes))
     return torch.cat(kept, dim=1)[:, :scenes].contiguous()
 
 

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from scenegen.data.arrange import arranged, order_of
 from scenegen.data.dataset import Dataset, labelled
+from scenegen.data.gathering import Gathering
 from scenegen.data.scenefile import check_count, storage
 from scenegen.data.split import held_count, held_places
 from scenegen.errors import DataError, Diagnostic
@@ -66,7 +67,9 @@ class Streamed:
         return Block(rows[:, keep], np.empty((0, int(keep.sum()))))
 
 
-def look_through(spec: CheckedSpec, path: Path, scenes: int | None, sizes: tuple[int, ...]) -> Streamed:
+def look_through(
+    spec: CheckedSpec, path: Path, scenes: int | None, sizes: tuple[int, ...], gathering: Gathering
+) -> Streamed:
     """The first pass over the first `scenes` scenes of a file (None: all) whose row groups have these sizes. Raises
     DataError where they are not of the spec's objects, or break it."""
     stamp = _stamp(path)
@@ -84,6 +87,7 @@ def look_through(spec: CheckedSpec, path: Path, scenes: int | None, sizes: tuple
     chosen: list[Dataset] = []
     extremes: Dataset | None = None
     groups = range(len(starts) - 1)
+    gathering.begin(f"reading {path}", total)
     for index, block in zip(groups, _read(path, groups), strict=True):
         start, stop = starts[index], starts[index + 1]
         data = labelled(spec, storage(spec, block.part(0, stop - start), order, start))
@@ -94,6 +98,7 @@ def look_through(spec: CheckedSpec, path: Path, scenes: int | None, sizes: tuple
         chosen.append(mine.take(slice(0, None, every)))
         extremes = _extremes(mine if extremes is None else joined([extremes, mine]))
         ways.update(_count(deciding(spec.core, mine.rows)))
+        gathering.reach(stop)
     assert extremes is not None
     return Streamed(
         spec,

@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     import torch
 
     from scenegen.data.dataset import Dataset
+    from scenegen.data.gathering import Gathering
     from scenegen.lang.spec import CheckedSpec
 
 
 class DatasetMaker(Protocol):
-    """Makes `scenes` labelled scenes for a spec; the generator (a CPU one) alone decides the outcome."""
+    """Makes `scenes` labelled scenes for a spec; the generator (a CPU one) alone determines the outcome. `gathering` is
+    told how far it is, and may end it with RequestError."""
 
-    def __call__(self, spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset: ...
+    def __call__(
+        self, spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None
+    ) -> Dataset: ...
 
 
 # Text, not functions: `scenegen train --help` lists them without importing torch.

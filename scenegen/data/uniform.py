@@ -5,9 +5,12 @@ from __future__ import annotations
 import torch
 
 from scenegen.data.dataset import Dataset, base_draw, labelled
+from scenegen.data.gathering import Gathering
 from scenegen.lang.spec import CheckedSpec
 
 
-def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Dataset:
+def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
     """`scenes` scenes, uniform over the workspace and the circle."""
-    return labelled(spec, base_draw(spec, scenes, generator))
+    gathering = gathering or Gathering()
+    gathering.begin("gathering scenes", scenes)
+    return labelled(spec, base_draw(spec, scenes, generator, gathering.reach))

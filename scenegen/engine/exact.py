@@ -38,7 +38,7 @@ def crew(plan: Plan, workers: int | None) -> int:
     if workers is not None:
         return workers
     work = plan.evaluations * (len(plan.problem.core.nodes) + BESIDE)
-    return 1 if work < SMALL else max(1, min(_cores(), math.floor(work / AT_LEAST)))
+    return 1 if work < SMALL else max(1, min(_cores(), plan.shared_by, math.floor(work / AT_LEAST)))
 
 
 def _cores() -> int:

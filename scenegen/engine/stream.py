@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import Cell, Filler
 from scenegen.engine.interrupt import stop_signals
 from scenegen.engine.pool import run_pieces
@@ -107,7 +108,11 @@ def run_blocks(
     run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
     with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
         while not run.over:
-            yield from run.take(*next(results))
+            try:
+                made = next(results)
+            except StoppedError:  # time was up in the midst of the piece
+                break
+            yield from run.take(*made)
             if progress is not None:
                 progress(run.filler.found, pieces.wanted, run.filler.candidates)
             if spent():
@@ -177,7 +182,11 @@ def stream_scenes(
                 closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results,
             ):
                 while not standing.over:
-                    run.take(*next(results))
+                    try:
+                        made = next(results)
+                    except StoppedError:  # time was up in the midst of the piece
+                        break
+                    run.take(*made)
                     if progress is not None:
                         progress(standing.filler.found, pieces.wanted, standing.filler.candidates)
                     run.checkpoint(checkpoint)

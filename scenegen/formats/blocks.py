@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.errors import DataError, Diagnostic
+
 if TYPE_CHECKING:
     from scenegen.scene.data import SceneFile
 
 Array = npt.NDArray[np.float64]
 
 BLOCK = 65_536  # scenes of a block, and of a row group of a Parquet file
+MOST = 1 << 26  # coordinates and values of phi that are read into memory at once: 537 MB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,16 +38,43 @@ class Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """An open scene file. `header` has no scenes in it; `blocks` gives them, once, and closes the file at its end."""
+    """An open scene file. `header` has no scenes in it; `blocks` gives them, once, and closes the file at its end.
+    `count` is how many there are where the file says so before they are read; `name` is what errors call it."""
 
     header: SceneFile
     labels: tuple[str, ...]
     blocks: Iterator[Block]
+    count: int | None = None
+    name: str = "this file"
 
-    def whole(self) -> Block:
-        """All scenes at once."""
-        objects = len(self.header.objects)
-        return joined(list(self.blocks), 3 * objects, len(self.labels))
+    def whole(self, start: int = 0, stop: int | None = None) -> Block:
+        """All scenes at once, or those from `start` up to, not including, `stop`. Raises DataError where they are too
+        many for memory: before they are read, where the file says how many there are."""
+        coordinates = 3 * len(self.header.objects)
+        most = MOST // (coordinates + len(self.labels))
+        known = self.count if stop is None else stop if self.count is None else min(stop, self.count)
+        if known is not None and known - start > most:
+            raise self._too_many(f"{known - start:,}", most)
+        found: list[Block] = []
+        done = held = 0
+        for block in self.blocks:
+            part = block.part(max(0, start - done), block.count if stop is None else max(0, stop - done))
+            done += block.count
+            held += part.count
+            if held > most:
+                raise self._too_many(f"more than {most:,}", most)
+            found.append(part)
+            if stop is not None and done >= stop:
+                break
+        return joined(found, coordinates, len(self.labels))
+
+    def _too_many(self, count: str, most: int) -> DataError:
+        title = f"{self.name} holds {count} scenes of {len(self.header.objects)} objects: too many for memory"
+        help_ = (
+            f"at most {most:,} of them are read at once; in Python, scenegen.read_scenes(path, stop={most}) reads a"
+            " part. `scenegen export` makes other scene files of any number, block by block"
+        )
+        return DataError(Diagnostic(title, help=help_))
 
 
 def joined(blocks: Sequence[Block], coordinates: int, labels: int) -> Block:

@@ -13,6 +13,7 @@ from typing import IO
 
 from scenegen.errors import DataError, Diagnostic, OutputError, ScenegenError
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
     errno.ENOENT: "the folder does not exist; create it first, or name one that is there",
     errno.ENOTDIR: "a part of the path is a file, not a folder",
@@ -22,6 +23,9 @@ _WRITE_HELP = {
     errno.EROFS: "that file system is read-only; choose another folder",
     errno.ENOSPC: "the disk is full; nothing was left behind",
     errno.EDQUOT: "your quota on that disk is used up; nothing was left behind",
+    errno.EFBIG: "that is more than one file may hold there (`ulimit -f`); nothing was left behind",
+    errno.ENAMETOOLONG: "that name is too long for a file; choose a shorter one",
+    errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
 
 
@@ -36,19 +40,46 @@ def output_error(path: Path, error: OSError) -> OutputError:
 def check_writable(path: Path, *inputs: Path) -> None:
     """Refuse, before any work is done, an output file whose folder is missing or read-only, one that is not a regular
     file, and one that is also an input. Raises OutputError."""
-    _refuse_special(path)
-    for given in inputs:
-        if path.exists() and given.exists() and path.samefile(given):
-            raise OutputError(
-                Diagnostic(f"{path} would overwrite what it is made from", help="name another output file")
-            )
-    # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
-    with reported(path), tempfile.TemporaryFile(dir=path.parent):
-        pass
+    with reported(path):
+        _refuse_special(path)
+        for given in inputs:
+            if _same(path, given):
+                title = f"{path} would overwrite what it is made from"
+                raise OutputError(Diagnostic(title, help="name another output file"))
+        # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
+        with tempfile.TemporaryFile(dir=target(path).parent):
+            pass
+
+
+def _same(path: Path, given: Path) -> bool:
+    """Whether both are one file. An input that cannot be looked at is left to whoever reads it."""
+    if not path.exists():
+        return False
+    try:
+        return given.exists() and path.samefile(given)
+    except (OSError, ValueError):
+        return False
+
+
+def target(path: Path) -> Path:
+    """What a link leads to, step by step; any other path as it is. Raises OSError for a link that leads to itself, and
+    for names that are too long."""
+    _exists(path)
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def _exists(path: Path) -> bool:
+    """As Path.exists, but for links that lead to themselves, which that calls missing: OSError."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def _refuse_special(path: Path) -> None:
     """Folders, devices, pipes and sockets are not replaced by a file."""
+    _exists(path)
     if path.is_dir():
         raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     if path.exists() and not path.is_file():
@@ -60,7 +91,7 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     the output `file` as well. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
         raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
-    with reported(path), tempfile.TemporaryFile(dir=path if path.exists() else path.parent):
+    with reported(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
         pass
 
 
@@ -91,8 +122,9 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
     """
     with reported(path):
         _refuse_special(path)
-        path = path.resolve() if path.is_symlink() else path  # the link stays, what it points to is written
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        path = target(path)  # a link stays, what it points to is written
+        # a name may be as long as names can be, so the temporary one has its beginning only
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:32]}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
                 yield file
@@ -118,14 +150,14 @@ def _umask() -> int:
     return mask
 
 
-def read_bytes(path: Path, what: str, *, limit: int | None = None) -> bytes:
-    """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"). Raises DataError."""
+def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str = "") -> bytes:
+    """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"), `remedy` what to do
+    about one that is longer than the limit. Raises DataError."""
     with opened(path, what) as file:
         size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
-            raise DataError(
-                Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=f"the limit is {limit:,}")
-            )
+            help_ = f"the limit is {limit:,}" + (f"; {remedy}" if remedy else "")
+            raise DataError(Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=help_))
         return file.read()
 
 

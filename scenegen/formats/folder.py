@@ -23,7 +23,8 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
 
     Raises OutputError and leaves nothing behind.
     """
-    made = not folder.exists()
+    with reported(folder):
+        made = not folder.exists()
     ensure_folder(folder)
     names: list[str] = []
     below: set[Path] = set()  # folders that this call made

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
 from scenegen.errors import DataError, Diagnostic, Source, Span, quoted
+from scenegen.formats.blocks import Block
 from scenegen.scene.data import FORMAT, VERSION, SceneFile
 
+HEADING = ("format", "version")  # what is looked at before all else
 HELP = "make one with `scenegen sample ... --out scenes.json`"
 
 
@@ -20,8 +24,11 @@ class _Twice(Exception):  # noqa: N818 - a signal from the JSON reader to `parse
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise _Twice(next(key for key in keys if keys.count(key) > 1))
+        seen: set[str] = set()
+        for key, _ in pairs:
+            if key in seen:
+                raise _Twice(key)
+            seen.add(key)
     return found
 
 
@@ -59,6 +66,16 @@ def scene_file(raw: Any, text: str, name: str) -> SceneFile:
     if len(set(names)) < len(names):
         raise DataError(Diagnostic(f"{name} names an object twice", help=HELP))
     return file
+
+
+def labelled(header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> tuple[SceneFile, Iterator[Block]]:
+    """The header as it is to be written before these scenes, and the scenes: where there are none it names the labels,
+    which are in the scenes otherwise."""
+    found = (block for block in blocks if block.count)
+    first = next(found, None)
+    if first is None:
+        return header.without_scenes(labels), iter(())
+    return header.without_scenes(), itertools.chain([first], found)
 
 
 def dump_header(header: SceneFile) -> str:

@@ -11,15 +11,18 @@ from pydantic import ValidationError
 from scenegen.errors import DataError, Diagnostic, quoted
 from scenegen.formats.blocks import BLOCK, Block, Reading
 from scenegen.formats.files import opened
-from scenegen.formats.header import HELP, dump_header, first_problem, load_header, not_scenes, odd_objects, parse
+from scenegen.formats.header import dump_header, first_problem, labelled, load_header, not_scenes, odd_objects, parse
 from scenegen.formats.lines import SceneLines, block_from, numbers_of
 from scenegen.scene.data import SceneData, SceneFile
+
+LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
 
 Lines = Iterator[tuple[int, bytes]]
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
+    header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
     lines = SceneLines([one.name for one in header.objects], labels)
     for block in blocks:
@@ -36,15 +39,24 @@ def read(path: Path) -> Reading:
     header = load_header(first, f"line {number} of {path}")
     objects = [one.name for one in header.objects]
     head = next(lines, None)
+    named = header.labels
+    header, labels = header.without_scenes(), header.label_names
     if head is None:
-        return Reading(header, (), iter(()))
-    labels = tuple(_scene(head[1], f"line {head[0]} of {path}", objects, None).phi)
-    return Reading(header, labels, _blocks(path, head, lines, objects, labels))
+        return Reading(header, labels, iter(()), 0, str(path))
+    if named is None:
+        labels = tuple(_scene(head[1], f"line {head[0]} of {path}", objects, None).phi)
+    return Reading(header, labels, _blocks(path, head, lines, objects, labels), None, str(path))
 
 
 def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
     with opened(path, "a scenes file") as file:
-        yield from enumerate(file, 1)
+        number = 0
+        while line := file.readline(LONGEST + 1):
+            number += 1
+            if len(line) > LONGEST:
+                title = f"line {number} of {path} is longer than {LONGEST:,} bytes"
+                raise DataError(Diagnostic(title, help="every line after the first is a scene"))
+            yield number, line
 
 
 def _blocks(
@@ -80,6 +92,6 @@ def _scene(line: bytes, name: str, objects: list[str], labels: tuple[str, ...] |
     if scene.poses.keys() != set(objects):
         raise DataError(odd_objects(name, set(scene.poses), objects))
     if labels is not None and scene.phi.keys() != set(labels):
-        help_ = f"the scene in line 2 has {quoted(labels)}"
-        raise DataError(Diagnostic(f"{name} has other labels than the scenes before", help=help_ or HELP))
+        help_ = f"the first scene, or the header, has {quoted(labels)}"
+        raise DataError(Diagnostic(f"{name} has other labels than the scenes before", help=help_))
     return scene

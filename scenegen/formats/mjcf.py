@@ -15,9 +15,10 @@ from scenegen.assets.mesh import Mesh
 from scenegen.assets.palette import RGB
 from scenegen.formats import obj
 from scenegen.formats.world import TALL, WOOD, Body, Form, World
-from scenegen.formats.xml import Element, document, node, numbers, short
+from scenegen.formats.xml import Element, check_room, document, node, numbers, short
 
 ENDING = ".xml"
+KEY, KEY_EACH = 600, 600  # bytes of memory that a keyframe takes, and each object in it
 SPECK = 1e-12  # cubic metres
 SLIPPERY = 0.01  # MuJoCo takes the larger friction of two: so it is the object's, on the table
 
@@ -32,6 +33,8 @@ def meshes(world: World) -> Iterator[tuple[str, bytes]]:
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     """The scenes as one file with a keyframe for each, or as a file each. `folder` is where the meshes are, from
     there."""
+    if together:
+        check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
     root = ElementTree.Element("mujoco", model=world.title or "scenegen")
     node(root, "compiler", angle="radian", meshdir=folder)
     node(node(root, "option"), "flag", multiccd="enable")

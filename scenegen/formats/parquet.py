@@ -18,20 +18,23 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenegen.errors import DataError, Diagnostic, quoted
-from scenegen.formats.blocks import BLOCK, Block, Reading, check_numbers, regrouped
+from scenegen.formats.blocks import BLOCK, MOST, Block, Reading, check_numbers, regrouped
 from scenegen.formats.columns import PHI, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import HELP, dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
 
 KEY = b"scenegen"  # of the header in the file's metadata
+LARGEST = 1 << 30  # bytes of a row group, unpacked
+
+_SMALLER = "`scenegen export {path} --out other.parquet` makes smaller ones"
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """Scenes block by block. Raises OutputError where an object `phi` and a label `x` would share a column."""
     names = columns([one.name for one in header.objects], labels)
     fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
-    schema = pa.schema(fields, metadata={KEY: dump_header(header).encode()})
+    schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
     with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
         for block in regrouped(blocks):
@@ -44,15 +47,24 @@ def read(path: Path) -> Reading:
     """Open a file of scenes. Raises DataError, and so does the iterator of blocks where a later part is damaged."""
     with contextlib.ExitStack() as opening:
         parquet, header, labels = _open(path, opening)
-        return Reading(header, labels, _blocks(path, parquet, 3 * len(header.objects), opening.pop_all()))
+        with _damage(path):
+            count = parquet.metadata.num_rows
+        blocks = _blocks(path, parquet, 3 * len(header.objects), opening.pop_all())
+        return Reading(header, labels, blocks, count, str(path))
 
 
 def group_sizes(path: Path) -> tuple[int, ...]:
-    """How many scenes each row group of a file holds, from its metadata alone. Raises DataError."""
+    """How many scenes each row group of a file holds, from its metadata alone. Raises DataError, also where a group is
+    too large to be in memory at once."""
     with contextlib.ExitStack() as opening:
-        parquet, _, _ = _open(path, opening)
+        parquet, header, labels = _open(path, opening)
         with _damage(path):
-            return tuple(parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups))
+            sizes = tuple(parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups))
+        most = MOST // (3 * len(header.objects) + len(labels))
+        if max(sizes, default=0) > most:
+            title = f"a row group of {path} holds {max(sizes):,} scenes; at most {most:,} are in memory at once"
+            raise DataError(Diagnostic(title, help=_SMALLER.format(path=path)))
+        return sizes
 
 
 def read_groups(path: Path, groups: Sequence[int]) -> Iterator[Block]:
@@ -73,9 +85,14 @@ def _open(path: Path, opening: contextlib.ExitStack) -> tuple[pq.ParquetFile, Sc
     with _damage(path):
         parquet = pq.ParquetFile(file, page_checksum_verification=True)
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
+        groups = [parquet.metadata.row_group(index).total_byte_size for index in range(parquet.num_row_groups)]
     if KEY not in metadata:
         raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
-    header = load_header(metadata[KEY], f"the header of {path}")
+    if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
+        title = f"a row group of {path} is {max(groups):,} bytes long; the limit is {LARGEST:,}"
+        help_ = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
+        raise DataError(Diagnostic(title, help=help_))
+    header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
     return parquet, header, _labels(path, schema, header)
 
 

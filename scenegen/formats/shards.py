@@ -13,6 +13,8 @@ without is what a run left that had just begun, and is replaced.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import io
 import json
 import os
 import re
@@ -23,9 +25,9 @@ from typing import IO, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError
+from scenegen.errors import DataError, Diagnostic, OutputError, RequestError
 from scenegen.formats.blocks import Array, Block
-from scenegen.formats.files import whole_file, write_whole
+from scenegen.formats.files import FULL, output_error, reported, target, whole_file, write_whole
 
 MANIFEST = "manifest.json"
 LOCK = "lock"
@@ -82,7 +84,7 @@ class Shards:
         with self._reported():
             if self._shard is None:
                 self._shard = self._shard_path(new=True).open("wb")
-            np.save(self._shard, np.concatenate([block.rows, block.phi]), allow_pickle=False)
+            _save(self._shard, np.concatenate([block.rows, block.phi]))
         self._blocks += 1
         self._scenes += block.count
 
@@ -101,7 +103,7 @@ class Shards:
                 self._blocks = self._scenes = 0
             number = self._manifest.checkpoint + 1
             with self._pool_path(number).open("wb") as file:
-                np.save(file, pool, allow_pickle=False)
+                _save(file, pool)
                 _sync(file)
             self._publish(shards=shards, checkpoint=number, state=dict(state))
             self._pool_path(number - 1).unlink(missing_ok=True)
@@ -149,9 +151,10 @@ class Shards:
             self.discard()
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close what is open. What a full disk did not take is of no checkpoint, and is made once more."""
         if self._shard is not None:
-            self._shard.close()
+            with contextlib.suppress(OSError):
+                self._shard.close()
             self._shard = None
 
     def _publish(self, **changes: object) -> None:
@@ -170,12 +173,24 @@ class Shards:
     def _reported(self) -> Iterator[None]:
         try:
             yield
-        except ScenegenError:
-            raise
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            help_ = f"{self.folder} keeps what is done: mend that, then go on with --resume"
-            raise OutputError(Diagnostic(f"cannot write {self.path}: {reason}", help=help_)) from error
+        except (OutputError, OSError) as error:
+            cause = error.__cause__ if isinstance(error, OutputError) else error
+            if not isinstance(cause, OSError):
+                raise
+            found = output_error(self.path, cause)
+            if self.state:  # else `leave` removes the folder
+                help_ = f"{self.folder} keeps {self._kept:,} scenes: mend that, then go on with --resume"
+                if cause.errno in FULL:
+                    help_ = (
+                        f"the disk is full; {self.folder} keeps {self._kept:,} scenes: make room, go on with --resume"
+                    )
+                found = OutputError(dataclasses.replace(found.diagnostics[0], help=help_))
+            raise found from error
+
+    @property
+    def _kept(self) -> int:
+        """Scenes of the last checkpoint that are sure to come into the file."""
+        return sum(shard.scenes for shard in self._manifest.shards)
 
 
 def _pool_name(number: int) -> str:
@@ -194,7 +209,8 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
     `request` is JSON that fixes the scenes: a folder of another one is refused. At the end the folder stays if there is
     a checkpoint in it. Raises RequestError, DataError (damage), OutputError.
     """
-    path = path.resolve() if path.is_symlink() else path
+    with reported(path):
+        path = target(path)
     folder = folder_of(path)
     wanted = json.loads(json.dumps(dict(request)))
     shards = Shards(path, _Manifest(request=wanted, coordinates=coordinates))
@@ -273,6 +289,13 @@ def _locked(folder: Path) -> Iterator[None]:
             except OSError:
                 pass  # some network disks know no locks
         yield
+
+
+def _save(file: IO[bytes], table: Array) -> None:
+    """By way of memory: numpy writes into files by itself, and its error for a full disk has no reason in it."""
+    buffer = io.BytesIO()
+    np.save(buffer, table, allow_pickle=False)
+    file.write(buffer.getbuffer())
 
 
 def _load(file: IO[bytes]) -> Array:

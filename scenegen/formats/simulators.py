@@ -15,7 +15,7 @@ from typing import Any
 
 from scenegen.errors import Diagnostic, OutputError, RequestError
 from scenegen.formats.blocks import Block
-from scenegen.formats.files import check_folder, check_writable
+from scenegen.formats.files import check_folder, check_writable, reported
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.setting import world_of
 from scenegen.formats.table import ENDINGS, FORMATS
@@ -49,11 +49,12 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
     """Refuse, before any work is done, an `out` that cannot be written to. Raises RequestError, OutputError."""
     if is_file(out, to):
         check_writable(out, *inputs)
-    elif out.is_file():
-        title = f"cannot write {out}: it is a file, and a folder is made for {to}"
-        raise OutputError(Diagnostic(title, help=_places(to)))
-    else:
-        check_folder(out)
+        return
+    with reported(out):
+        if out.is_file():
+            title = f"cannot write {out}: it is a file, and a folder is made for {to}"
+            raise OutputError(Diagnostic(title, help=_places(to)))
+    check_folder(out)
 
 
 def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[Path, ...]:

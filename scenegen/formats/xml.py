@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree import ElementTree
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError, Diagnostic, RequestError
 
 Element = ElementTree.Element
+
+MOST_BYTES = 1 << 29  # of memory for a file with many scenes
 
 
 def node(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
@@ -36,15 +38,31 @@ def document(root: Element) -> bytes:
 
 def gathered(root: Element, children: Iterable[Element]) -> bytes:
     """The bytes of a file as of `document`, with `children` below the empty `root`. One after the other is written out:
-    all of them may be one element that has changed in between."""
+    all of them may be one element that has changed in between. Raises RequestError for more than MOST_BYTES: all are
+    in memory at once, here and in the simulator."""
     mark = node(root, "mark")
     head, _, foot = document(root).partition(b"<mark />")
     root.remove(mark)
     parts = []
+    size = 0
     for child in children:
         ElementTree.indent(child, level=1)
         parts.append(ElementTree.tostring(child, encoding="utf-8"))
+        size += len(parts[-1])
+        if size > MOST_BYTES:
+            raise RequestError(_too_many(len(parts) - 1))
     return head + b"\n  ".join(parts) + foot
+
+
+def check_room(scenes: int, size: int) -> None:
+    """Refuse so many scenes in one file where each takes `size` bytes of memory, about. Raises RequestError."""
+    if scenes * size > MOST_BYTES:
+        raise RequestError(_too_many(MOST_BYTES // size))
+
+
+def _too_many(most: int) -> Diagnostic:
+    title = f"these scenes do not fit into one file, which is made in memory: the first {most:,} do"
+    return Diagnostic(title, help="name a folder, which gets a file for each scene")
 
 
 def check_names(names: Iterable[str]) -> None:

@@ -19,6 +19,8 @@ from scenegen.lang.syntax_errors import explain, stop
 
 _ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
 
+_SURROGATES = re.compile("[\ud800-\udfff]")  # halves of characters: text in memory can hold one alone, no file can
+
 MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
 MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the variables along
@@ -73,6 +75,11 @@ def _unreadable(source: Source) -> Diagnostic | None:
         here = Span(source, odd.start(), odd.end())
         title = f"character U+{ord(odd[0]):04X} cannot stand in a spec"
         return Diagnostic(title, here, "some programs take it for a line break", "put a plain line break here")
+    half = _SURROGATES.search(text)
+    if half is not None:
+        here = Span(source, half.start(), half.end())
+        title = f"character U+{ord(half[0]):04X} cannot stand in a spec"
+        return Diagnostic(title, here, "half of a character, which no file can hold", "leave it out")
     if not _has_content(text):
         return Diagnostic(
             f"{source.name} is empty",

@@ -114,4 +114,6 @@ class ModelCard(_Strict):
 
 
 def spec_data(spec: CheckedSpec) -> SpecData:
-    return SpecData(name=spec.name, title=spec.title, source=spec.source, sha256=spec.sha256)
+    # a file's name is bytes, and those that are no text are written as escapes
+    name = spec.name.encode(errors="backslashreplace").decode()
+    return SpecData(name=name, title=spec.title, source=spec.source, sha256=spec.sha256)

@@ -69,6 +69,10 @@ class Settling:
         return self._plan.fewest
 
     @property
+    def shared_by(self) -> int:
+        return self._plan.shared_by
+
+    @property
     def patience(self) -> int | None:
         return self._plan.patience
 

@@ -17,6 +17,7 @@ from scenegen.lang.headings import bare_rows
 from scenegen.robustness.fused import fused
 from scenegen.robustness.headings import coordinates
 from scenegen.robustness.tape import most_alive, run
+from scenegen.robustness.transforms import plain, transformed
 
 # Scenes at a time when no gradient is wanted, in float64; twice as many in float32: intermediates of 256 KiB. On a core
 # with 1 MiB of cache, half of that was not faster for any formula, with or without footprints, and often slower.
@@ -29,6 +30,8 @@ class Robustness:
 
     Works in the dtype and on the device of its input. Values are the paper's quantitative semantics (Definition 2) with
     hard min and max, in metres and radians; they are differentiable, and `beta` asks for the straight-through gradient.
+    The transforms of torch.func (vmap, grad, jacrev, jacfwd, ...) work on it; inside them, the message about a
+    coordinate that is not finite cannot say whose it is.
 
     With `compiled`, torch.compile makes one kernel of the formula: several times as fast on large batches. The first
     call in each dtype pays for that, with seconds (half a minute for a formula of 4,000 operations; larger ones are not
@@ -57,10 +60,12 @@ class Robustness:
         """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage. A heading outside
         [0, 2 pi) is the same direction as the one inside.
 
-        Raises ValueError for another shape or dtype and for NaN or infinite coordinates, TypeError for other arrays.
+        Raises ValueError for another shape, dtype or layout and for NaN or infinite coordinates, TypeError for other
+        arrays.
         """
         if not isinstance(poses, Tensor):
             raise TypeError(f"poses must be a torch tensor, not {type(poses).__name__}; use torch.from_numpy(poses)")
+        _refuse_layout("poses", poses)
         if poses.ndim != 3 or tuple(poses.shape[1:]) != (len(self.objects), 3):
             want = f"(B, {len(self.objects)}, 3)"
             raise ValueError(
@@ -74,6 +79,7 @@ class Robustness:
         So does `out` with the system's handing out new pages: phi is written there, and `out` is returned. It must be
         contiguous, (L, B), of the same dtype and device, share no memory with `rows`, and gradients do not flow there.
         """
+        _refuse_layout("rows", rows)
         if rows.ndim != 2 or rows.shape[0] != 3 * len(self.objects):
             raise ValueError(f"rows must have the shape ({3 * len(self.objects)}, B), not {tuple(rows.shape)}")
         if rows.dtype not in (torch.float32, torch.float64):
@@ -85,11 +91,16 @@ class Robustness:
                 raise ValueError("phi in `out` has no gradient; leave it out, or detach the rows")
             return torch.stack(self._run(rows, beta))
         shape = (len(self.labels), rows.shape[1])
+        wider = 2 if rows.dtype == torch.float32 else 1
+        if transformed(rows):  # no plain tensor takes what comes out
+            if out is not None:
+                raise ValueError("torch.func cannot transform what is written into `out`; leave it out")
+            parts = torch.split(rows, wider * self._chunk, dim=1)
+            return torch.cat([torch.stack(self._run(part, beta)) for part in parts], dim=1)
         if out is None:
             out = rows.new_empty(shape)
         elif out.shape != shape or (out.dtype, out.device) != (rows.dtype, rows.device) or not out.is_contiguous():
             raise ValueError(f"`out` must be contiguous, {shape}, {rows.dtype} and on {rows.device}")
-        wider = 2 if rows.dtype == torch.float32 else 1
         if self._fused is not None and beta is None and rows.device.type == "cpu":
             done = self._fused(rows, out, wider * self._most)
             if done:
@@ -102,7 +113,11 @@ class Robustness:
 
     def _refuse_nonfinite(self, rows: Tensor) -> None:
         # One sum, at the speed of memory, carries any NaN or infinity; only then is it worth to look where.
-        if bool(torch.isfinite(rows.detach().sum())):
+        if bool(torch.isfinite(plain(rows).detach().sum())):
+            return
+        if transformed(rows):
+            if not bool(torch.isfinite(plain(rows)).all()):
+                raise ValueError("a coordinate is not finite, in one of the scenes that torch.func works on at once")
             return
         bad = ~torch.isfinite(rows)
         if bool(bad.any()):
@@ -116,6 +131,15 @@ class Robustness:
         batch = rows.shape[1]
         coordinate = coordinates(rows.__getitem__, self._bare)
         return [value.expand(batch) for value in run(self.core, self._dead, coordinate, rows.new_tensor, beta)]
+
+
+def _refuse_layout(name: str, tensor: Tensor) -> None:
+    if tensor.is_nested or tensor.layout is not torch.strided:
+        kind = "nested" if tensor.is_nested else "sparse" if "sparse" in str(tensor.layout) else str(tensor.layout)
+        remedy = "torch.stack its scenes" if tensor.is_nested else f"use {name}.to_dense()"
+        raise ValueError(f"{name} must be a dense tensor, not a {kind} one; {remedy}")
+    if tensor.is_meta:
+        raise ValueError(f"{name} must hold numbers; a meta tensor has a shape alone")
 
 
 def _again(core: Core, compiled: bool) -> Robustness:

@@ -17,20 +17,32 @@ class _Junction(torch.autograd.Function):
     """Hard min or max over the first dimension whose gradient is that of log-sum-exp at sharpness beta.
 
     The straight-through gradient of design.md, section 5: the value stays exact, and every argument, not the deciding
-    one alone, is told where to go, with softmax weights.
+    one alone, is told where to go, with softmax weights. Written so that torch.func can transform it.
     """
 
+    generate_vmap_rule = True
+
     @staticmethod
-    def forward(ctx: Any, stacked: Tensor, beta: float) -> Tensor:
+    def forward(stacked: Tensor, beta: float) -> Tensor:
         """stacked (K, B) -> (B,); beta < 0 is a minimum."""
-        ctx.save_for_backward(stacked)
-        ctx.beta = beta
         return stacked.amin(0) if beta < 0 else stacked.amax(0)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Tensor, float], output: Tensor) -> None:
+        stacked, ctx.beta = inputs
+        ctx.save_for_backward(stacked)
+        ctx.save_for_forward(stacked)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
         (stacked,) = ctx.saved_tensors
         return torch.softmax(ctx.beta * stacked, dim=0) * grads[0], None
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: Any) -> Tensor:
+        (stacked,) = ctx.saved_tensors
+        tangent: Tensor = (torch.softmax(ctx.beta * stacked, dim=0) * tangents[0]).sum(0)
+        return tangent
 
 
 def run(

@@ -1,9 +1,9 @@
 """Which exact sampler serves a request: its scenes are to be had for the fewest evaluations of phi.
 
-Pruned rejection is tried first: its scenes are independent, and most requests take it a fraction of a second. Where it
-would need many candidates, or finds nothing in a part of the range that is not proved empty, a plan of multilevel
-splitting is made beside it, which costs some millions of evaluations, and the two are compared. All of it is counted,
-never timed, so the same request and seed always get the same method.
+Pruned rejection is tried first: its scenes are independent, and most requests take it a fraction of a second. Where
+pruning takes much work, finds nothing in a part of the range that is not proved empty, or would need many candidates,
+a plan of growth is made, which costs as much as some hundred scenes; and where growth does not do well, one of
+splitting. All of it is counted, never timed, so the same request and seed always get the same method.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
+from scenegen.sampling.growth.plan import Stalled as NoGrowth
+from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.levels import Stalled
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
@@ -19,11 +21,14 @@ from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, hopeles
 from scenegen.sampling.rejection import Plan as Rejection
 from scenegen.sampling.rejection import make_plan as plan_rejection
 from scenegen.sampling.report import too_early
-from scenegen.sampling.splitting import moves, plan_splitting, why_stalled
+from scenegen.sampling.splitting import Splitting, moves, plan_splitting, why_stalled
 
-METHODS = ("auto", "rejection", "splitting")
+METHODS = ("auto", "rejection", "growth", "splitting")
 
 LEAST, EACH = 10_000_000, 20  # evaluations that splitting takes at least: for its plan, and for each scene
+FIRST = 1.5e7  # work that pruning may take before growth is tried: a fraction of a second
+POOR = 3.0  # design effect that growth may leave before splitting is tried
+SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
 
 
@@ -40,6 +45,11 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
     is up before there is a plan."""
     if method == "rejection" or not moves(problem):
         return Choice(plan_rejection(problem, budget))
+    if method == "growth":
+        grown = plan_growth(problem, budget)
+        if not isinstance(grown, Growth):
+            raise no_growth(problem, grown)
+        return Choice(grown)
     if method == "splitting":
         plan = plan_splitting(problem, budget)
         if isinstance(plan, Stalled):
@@ -50,22 +60,45 @@ def choose(problem: Problem, method: str, budget: Budget) -> Choice:
 
 def _better(problem: Problem, budget: Budget) -> Choice:
     try:
+        trial = make_trial(problem, budget, FIRST)
+    except TooMuchError:
+        return _after_pruning(problem, budget)
+    return _after_trial(problem, budget, trial)
+
+
+def _after_pruning(problem: Problem, budget: Budget) -> Choice:
+    """Where pruning takes much work: growth, if it does well; else pruning may go on for a while."""
+    grown = plan_growth(problem, budget, patient=False)
+    if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
+        return Choice(grown, "pruning takes much work, growth does not")
+    if not isinstance(grown, Growth) and _time_is_up(grown):
+        raise no_growth(problem, grown)
+    try:
         trial = make_trial(problem, budget, MOST)
     except TooMuchError:
-        return _rare(problem, budget, None)
+        return _without_rejection(problem, budget, "pruning takes too much work")
+    return _after_trial(problem, budget, trial)
+
+
+def _after_trial(problem: Problem, budget: Budget, trial: Trial) -> Choice:
     if not trial.rate.hits:
-        return _rare(problem, budget, trial)
-    mine = plan_rejection(problem, budget, trial)
+        return _without_rejection(
+            problem, budget, f"none of {trial.tried:,} candidates of rejection is in range", trial
+        )
+    try:
+        mine = plan_rejection(problem, budget, trial, MOST)
+    except TooMuchError:
+        return _without_rejection(problem, budget, "pruning each cell takes too much work")
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
     cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
     if cheap and open_cells <= len(mine.reached):
         return Choice(mine, in_range)
-    rival = plan_splitting(problem, budget)
-    if isinstance(rival, Stalled):
-        if rival.why == "time":
-            raise RequestError(too_early(problem, f"{rival.evaluations:,} evaluations of splitting", open_cells))
-        return Choice(mine, f"{in_range}; splitting did not get there")
+    rival = _other(problem, budget)
+    if not isinstance(rival, Growth | Splitting):
+        if _time_is_up(rival):
+            raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells))
+        return Choice(mine, f"{in_range}; no other method got there")
     if len(rival.reached) > len(mine.reached):
         count = problem.cells.count
         reason = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
@@ -76,22 +109,45 @@ def _better(problem: Problem, budget: Budget) -> Choice:
     return Choice(mine, in_range)
 
 
-def _rare(problem: Problem, budget: Budget, trial: Trial | None) -> Choice:
-    """Where the first candidates of rejection are all out of the range, or getting any takes too much work (None)."""
-    plan = plan_splitting(problem, budget)
-    if not isinstance(plan, Stalled):
-        if trial is None:
-            return Choice(plan, "pruning takes too much work")
-        return Choice(plan, f"none of {trial.tried:,} candidates of rejection is in range")
-    if plan.why == "time":
-        raise RequestError(why_stalled(problem, plan))
-    if trial is None:
-        return Choice(plan_rejection(problem, budget), "splitting did not get there")
+def _without_rejection(problem: Problem, budget: Budget, why: str, trial: Trial | None = None) -> Choice:
+    """Where rejection has no plan, or its first candidates are all out of the range."""
+    plan = _other(problem, budget)
+    if isinstance(plan, Growth | Splitting):
+        return Choice(plan, why)
+    if _time_is_up(plan):
+        raise _nothing(problem, plan)
+    if trial is None or (isinstance(plan, NoGrowth) and plan.crowded):
+        raise _nothing(problem, plan)
     # Levels cannot be told apart where phi is constant: there rejection may be lucky.
     longer = search(problem, trial, lambda: budget.spent, LONG_SEARCH)
     if not longer.rate.hits:
         raise RequestError(hopeless(problem, longer))
-    return Choice(plan_rejection(problem, budget, longer), "splitting did not get there")
+    return Choice(plan_rejection(problem, budget, longer), "no other method got there")
+
+
+def _other(problem: Problem, budget: Budget) -> Growth | Splitting | NoGrowth | Stalled:
+    """A plan of growth, or of splitting where growth does not do well and splitting does."""
+    quick = plan_growth(problem, budget, patient=False)
+    if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
+        return quick
+    if not isinstance(quick, Growth) and _time_is_up(quick):
+        return quick
+    crowded = not isinstance(quick, Growth) and quick.crowded
+    split = None if crowded else plan_splitting(problem, budget)
+    if isinstance(split, Splitting) and split.plan.left < SLOW:
+        return split
+    grown = plan_growth(problem, budget) if crowded or isinstance(quick, Growth) else quick
+    if isinstance(grown, Growth):
+        return grown
+    return split if isinstance(split, Splitting) else grown
+
+
+def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:
+    return no_growth(problem, end) if isinstance(end, NoGrowth) else RequestError(why_stalled(problem, end))
+
+
+def _time_is_up(end: NoGrowth | Stalled) -> bool:
+    return end.stuck is None if isinstance(end, NoGrowth) else end.why == "time"
 
 
 def _in_range(plan: Rejection) -> str:

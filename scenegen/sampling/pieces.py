@@ -15,6 +15,8 @@ from scenegen.sampling.cells import Cells
 if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
 
+MANY_PIECES = 1 << 30  # more than there are processes
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
@@ -113,6 +115,10 @@ class Plan(Pieces, Protocol):
     @property
     def ruled_out(self) -> frozenset[int]:
         """Cells that are proved to be empty."""
+
+    @property
+    def shared_by(self) -> int:
+        """How many processes can share the work at most: pieces that fewer scenes need are not worth starting."""
 
     @property
     def evaluations(self) -> float:

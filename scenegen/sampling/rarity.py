@@ -13,7 +13,7 @@ counted in node visits, never in seconds. Numpy alone: this room's torch is not 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,21 +123,35 @@ def combine(mine: Array, base: Array) -> Estimate | None:
     return Estimate(math.log10(ratio), error / (ratio * math.log(10.0)))
 
 
-def measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int = 0) -> Rarity | OutOfReach:
+def measure(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    labels: Sequence[str],
+    seed: int = 0,
+    check: Callable[[], None] | None = None,
+) -> Rarity | OutOfReach:
     """P(phi >= t) and P(phi <= t) of each of the labels, over the box of poses lowest..highest (3N,), uniform but for
-    what the core requires. The same arguments give the same numbers."""
+    what the core requires. The same arguments give the same numbers. `check` is called between levels: what it raises
+    ends the run."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as out of reach
-        return _measure(gated(core), lowest, highest, labels, seed)
+        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on)
 
 
-def _measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int) -> Rarity | OutOfReach:
+def _go_on() -> None:
+    """Whom nobody wants to stop."""
+
+
+def _measure(
+    core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int, check: Callable[[], None]
+) -> Rarity | OutOfReach:
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest)
     if gate:
-        base, best = _require(part(core, gate), lowest, highest, count, seed)
+        base, best = _require(part(core, gate), lowest, highest, count, seed, check)
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
@@ -152,7 +166,7 @@ def _measure(core: Core, lowest: Array, highest: Array, labels: Sequence[str], s
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
         work = WORK // (2 * len(labels) * cost(one))
-        up, down = (_run(start.some(start.count), weights, sign, work) for sign in (1, -1))
+        up, down = (_run(start.some(start.count), weights, sign, work, check) for sign in (1, -1))
         reaches[label] = Reach(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -192,7 +206,9 @@ class _Base:
     evaluations: int
 
 
-def _require(core: Core, lowest: Array, highest: Array, count: int, seed: int) -> tuple[_Base, float]:
+def _require(
+    core: Core, lowest: Array, highest: Array, count: int, seed: int, check: Callable[[], None]
+) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 where it could not be met."""
     frame = make_frame(core, lowest, highest)
     if not frame.dimension:
@@ -204,6 +220,7 @@ def _require(core: Core, lowest: Array, highest: Array, count: int, seed: int) -
     work = WORK // cost(core)
     met = False
     while not met and state.evaluations < work:
+        check()
         level = _next(_margin(state, 1), state.region.low[0], KEPT)
         if level is None:
             break
@@ -231,7 +248,7 @@ def _begin(frame: Frame, base: _Base | None, count: int, rng: np.random.Generato
     return state, base.weights
 
 
-def _run(state: Chains, weights: Array, sign: int, work: int) -> tuple[Tail, int]:
+def _run(state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None]) -> tuple[Tail, int]:
     """Narrow the chains towards one end of phi of their first label, at a cost of about `work` evaluations at most."""
     phi = _margin(state, sign)
     levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
@@ -239,6 +256,7 @@ def _run(state: Chains, weights: Array, sign: int, work: int) -> tuple[Tail, int
     tuner = Tuner(state)
     counting, searched, whole = True, 0, False
     while state.evaluations < work and searched < SEARCH:
+        check()
         here = sign * (state.region.low if sign > 0 else state.region.high)[0]
         whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
         counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work

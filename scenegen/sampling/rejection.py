@@ -23,7 +23,7 @@ from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.digest import digest
-from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.pieces import MANY_PIECES, Account, Candidates, Tally
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
 from scenegen.sampling.report import shortfall, too_early
 
@@ -116,6 +116,10 @@ class Plan:
     @property
     def reached(self) -> tuple[int, ...]:
         return tuple(sorted(self.reachable))
+
+    @property
+    def shared_by(self) -> int:
+        return MANY_PIECES
 
     @property
     def evaluations(self) -> float:

@@ -24,7 +24,7 @@ from scenegen.sampling.digest import digest
 from scenegen.sampling.frame import Tape, frame_of
 from scenegen.sampling.levels import SPLIT, Plan, Stalled, generator, make_plan
 from scenegen.sampling.mixing import NEGLIGIBLE, Statistics, design_effect
-from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.pieces import MANY_PIECES, Account, Candidates, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import SHOWN, shortfall
 
@@ -93,6 +93,10 @@ class Splitting:
         return frozenset()
 
     @property
+    def shared_by(self) -> int:
+        return MANY_PIECES
+
+    @property
     def evaluations(self) -> float:
         plan = self.plan
         moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
@@ -120,7 +124,7 @@ class Splitting:
         """What the scene file says about the run, and what the user is warned of."""
         plan = self.plan
         alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
-        effect = _worst(alive, np.array(effects).reshape(2, -1))
+        effect = worst_effect(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
@@ -218,7 +222,7 @@ def _aside(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
 
 
-def _worst(count: float, effects: Array) -> float:
+def worst_effect(count: float, effects: Array) -> float:
     """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
     errors over the pieces are taken off each. `effects` (2, S) are sums and sums of squares over `count` pieces."""
     if not count:

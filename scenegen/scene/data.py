@@ -6,9 +6,18 @@ Format `scenegen/scenes`, version 1. The JSON Schema of `SceneFile` ships in doc
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import is_convex, signed_area
@@ -140,7 +149,10 @@ class RequestData(_Strict):
 
 
 class SceneFile(_Strict):
-    """A set of scenes with everything needed to re-score and draw them."""
+    """A set of scenes with everything needed to re-score and draw them.
+
+    The labels are those of the scenes' phi; a file without scenes names them in `labels`, which no other file has.
+    """
 
     format: Literal["scenegen/scenes"] = FORMAT
     version: Literal[1] = VERSION
@@ -150,4 +162,21 @@ class SceneFile(_Strict):
     regions: list[RegionData] = Field(default_factory=list)
     sampler: dict[str, Any]
     request: RequestData
+    labels: list[str] | None = None
     scenes: list[SceneData]
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """The labels, in the order of the first scene."""
+        return tuple(self.scenes[0].phi) if self.scenes else tuple(self.labels or ())
+
+    @model_serializer(mode="wrap")
+    def _labels_where_they_stand(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        if data.get("labels") is None:
+            data.pop("labels", None)
+        return data
+
+    def without_scenes(self, labels: Sequence[str] = ()) -> Self:
+        """The header: as it stands before scenes, or, with `labels`, as it stands alone."""
+        return self.model_copy(update={"scenes": [], "labels": list(labels) or None})

@@ -14,6 +14,7 @@ from typing import Any
 from scenegen.data.table import DATASETS, is_file
 from scenegen.errors import Diagnostic, RequestError, Source, Span, suggest
 from scenegen.formats.table import FORMATS
+from scenegen.given import path
 from scenegen.models.table import MODELS, RECIPES, unknown
 from scenegen.sampling.request import number
 from scenegen.training.recipes import CONSTANT, DEFAULTS
@@ -131,7 +132,9 @@ def _plain(value: object) -> object:
 
 
 def _check_ending(data: str) -> list[Diagnostic]:
-    known = Path(data).suffix.lower() in FORMATS
+    known = path("data", data).suffix.lower() in FORMATS
+    if not data.isascii() and data != data.encode(errors="replace").decode():
+        return [Diagnostic(f"--data {data!a} is no text", help="rename the file: a model file names it, in UTF-8")]
     help_ = suggest(Path(data).suffix, FORMATS, f"use {', '.join(FORMATS)}")
     return [] if known else [Diagnostic(f"--data {data} has no ending of a format of scene files", help=help_)]
 

@@ -64,8 +64,8 @@ def event_log(folder: Path) -> Iterator[EventLog]:
     if importlib.util.find_spec("tensorboard") is None:  # told before the work starts
         title = "--log-dir needs TensorBoard, which is not installed"
         raise RequestError(Diagnostic(title, help='pip install "scenegen[tensorboard]"'))
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
     with reported(folder):
+        made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder)
     log = EventLog(folder)

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from scenegen.data.dataset import Dataset
+from scenegen.data.gathering import Gathering
 from scenegen.data.scenefile import fits, whole_file
 from scenegen.data.split import held_count, split
 from scenegen.data.streamed import Streamed, look_through
@@ -114,19 +115,23 @@ class Windows(Feed):
         return Examples(self._codec.encode(rows), self._robustness.rows(rows).T.contiguous(), branch)
 
 
-def make_feed(spec: CheckedSpec, config: TrainConfig) -> Feed:
-    """The scenes of a run. Raises RequestError, DataError."""
+def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | None = None) -> Feed:
+    """The scenes of a run; `gathering` is told how they come along. Raises RequestError, also where it says that time
+    is up, and DataError."""
+    gathering = gathering or Gathering()
     if not is_file(config.data):
         assert config.scenes is not None
         held = held_count(config.scenes)
-        data = dataset_maker(config.data)(spec, config.scenes + held, stream(config.seed, Stream.DATA))
+        data = dataset_maker(config.data)(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         return Memory(spec, config, data, held)
     path = Path(config.data)
     if path.suffix.lower() == ".parquet":
         sizes: tuple[int, ...] = format_of(path).group_sizes(path)
         if not fits(spec, sum(sizes) if config.scenes is None else min(config.scenes, sum(sizes))):
-            return Windows(spec, config, look_through(spec, path, config.scenes, sizes))
+            return Windows(spec, config, look_through(spec, path, config.scenes, sizes, gathering))
+    gathering.begin(f"reading {path}")
     data = whole_file(spec, path, config.scenes)
+    gathering.check()
     return Memory(spec, config, data, held_count(len(data)))
 
 

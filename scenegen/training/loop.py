@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import torch
 
+from scenegen.data.gathering import Gathering, Tell
 from scenegen.data.table import is_file
 from scenegen.engine.interrupt import stop_signals
 from scenegen.engine.threads import one_thread
@@ -20,7 +22,7 @@ from scenegen.models.table import parse_hyper
 from scenegen.models.trained import TrainedModel
 from scenegen.training.config import TrainConfig
 from scenegen.training.events import event_log
-from scenegen.training.feed import make_feed
+from scenegen.training.feed import Feed, make_feed
 from scenegen.training.interrupt import Interrupted
 from scenegen.training.recipes import CONSTANT
 from scenegen.training.report import EpochReport
@@ -38,6 +40,8 @@ def train(
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_step: Callable[[int, int], None] | None = None,
     on_note: Callable[[str], None] | None = None,
+    on_gather: Tell | None = None,
+    timeout: float = math.inf,
 ) -> TrainedModel:
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
@@ -48,7 +52,11 @@ def train(
     Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
 
     `on_step` is told the steps that are done and planned, after each; `log_dir` gets TensorBoard event files. Neither
-    they nor validation change the model by a bit, but for `config.patience`.
+    they nor validation change the model by a bit, but for `config.patience`. `on_gather` is told, while the training
+    scenes are gathered, what is being done and how many of how many are there (0 of 0 where that is not counted).
+
+    After `timeout` seconds the gathering is given up, with RequestError and nothing written; training stops as on
+    Ctrl-C, with the state saved, and what it has come to is the model. RequestError where that is not one epoch.
 
     Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
     and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
@@ -63,7 +71,8 @@ def train(
     with contextlib.ExitStack() as open_things:
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
-        session = Session(spec, config, make_feed(spec, config), saved)
+        gathering = Gathering(timeout, on_gather)
+        session = Session(spec, config, _gathered(spec, config, gathering), saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
             say(
@@ -78,10 +87,23 @@ def train(
                 session.save(out)
         else:
             listeners = [each for each in (on_epoch, log) if each is not None]
-            _run(session, out, listeners, on_step or _silent)
-            if session.epoch < config.epochs:
+            if not _run(session, out, listeners, on_step or _silent, gathering.until):
+                if not session.epoch:
+                    title = f"time was up after {timeout:g} s, in the first epoch"
+                    help_ = f"go on with --resume --out {out}, and give it more time with --timeout"
+                    raise RequestError(Diagnostic(title, help=help_))
+                say(f"time is up after {session.epoch} of {config.epochs} epochs; go on with --resume --out {out}")
+            elif session.epoch < config.epochs:
                 say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
     return load_model(out, spec)
+
+
+def _gathered(spec: CheckedSpec, config: TrainConfig, gathering: Gathering) -> Feed:
+    """The training scenes. An interrupt says how far that was."""
+    try:
+        return make_feed(spec, config, gathering)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(f"interrupted while {gathering.account}; nothing was written") from error
 
 
 def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:
@@ -97,7 +119,9 @@ def _run(
     out: Path,
     on_epoch: list[Callable[[EpochReport], None]],
     on_step: Callable[[int, int], None],
-) -> None:
+    until: float,
+) -> bool:
+    """Train; returns whether that came to its end before the time `until`."""
     epochs, steps = session.config.epochs, session.steps
     with stop_signals() as stop:
         while not session.done:
@@ -107,6 +131,9 @@ def _run(
                 if stop.asked:
                     session.save(out)
                     raise Interrupted(session.epoch, epochs, out)
+                if time.monotonic() >= until:
+                    session.save(out)
+                    return False
                 rate = session.rate
                 session.update(batch)
                 on_step(session.epoch * steps + session.step, epochs * steps)
@@ -131,6 +158,7 @@ def _run(
         session.save(out)
         if stop.asked:
             raise Interrupted(session.epoch, epochs, out)
+    return True
 
 
 def _why_tired(session: Session) -> str:

@@ -17,6 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from scenegen.training.gathered import GatheringLines
 from scenegen.training.report import EpochReport
 
 LINES = 10  # plain lines of a run
@@ -24,7 +25,7 @@ LINES = 10  # plain lines of a run
 
 class TrainingProgress:
     """`with TrainingProgress(50, "gan") as progress: train(..., on_epoch=progress, on_step=progress.step,
-    on_note=progress.note)`."""
+    on_note=progress.note, on_gather=progress.gather)`."""
 
     def __init__(self, epochs: int, title: str, console: Console | None = None) -> None:
         self._console = console or Console(file=sys.stderr)
@@ -33,6 +34,7 @@ class TrainingProgress:
         self._seconds: list[float] = []
         self._bar: Progress | None = None
         self._moving = False
+        self._gathering = GatheringLines()
         if self._console.is_terminal:
             self._bar = Progress(
                 SpinnerColumn(),
@@ -60,12 +62,27 @@ class TrainingProgress:
         if self._bar is not None:
             self._bar.stop()
 
+    def gather(self, stage: str, done: int, wanted: int) -> None:
+        """So many of the training scenes are there; 0 of 0 where they are not counted."""
+        if self._bar is None:
+            line = self._gathering(stage, done, wanted)
+            if line is not None:
+                self._print(line)
+            return
+        words = f"{self._title}: {stage}"
+        (task,) = self._bar.tasks
+        if task.description != words:  # the pace is that of this stage
+            self._bar.reset(self._task, total=wanted or None, description=words)
+        self._bar.update(self._task, completed=done, figures=f"{done:,} of {wanted:,}" if wanted else "")
+
     def step(self, done: int, total: int) -> None:
         """That many steps of all are done."""
         if self._bar is not None:
             words = self._epoch(min(self._epochs, 1 + done * self._epochs // total))
             # Time is counted from the first step, and a resumed run did not do the earlier ones in no time.
             tell = self._bar.update if self._moving else self._bar.reset
+            if not self._moving:
+                self._bar.update(self._task, figures="")  # no longer of the scenes
             self._moving = True
             tell(self._task, completed=done, total=total, description=words)
 

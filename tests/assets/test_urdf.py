@@ -292,6 +292,7 @@ BAD = {
     "no such file": (mesh(""), "it has no filename"),
     "obj without vertices": (mesh("empty.obj"), "it has no vertices"),
     "obj with a word": (mesh("word.obj"), "not three numbers"),
+    "obj with an underscore": (mesh("underscore.obj"), "not three numbers"),
     "obj with nan": (mesh("nan.obj"), "no number"),
     "stl cut": (mesh("cut.stl"), "cut short"),
     "stl tiny": (mesh("word.stl"), "no STL file"),
@@ -302,6 +303,7 @@ MESHES = {
     "empty": b"# nothing\n",
     "word": b"v 1 2 x\n",
     "nan": b"v 1 2 nan\n",
+    "underscore": b"v 1_0 0 0\nv 0 0 0\nv 0 1 1\n",
     "cut": b"\0" * 80 + b"\xff\0\0\0" + b"0" * 99,
 }
 

@@ -1,7 +1,10 @@
 """Data on standard output, words on standard error, a traceback for whoever asks for one and nobody else."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -92,3 +95,48 @@ def test_a_reader_that_leaves_early_is_no_error(here, process):
     )
     assert done.stdout == '{\n "format'
     assert "Traceback" not in done.stderr and "BrokenPipe" not in done.stderr
+
+
+def shell(text):
+    """A line of bash with `$S` for the program; (its output and messages, the status of each command in the pipe)."""
+    line = f'S="{sys.executable} -m scenegen"; {text}; all="${{PIPESTATUS[@]}}"; echo; echo "$all"'
+    environment = os.environ | {"NO_COLOR": "1"}
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=120, env=environment)
+    *said, status = done.stdout.splitlines()
+    return "\n".join(said) + done.stderr, list(map(int, status.split()))
+
+
+def test_whoever_reads_the_data_may_leave_early(here):
+    """Both ways of writing data, in one pipe: `check` line by line, `sample` all at once and more than a pipe holds."""
+    said, statuses = shell("$S check good.spec $(yes two.spec | head -50) | head -1")
+    assert statuses == [0, 0] and said.split() == ["good.spec:", "ok"], said
+    said, statuses = shell("$S sample good.spec -n 3000 | head -1")
+    assert statuses == [0, 0] and "error" not in said, said
+
+
+def test_a_wrong_spec_is_one_whoever_reads_the_messages(here):
+    said, statuses = shell("$S check missing.spec 2>&1 | true")
+    assert statuses == [1, 0] and "Traceback" not in said
+
+
+def test_a_closed_standard_output_loses_no_scenes(here, snapshot):
+    """With `>&-` the next file that was opened took its place, or what was printed went nowhere, with status 0."""
+    before = snapshot(here)
+    for words in ("sample good.spec -n 2", "check good.spec"):
+        said, statuses = shell(f"$S {words} >&-")
+        assert statuses == [1] and snapshot(here) == before
+        assert said.strip().startswith("error: cannot write to standard output: bad file descriptor\n = help: "), said
+    assert shell("$S sample good.spec -n 2 --out s.json >&-")[1] == [0] and (here / "s.json").is_file()
+
+
+def test_sampling_does_not_begin_for_a_closed_output(here, monkeypatch, scenegen):
+    monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: pytest.fail("work was begun"))
+    reading = os.open(os.devnull, os.O_RDONLY)
+    monkeypatch.setattr(sys, "stdout", open(reading, "w", closefd=True))  # noqa: SIM115, PTH123
+    monkeypatch.setattr("scenegen.cli.app.give_up", lambda stream: None)
+    assert scenegen("sample", "good.spec").status == 1
+
+
+def test_a_full_disk_behind_standard_output(here):
+    said, statuses = shell("$S sample good.spec -n 3 >/dev/full")
+    assert statuses == [1] and "cannot write to standard output: no space left on device" in said

@@ -3,12 +3,14 @@
 import json
 import math
 import struct
+import time
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenegen.api.sample import sample
 from scenegen.api.scenes import evaluate, from_file, read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
@@ -72,6 +74,40 @@ def test_a_byte_order_mark_does_no_harm(written):
 def test_an_empty_set_is_a_file_too(scenes):
     empty = load(dump(scenes.header), "x.json")
     assert empty.scenes == [] and len(from_file(empty)) == 0 and from_file(empty).poses.shape == (0, 2, 3)
+
+
+@pytest.mark.parametrize("ending", [".json", ".jsonl", ".parquet"])
+def test_an_empty_set_keeps_its_labels(ending, tmp_path):
+    made = sample(parse("object a, b\nz: leftOf(a, b)\nm: aboveOf(a, b)"), n=2)
+    again = read_scenes(made[:0].save(tmp_path / f"x{ending}"))
+    assert (len(again), tuple(again.phi), again.header) == (0, ("z", "m"), made.header)
+    assert tuple(from_file(made[:0].file()).phi) == ("z", "m")
+    other = again.save(tmp_path / "y.json")
+    assert list(read_scenes(other).phi) == ["z", "m"] and json.loads(other.read_bytes())["labels"] == ["z", "m"]
+    full = made.save(tmp_path / f"full{ending}").read_bytes()  # its scenes name them
+    assert b'"labels"' not in full
+
+
+def test_labels_beside_scenes_are_those_of_the_scenes(written, tmp_path):
+    data = json.loads(written)
+    for labels, good in ((["task"], True), (["task", "safe"], False), ([], False)):
+        text = json.dumps({**data, "labels": labels}).encode()
+        lines = [json.dumps({**data, "scenes": [], "labels": labels}).replace(', "scenes": []', "")]
+        (tmp_path / "x.jsonl").write_text("\n".join([*lines, *map(json.dumps, data["scenes"])]))
+        for read in (lambda: load(text, "x.json"), lambda: read_scenes(tmp_path / "x.jsonl")):  # noqa: B023
+            if good:
+                read()
+                continue
+            with pytest.raises(DataError, match="other labels"):
+                read()
+
+
+def test_a_key_that_stands_twice_is_found_in_no_time():
+    keys = ", ".join(f'"k{number}": 0' for number in range(200_000))
+    began = time.process_time()
+    with pytest.raises(DataError, match="`k199999` stands twice"):
+        load(f'{{{keys}, "k199999": 0}}'.encode(), "x.json")
+    assert time.process_time() - began < 5.0  # 0.2 s; hours where every key is counted
 
 
 @pytest.mark.parametrize(

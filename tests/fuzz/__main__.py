@@ -19,6 +19,7 @@ from pathlib import Path
 from .run import SIZES, Bench, corpus, inputs, make, scratch
 
 MEMORY = 2 << 30  # bytes of address space
+FILES = 20  # one input in so many is followed by a hostile scene file of its number
 SESSIONS = 10  # every so many inputs a session with the language server
 STUCK = 300.0  # seconds after which a worker that no signal reaches shows where it is and ends
 
@@ -49,6 +50,14 @@ def work(seed: int, first: int, step: int, seconds: float, out: Path) -> int:
                 (out / f"{name}.spec").write_bytes(small.main)
                 beside = "".join(f"---- {one}\n{data.decode(errors='replace')}\n" for one, data in small.beside.items())
                 (out / f"{name}.txt").write_text(f"{signature}\nseed {seed}, number {number}\n{story}\n{beside}")
+            if number % FILES == 0:
+                signature, story = bench.file_verdict(seed, number)
+                if signature and signature not in known:
+                    known.add(signature)
+                    print(f"scene file {number}: {signature}", flush=True)
+                    out.mkdir(parents=True, exist_ok=True)
+                    said = f"{signature}\nseed {seed}, number {number}\n{story}"
+                    (out / f"{seed}-{number}-file.txt").write_text(said)
             if number % SESSIONS == 0:
                 signature, story, data = bench.attacked(seed, number)
                 if signature and signature not in known:

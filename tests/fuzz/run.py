@@ -14,6 +14,7 @@ from .judge import Fault, Hang, deadline, grammar_names, judge
 from .messages import attack, survive
 from .minimise import minimise
 from .mutate import mutate
+from .scenefiles import good_file, judge_file
 from .sizes import sized
 
 SIZES = 0.02  # of the inputs of `make fuzz`; they take a second, the others a hundredth
@@ -69,6 +70,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.names = grammar_names()
+        self.good_file = good_file()
 
     def verdict(self, case: Case) -> tuple[bool, str, str]:
         """Whether it is accepted, and the signature and story of its fault ("" where there is none)."""
@@ -77,6 +79,15 @@ class Bench:
         except (Exception, Hang) as error:
             story = "".join(traceback.format_exception(error, limit=-12))
             return False, signature(error), story
+
+    def file_verdict(self, seed: int, number: int) -> tuple[str, str]:
+        """Signature and story of the fault of hostile scene file `number` of a seed, left in the folder as x.json or
+        x.jsonl; "" where there is none."""
+        try:
+            judge_file(random.Random(f"file:{seed}:{number}"), self.good_file, self.folder)
+        except Exception as error:
+            return signature(error), "".join(traceback.format_exception(error, limit=-12))
+        return "", ""
 
     def attacked(self, seed: int, number: int) -> tuple[str, str, bytes]:
         """Signature and story of the fault of the language server under attack `number` of a seed ("" where there is

@@ -117,8 +117,8 @@ def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
 
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.auto.MOST", 1e5)
+    monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
     problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
     choice = choose(problem, "auto", Budget())
-    assert choice.plan.name == "splitting" and choice.reason == "pruning takes too much work"
+    assert choice.plan.name == "growth" and choice.reason == "pruning takes much work, growth does not"
     assert make_trial(problem, Budget()).work < MOST

@@ -18,8 +18,8 @@ def test_schema(golden, root, request):
 
 
 def test_the_documented_example_is_valid(root):
-    """Every field of design.md's example, by name."""
+    """Every field of the documented example by name; `labels` stands in files without scenes."""
     properties = SceneFile.model_json_schema()["properties"]
     assert list(properties) == [
-        "format", "version", "spec", "workspace", "objects", "regions", "sampler", "request", "scenes",
+        "format", "version", "spec", "workspace", "objects", "regions", "sampler", "request", "labels", "scenes",
     ]  # fmt: skip

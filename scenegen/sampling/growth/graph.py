@@ -1,0 +1,352 @@
+"""A request as a factor graph: clauses, each with the objects that it touches.
+
+What a request and the spec's requirements ask for is a conjunction of clauses: formula nodes that must lie between two
+ends. A clause depends on the poses of a few objects only; growth scores it as soon as all of these are on the table,
+and a move scores the clauses of what it moves. Three kinds are told apart:
+
+* a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
+* a `Choice` is a disjunction over three or more objects: one of its `Way`s must hold, and which one is decided before
+  the objects are placed;
+* every other clause is evaluated as it is.
+
+The ends of a clause depend on the cell of the range that a scene is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.contract import contract, start
+from scenegen.bounds.wanted import EVERYTHING, Ends, both, push_down
+from scenegen.lang.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.primitives import PRIMITIVES, Footprint
+from scenegen.primitives.footprint import POINT, Circle
+from scenegen.sampling.problem import Problem
+
+Array = npt.NDArray[np.float64]
+
+LOCAL = 2  # objects up to which a disjunction is evaluated as a whole: both are placed at once, or nearly so
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clause:
+    """Formula node `node` of the core lies from `low` to `high`, (C,) each: one end per cell. `objects` are the free
+    objects that it touches, as indices into the spec's."""
+
+    node: int
+    objects: frozenset[int]
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """The clearance of two footprints is at least `low` (C,), in metres. `first` and `second` are objects, or fixed
+    poses (x, y, theta)."""
+
+    node: int
+    shapes: tuple[Footprint, Footprint]
+    first: int | tuple[float, float, float]
+    second: int | tuple[float, float, float]
+    low: Array
+
+    @property
+    def objects(self) -> frozenset[int]:
+        return frozenset(end for end in (self.first, self.second) if isinstance(end, int))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """One alternative of a choice: its node lies within the ends, which asks for all of `clauses`."""
+
+    whole: Clause
+    clauses: tuple[Clause, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """At least one way holds."""
+
+    ways: tuple[Way, ...]
+    objects: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """`rows` are the rows of (3N, B) storage that any clause reads and that are free: all others are independent of
+    everything and uniform. `parts` are the connected components, as sets of objects, largest first. `low`, `high`
+    (3N, C) is the box that contraction leaves to each cell."""
+
+    core: Core
+    clauses: tuple[Clause, ...]
+    pairs: tuple[Pair, ...]
+    choices: tuple[Choice, ...]
+    rows: frozenset[int]
+    parts: tuple[frozenset[int], ...]
+    low: Array
+    high: Array
+
+    @property
+    def objects(self) -> frozenset[int]:
+        """The free objects that phi depends on."""
+        return frozenset(row // 3 for row in self.rows)
+
+
+def make_graph(problem: Problem) -> Graph:
+    """The factor graph of a request."""
+    builder = _Builder(problem)
+    clauses: list[Clause] = []
+    pairs: list[Pair] = []
+    choices: list[Choice] = []
+    narrowing: list[Clause] = []
+    for clause in builder.clauses(builder.demands()):
+        pair = builder.pair(clause)
+        if pair is not None:
+            pairs.append(pair)
+            continue
+        if not clause.objects:  # the same in every scene
+            continue
+        narrowing.append(clause)
+        choice = builder.choice(clause)
+        if choice is not None:
+            choices.append(choice)
+        else:
+            clauses.append(clause)
+    rows = builder.rows_read([*narrowing, *pairs])
+    groups = [one.objects for one in clauses] + [one.objects for one in pairs] + [one.objects for one in choices]
+    parts = _components(groups)
+    low, high = builder.box(narrowing)
+    return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, parts, low, high)
+
+
+def _components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
+    parts: list[set[int]] = []
+    for group in groups:
+        joined = set(group)
+        apart = []
+        for part in parts:
+            if part & joined:
+                joined |= part
+            else:
+                apart.append(part)
+        parts = [*apart, joined] if joined else apart
+    return tuple(frozenset(part) for part in sorted(parts, key=lambda part: (-len(part), min(part))))
+
+
+class _Builder:
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self._core = problem, problem.core
+        free = problem.lowest < problem.highest
+        self._reads: list[int] = []  # bit r of entry i: node i reads row r, and row r is free
+        for node in self._core.nodes:
+            if isinstance(node, Coord):
+                self._reads.append(1 << node.row if free[node.row] else 0)
+            else:
+                bits = 0
+                for child in _read(node):
+                    bits |= self._reads[child]
+                self._reads.append(bits)
+
+    def demands(self) -> dict[int, tuple[Array, Array]]:
+        """Ends of formula nodes by cell: node -> lowest and highest value, (C,) each."""
+        core, cells = self._core, self._problem.cells
+        found: dict[int, tuple[Array, Array]] = {}
+        required = core.labels.get(REQUIRE)
+        if required is not None:
+            for node, ends in push_down(core, {required: (0.0, np.inf)}).items():
+                found[node] = np.full(cells.count, ends[0]), np.full(cells.count, ends[1])
+        names = [name for name in core.labels if name != REQUIRE]
+        for cell in range(cells.count):
+            low, high = cells.limits(cell)
+            wanted: dict[int, Ends] = {}
+            for place, name in enumerate(names):
+                node = core.labels[name]
+                wanted[node] = both(wanted.get(node, EVERYTHING), (float(low[place]), float(high[place])))
+            wanted = {node: ends for node, ends in wanted.items() if ends != EVERYTHING}
+            for node, ends in push_down(core, wanted).items():
+                mine = found.get(node)
+                if mine is None:
+                    mine = found[node] = np.full(cells.count, -np.inf), np.full(cells.count, np.inf)
+                mine[0][cell], mine[1][cell] = max(mine[0][cell], ends[0]), min(mine[1][cell], ends[1])
+            if not cells.bounded:  # all cells want the same
+                break
+        return {node: found[node] for node in sorted(found)}
+
+    def clauses(self, demands: Mapping[int, tuple[Array, Array]]) -> list[Clause]:
+        return [Clause(node, self._objects(node), low, high) for node, (low, high) in demands.items()]
+
+    def _objects(self, node: int) -> frozenset[int]:
+        return frozenset(row // 3 for row in _bits(self._reads[node]))
+
+    def rows_read(self, clauses: Iterable[Clause | Pair]) -> frozenset[int]:
+        """The free rows that some clause reads."""
+        bits = 0
+        for one in clauses:
+            bits |= self._reads[one.node]
+        return frozenset(_bits(bits))
+
+    def pair(self, clause: Clause) -> Pair | None:
+        """The clause as a pair, where it is one: a lower end of a clearance or a distance, and nothing else."""
+        form = _offset(self._core.nodes, clause.node)
+        if form is None:
+            return None
+        at, sign, constant = form
+        low, high = (clause.low, clause.high) if sign > 0.0 else (-clause.high, -clause.low)
+        if np.isfinite(high).any() or not np.isfinite(low).all():
+            return None
+        node = self._core.nodes[at]
+        assert isinstance(node, Apply)
+        if node.primitive == "gap":
+            a, b = self._place(node.args[:3]), self._place(node.args[3:])
+            shapes = node.shapes[0], node.shapes[1]
+        else:
+            a, b, shapes = self._place(node.args[:2]), self._place(node.args[2:]), (POINT, POINT)
+        if a is None or b is None or a == b or not (isinstance(a, int) or isinstance(b, int)):
+            return None
+        return Pair(clause.node, shapes, a, b, low - sign * constant)
+
+    def _place(self, args: Sequence[int]) -> int | tuple[float, float, float] | None:
+        """The object, or the fixed pose, that arguments x, y and heading are; None for anything else."""
+        nodes = [self._core.nodes[arg] for arg in args]
+        owners = {node.object for node in nodes if isinstance(node, Coord)}
+        if len(owners) == 1 and all(isinstance(node, Coord) and node.axis == axis for axis, node in enumerate(nodes)):
+            (owner,) = owners
+            rows = [3 * owner + axis for axis in range(len(args))]
+            if (self._problem.lowest[rows] < self._problem.highest[rows]).any():
+                return owner
+        values = [self._constant(node) for node in nodes]
+        if any(value is None for value in values):
+            return None
+        x, y, *theta = (value for value in values if value is not None)
+        return x, y, theta[0] if theta else 0.0
+
+    def _constant(self, node: Node) -> float | None:
+        lowest, highest = self._problem.lowest, self._problem.highest
+        if isinstance(node, Coord) and lowest[node.row] == highest[node.row]:
+            return float(lowest[node.row])
+        return node.value if isinstance(node, Const) else None
+
+    def choice(self, clause: Clause) -> Choice | None:
+        """The clause as a choice, where it is a disjunction over more objects than are placed together."""
+        node = self._core.nodes[clause.node]
+        if not isinstance(node, Junction) or len(clause.objects) <= LOCAL:
+            return None
+        ways = []
+        for arg in flat(self._core, clause.node):
+            whole = Clause(arg, self._objects(arg), clause.low, clause.high)
+            ways.append(Way(whole, tuple(self.clauses(asked(self._core, whole)))))
+        return Choice(tuple(self._possible(ways) or ways), clause.objects)
+
+    def _possible(self, ways: Sequence[Way]) -> list[Way]:
+        """The ways that contraction does not rule out in all cells."""
+        problem = self._problem
+        wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
+        shape = (len(problem.lowest), len(ways))
+        box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
+        lo, hi = start(problem.tape, wanted, *box)
+        nodes, number = problem.tape.restrict([problem.tape.where[node] for ends in wanted for node in ends])
+        old = sorted(number, key=lambda index: number[index])
+        alive = contract(nodes, lo[old], hi[old])
+        return [way for way, possible in zip(ways, alive, strict=True) if possible]
+
+    def box(self, clauses: Sequence[Clause]) -> tuple[Array, Array]:
+        """What contraction by the clauses that every scene meets leaves of the box of poses, for each cell: (3N, C)."""
+        problem, tape = self._problem, self._problem.tape
+        count = problem.cells.count
+        lowest = np.repeat(problem.lowest[:, None], count, axis=1)
+        highest = np.repeat(problem.highest[:, None], count, axis=1)
+        wanted = [{one.node: (float(one.low[cell]), float(one.high[cell])) for one in clauses} for cell in range(count)]
+        lo, hi = start(tape, wanted, lowest, highest)
+        nodes, number = tape.restrict([*(tape.where[one.node] for one in clauses), *tape.rows.values()])
+        old = sorted(number, key=lambda index: number[index])
+        lo, hi = lo[old], hi[old]
+        alive = contract(nodes, lo, hi)
+        for row, node in tape.rows.items():
+            lowest[row] = np.where(alive, lo[number[node]], lowest[row])
+            highest[row] = np.where(alive, hi[number[node]], highest[row])
+        return lowest, highest
+
+
+def _read(node: Node) -> list[int]:
+    """The nodes that a value depends on: a circle's heading is not one of them."""
+    if not isinstance(node, Apply) or not node.shapes:
+        return list(children(node))
+    read: list[int] = []
+    at = 0
+    shapes = iter(node.shapes)
+    for kind in PRIMITIVES[node.primitive].params:
+        size = {"number": 1, "place": 2, "footprint": 3}[kind]
+        args = node.args[at : at + size]
+        at += size
+        read += args[:2] if kind == "footprint" and isinstance(next(shapes), Circle) else args
+    return read
+
+
+def _bits(bits: int) -> list[int]:
+    found = []
+    while bits:
+        lowest = bits & -bits
+        found.append(lowest.bit_length() - 1)
+        bits ^= lowest
+    return found
+
+
+def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
+    """What a clause asks of the formula nodes below it, pushed down cell by cell: node -> ends, (C,) each."""
+    count = len(clause.low)
+    found: dict[int, tuple[Array, Array]] = {}
+    for cell in range(count):
+        for node, (low, high) in push_down(
+            core, {clause.node: (float(clause.low[cell]), float(clause.high[cell]))}
+        ).items():
+            ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
+            ends[0][cell], ends[1][cell] = low, high
+    return found
+
+
+def flat(core: Core, index: int) -> list[int]:
+    """The arguments of a junction, those of junctions of the same kind within it instead of these; each only once."""
+    top = core.nodes[index]
+    assert isinstance(top, Junction)
+    found: dict[int, None] = {}
+    waiting = list(reversed(top.args))
+    while waiting:
+        arg = waiting.pop()
+        node = core.nodes[arg]
+        if isinstance(node, Junction) and node.kind == top.kind:
+            waiting += reversed(node.args)
+        else:
+            found[arg] = None
+    return list(found)
+
+
+def _offset(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | None:
+    """A margin as sign times a clearance or distance, plus a constant: its node, the sign, the constant."""
+    node = nodes[index]
+    if not isinstance(node, Atom):
+        return None
+    index, sign, constant = node.margin, 1.0, 0.0
+    while True:
+        node = nodes[index]
+        if not isinstance(node, Apply):
+            return None
+        if node.primitive in ("gap", "dist"):
+            return index, sign, constant
+        values = [nodes[arg] for arg in node.args]
+        match node.primitive, values:
+            case "neg", _:
+                index, sign = node.args[0], -sign
+            case "add", [_, Const(value)]:
+                index, constant = node.args[0], constant + sign * value
+            case "add", [Const(value), _]:
+                index, constant = node.args[1], constant + sign * value
+            case "sub", [_, Const(value)]:
+                index, constant = node.args[0], constant - sign * value
+            case "sub", [Const(value), _]:
+                index, constant, sign = node.args[1], constant + sign * value, -sign
+            case _:
+                return None

@@ -1,0 +1,139 @@
+"""Growing a population of scenes: objects one after another, resampling, moves (sequential Monte Carlo; Del Moral et
+al. 2006, Doucet and Johansen 2009)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.growth.insert import Placed, place
+from scenegen.sampling.growth.machine import Machine
+from scenegen.sampling.growth.moves import Settings, Tally, sweep
+from scenegen.sampling.growth.particles import Particles, resample
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
+MOST_POSES = 1 << 21  # poses tried for one object in all scenes, at most
+HITS = 12.0  # poses that meet all clauses that a scene should have among its tries
+EVEN = 0.9  # effective share of the scenes after weighting from which on no moves are made
+SOME = 24  # objects moved after one is placed: all of them would cost more than the scenes' number of objects squared
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One object: `tries` poses in every scene, then `sweeps` over at most SOME of the placed objects."""
+
+    tries: int
+    sweeps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Grown:
+    """`particles` have all objects; `log_share` (islands, C) is each island's estimate of the share of the contracted
+    box that is of each cell, as a natural logarithm, -inf where none was found."""
+
+    particles: Particles
+    log_share: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck:
+    """No scene has room for the object of stage `stage`; `placed` tells what its tries came to, `particles` are the
+    scenes before it."""
+
+    particles: Particles
+    stage: int
+    placed: Placed
+
+
+def grow(
+    machine: Machine,
+    cell: Index,
+    island: Index,
+    steps: Sequence[Step],
+    settings: Settings,
+    rng: np.random.Generator,
+) -> Grown | Stuck:
+    """Scenes for the given cells and islands, (P,) each, by a plan. There may be fewer in the end: they can die out."""
+    particles = Particles.start(machine, cell, island, rng)
+    return _grow(particles, settings, lambda particles: _by_plan(particles, steps))
+
+
+def explore(
+    machine: Machine,
+    cell: Index,
+    island: Index,
+    rng: np.random.Generator,
+    tally: Tally,
+) -> tuple[Grown | Stuck, list[Step]]:
+    """Scenes as `grow` makes them, while the steps of a plan are found out."""
+    steps: list[Step] = []
+    settings = Settings({})
+
+    def advance(particles: Particles) -> tuple[Placed, int]:
+        placed = _with_enough_tries(particles)
+        steps.append(Step(placed.tries // particles.count, 0))
+        return placed, -1
+
+    particles = Particles.start(machine, cell, island, rng)
+    return _grow(particles, settings, advance, tally, steps), steps
+
+
+def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[Placed, int]:
+    step = steps[particles.stage + 1]
+    return place(particles, step.tries), step.sweeps
+
+
+def _with_enough_tries(particles: Particles) -> Placed:
+    stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MOST_POSES // particles.count)
+    while True:
+        placed = place(particles, tries, planning=True)
+        rate = placed.hits / placed.tries
+        enough = int(np.ceil(HITS / rate)) if rate > 0.0 else 16 * tries
+        if enough <= 2 * tries or tries >= most:
+            return placed
+        tries = min(most, max(2, enough))
+        particles.stage = stage
+
+
+def _grow(
+    particles: Particles,
+    settings: Settings,
+    advance: Callable[[Particles], tuple[Placed, int]],
+    tally: Tally | None = None,
+    steps: list[Step] | None = None,
+) -> Grown | Stuck:
+    machine, rng = particles.machine, particles.rng
+    log_share = np.full((int(particles.island.max()) + 1, machine.cells), -np.inf)
+    log_share[particles.island, particles.cell] = 0.0
+    last = len(machine.order) - 1
+    for stage in range(len(machine.order)):
+        placed, sweeps = advance(particles)
+        keep, mean = resample(placed.weights, particles.group, rng)
+        with np.errstate(divide="ignore"):
+            factor = np.zeros_like(log_share)
+            factor[particles.island, particles.cell] = np.log(mean)
+        log_share += factor
+        if not len(keep):
+            return Stuck(particles, stage, placed)
+        if sweeps < 0:
+            even = float(placed.weights.sum() ** 2 / (particles.count * (placed.weights**2).sum()))
+            sweeps = 0 if even > EVEN or stage == last else _sweeps(even)
+            assert steps is not None
+            steps[-1] = Step(steps[-1].tries, sweeps)
+        if stage in (last // 2, 3 * last // 4, last):
+            particles.note_ancestors()
+        particles.take(keep)
+        for _ in range(sweeps):
+            sweep(particles, settings, tally, SOME)
+    return Grown(particles, log_share)
+
+
+def _sweeps(even: float) -> int:
+    """Sweeps after a step: more where few scenes carry the weight, for their copies must part."""
+    return 1 if even > 0.5 else 2 if even > 0.2 else 4

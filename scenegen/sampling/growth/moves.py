@@ -1,0 +1,366 @@
+"""Local moves: Metropolis steps that change one object, or a few, and score what touches these alone.
+
+All keep the uniform distribution over the scenes that meet the clauses in force: walks, redraws over the box, swaps and
+rigid motions are symmetric; a redraw over the room is weighed by the branches that hold the old and the new pose. A
+kind of move and its objects are drawn once for all scenes, steps for each scene alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.growth.insert import MANY
+from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.room import Room
+from scenegen.sampling.growth.touch import within
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
+
+KINDS = ("redraw", "shift", "turn", "way")
+FINEST = 7  # step lengths go down to the box's over 2 to this power
+REDRAWS = 0.25  # redraws of an object for each walk
+DEAR = 4.0  # times fewer of them where the room has to be contracted first
+TRADES = 2  # trades of places for each object of a small class, with objects of others
+MOST_TRADES = 8
+SHUFFLES = 0.25  # shuffles of all kin for each sweep
+SWAPS = 0.5  # swaps for each object that has kin
+
+
+@dataclass(slots=True)
+class Tally:
+    """How often each kind of move was tried and taken, in scenes; and walks by the power of two of their step, for each
+    object."""
+
+    tried: dict[str, float] = field(default_factory=dict)
+    taken: dict[str, float] = field(default_factory=dict)
+    steps: dict[int, Array] = field(default_factory=dict)
+
+    def note(self, kind: str, tried: int, taken: int) -> None:
+        self.tried[kind] = self.tried.get(kind, 0.0) + tried
+        self.taken[kind] = self.taken.get(kind, 0.0) + taken
+
+    def rate(self, kind: str) -> float | None:
+        tried = self.tried.get(kind, 0.0)
+        return self.taken[kind] / tried if tried else None
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
+    of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles."""
+
+    steps: Mapping[int, Array]
+    kinds: tuple[str, ...] | None = None
+
+    def makes(self, kind: str) -> bool:
+        return not kind.startswith("shuffle") if self.kinds is None else kind in self.kinds
+
+    def odds(self, thing: int) -> Array:
+        found = self.steps.get(thing)
+        return np.full(FINEST + 1, 1.0 / (FINEST + 1)) if found is None else found
+
+
+def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, most: int | None = None) -> float:
+    """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
+    machine, rng, placed = particles.machine, particles.rng, particles.placed
+    taken = 0.0
+    turns = rng.permutation(len(placed))[:most]
+    for place in turns:
+        thing = placed[place]
+        taken += _walk(particles, thing, settings, tally)
+        room = machine.room(thing, particles.stage, placing=False)
+        if settings.makes("redraw") and rng.random() < (REDRAWS / DEAR if room.nodes else REDRAWS):
+            _redraw(particles, thing, room, tally)
+        group = [one for one in machine.groups[thing] if machine.at[one] <= particles.stage]
+        if len(group) > 1 and settings.makes("shift"):
+            _shift(particles, thing, group, settings, tally)
+        if len(group) > 1 and settings.makes("turn"):
+            _turn(particles, thing, group, tally)
+    for index, kin in enumerate(machine.kin):
+        here = [block for block in kin if all(machine.at[thing] <= particles.stage for thing in block)]
+        if len(here) < 2:
+            continue
+        if settings.makes(f"shuffle {index}"):
+            if rng.random() < SHUFFLES:
+                _shuffle(particles, here, f"shuffle {index}", tally)
+        elif settings.makes(f"swap {index}"):
+            for _ in range(max(1, int(min(len(here), len(turns)) * SWAPS))):
+                first, second = rng.choice(len(here), size=2, replace=False)
+                _swap(particles, here[first], here[second], f"swap {index}", tally)
+    for index, (few, others) in enumerate(machine.mixed):
+        kind = f"trade {index}"
+        if settings.makes(kind):
+            _trades(particles, few, others, kind, tally)
+    if settings.makes("way"):
+        for index, (begin, end) in enumerate(zip(machine.begins, machine.ends, strict=True)):
+            if begin <= particles.stage < end:
+                _other_way(particles, index, tally)
+    return taken / max(1, len(turns))
+
+
+def _walk(particles: Particles, thing: int, settings: Settings, tally: Tally | None) -> float:
+    machine, rng = particles.machine, particles.rng
+    rows = list(machine.touch[thing].rows)
+    if len(rows) == 3:  # place and heading together, or one of them
+        which = rng.integers(4)
+        rows = rows if which < 2 else rows[:2] if which == 2 else rows[2:]
+    power = int(rng.choice(FINEST + 1, p=settings.odds(thing)))
+    factor = 0.5 * 2.0 ** (-power + rng.random() - 0.5)
+    new = {}
+    for row in rows:
+        width = _width(particles, row)
+        new[row] = particles.scenes[row] + (2.0 * rng.random(particles.count) - 1.0) * (factor * width)
+    good = _attempt(particles, (thing,), new)
+    share = float(good.mean())
+    if tally is not None:
+        tally.note("walk", len(good), int(good.sum()))
+        table = tally.steps.setdefault(thing, np.zeros((2, FINEST + 1)))
+        table[0, power] += 1.0
+        table[1, power] += share
+    return share
+
+
+def _width(particles: Particles, row: int) -> Array | float:
+    graph = particles.machine.graph
+    if graph.low.shape[1] == 1:
+        return float(graph.high[row, 0] - graph.low[row, 0])
+    width: Array = (graph.high[row] - graph.low[row])[particles.cell]
+    return width
+
+
+def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -> None:
+    machine, rng = particles.machine, particles.rng
+    rows = machine.touch[thing].rows
+    boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
+    machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
+    poses = boxes.draw(1, rng)[:, 0]
+    allowed = boxes.volumes.sum(axis=0) > 0.0
+    if len(room.branches) > 1:
+        old = np.maximum(boxes.holding(particles.scenes[list(rows)]), 1.0)
+        allowed &= rng.random(particles.count) * boxes.holding(poses) < old
+    good = _attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), allowed)
+    if tally is not None:
+        tally.note("redraw", len(good), int(good.sum()))
+
+
+def _swap(
+    particles: Particles, first: tuple[int, ...], second: tuple[int, ...], kind: str, tally: Tally | None
+) -> None:
+    """Two blocks take each other's poses, member by member."""
+    _trade(particles, [first, second], np.array([[1], [0]]), kind, tally)
+
+
+def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: Tally | None) -> None:
+    """Blocks of one kind take each other's poses, in a random order for each scene."""
+    _trade(particles, kin, particles.rng.random((len(kin), particles.count)).argsort(axis=0), kind, tally)
+
+
+def _trades(particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: Tally | None) -> None:
+    """Objects of a small class trade places with others of the same footprints."""
+    machine, rng = particles.machine, particles.rng
+    here = [thing for thing in few if machine.at[thing] <= particles.stage]
+    there = [thing for thing in others if machine.at[thing] <= particles.stage]
+    if not here or not there:
+        return
+    for _ in range(min(MOST_TRADES, TRADES * len(here))):
+        _swap(particles, (here[rng.integers(len(here))],), (there[rng.integers(len(there))],), kind, tally)
+
+
+def _trade(
+    particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index, kind: str, tally: Tally | None
+) -> None:
+    """Block i takes the poses of block order[i], (blocks, P) or (blocks, 1)."""
+    touch, fresh = particles.machine.touch, particles.fresh
+    new: dict[int, Array] = {}
+    for members in zip(*blocks, strict=True):
+        for rows in zip(*(touch[thing].rows for thing in members), strict=True):
+            values = np.take_along_axis(particles.scenes[list(rows)], order, axis=0)
+            new.update(zip(rows, values, strict=True))
+    good = _attempt(particles, [thing for block in blocks for thing in block], new, places=False)
+    for members in zip(*blocks, strict=True):
+        mine = fresh[list(members)]
+        fresh[list(members)] = np.where(good, np.take_along_axis(mine, order, axis=0), mine)
+    if tally is not None:
+        tally.note(kind, len(good), int(good.sum()))
+
+
+def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Settings, tally: Tally | None) -> None:
+    """An object and all that hang from it by one step."""
+    rng, count = particles.rng, particles.count
+    factor = 0.5 * 2.0 ** -(FINEST * rng.random())
+    new = {}
+    rows = [[row for one in group for row in particles.machine.touch[one].rows if row % 3 == axis] for axis in (0, 1)]
+    for along in rows:
+        if along:
+            width = float((particles.machine.problem.highest - particles.machine.problem.lowest)[along].min())
+            step = (2.0 * rng.random(count) - 1.0) * (factor * width)
+            for row in along:
+                new[row] = particles.scenes[row] + step
+    good = _attempt(particles, tuple(group), new)
+    if tally is not None:
+        tally.note("shift", len(good), int(good.sum()))
+
+
+def _turn(particles: Particles, thing: int, group: Sequence[int], tally: Tally | None) -> None:
+    """All that hang from an object around it, headings included."""
+    machine, rng = particles.machine, particles.rng
+    x, y = 3 * thing, 3 * thing + 1
+    angle = (2.0 * rng.random(particles.count) - 1.0) * (np.pi * 2.0 ** -(FINEST * rng.random()))
+    cos, sin = np.cos(angle), np.sin(angle)
+    new: dict[int, Array] = {}
+    for one in group:
+        rows = machine.touch[one].rows
+        if one != thing:
+            if 3 * one not in rows or 3 * one + 1 not in rows:
+                return
+            dx, dy = (
+                particles.scenes[3 * one] - particles.scenes[x],
+                particles.scenes[3 * one + 1] - particles.scenes[y],
+            )
+            new[3 * one] = particles.scenes[x] + cos * dx - sin * dy
+            new[3 * one + 1] = particles.scenes[y] + sin * dx + cos * dy
+        if 3 * one + 2 in rows:
+            if not machine.circular(3 * one + 2):
+                return
+            new[3 * one + 2] = particles.scenes[3 * one + 2] + angle
+    good = _attempt(particles, tuple(group), new)
+    if tally is not None:
+        tally.note("turn", len(good), int(good.sum()))
+
+
+def _other_way(particles: Particles, index: int, tally: Tally | None) -> None:
+    """Decide on another way of a choice, where what it asks of the objects placed so far is met."""
+    machine, rng = particles.machine, particles.rng
+    ways = machine.graph.choices[index].ways
+    proposed = rng.integers(len(ways), size=particles.count)
+    good = proposed != particles.chosen[index]
+    placed = set(particles.placed)
+    for number, way in enumerate(ways):
+        mine = np.flatnonzero(good & (proposed == number))
+        clauses = [clause for clause in way.clauses if clause.objects and clause.objects <= placed]
+        if not len(mine) or not clauses:
+            continue
+        touch = machine.touch[machine.order[0]]
+        values = touch.values(("ways", *(clause.node for clause in clauses)), [clause.node for clause in clauses])
+        machine.count(len(values.steps), len(mine))
+        for clause, value in zip(clauses, values(list(particles.scenes[:, mine])), strict=True):
+            inside = within(value, clause, particles.cell[mine])
+            if inside is not None:
+                good[mine] &= inside
+    particles.chosen[index] = np.where(good, proposed, particles.chosen[index])
+    if tally is not None:
+        tally.note("way", len(good), int(good.sum()))
+
+
+def _attempt(
+    particles: Particles,
+    things: Sequence[int],
+    new: Mapping[int, Array],
+    allowed: Bool | None = None,
+    *,
+    places: bool = True,
+) -> Bool:
+    """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
+    in which that was so. `places`: the values are new to the scene, not those of another of its objects."""
+    machine, cell = particles.machine, particles.cell
+    graph = machine.graph
+    good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
+    brought: dict[int, Array] = {}
+    for row, value in new.items():
+        low, high = graph.low[row], graph.high[row]
+        least, most = (low[0], high[0]) if len(low) == 1 else (low[cell], high[cell])
+        if machine.circular(row):
+            lowest, highest = machine.problem.lowest[row], machine.problem.highest[row]
+            value = value - (highest - lowest) * np.floor((value - lowest) / (highest - lowest))
+            value = np.where(value >= highest, lowest, value)
+        good &= (value >= least) & (value <= most)
+        brought[row] = value
+    if len(things) == 1:
+        rows, trial = list(particles.scenes), particles.scenes  # the others stay: their rows are read as they are
+    else:
+        trial = particles.scenes.copy()
+        for row, value in brought.items():
+            trial[row] = value
+        rows = list(trial)
+    for row, value in brought.items():
+        rows[row] = value
+    _holds(particles, things, rows, trial, good)
+    met = _ways_met(particles, things, rows, good)
+    for row, value in brought.items():
+        np.copyto(particles.scenes[row], value, where=good)
+    for index, (which, held) in met.items():
+        table = particles.met[index]
+        assert table is not None
+        table[which] = np.where(good, held, table[which])
+    for thing in things if places else ():
+        if 3 * thing in brought or 3 * thing + 1 in brought or 3 * thing not in graph.rows:
+            particles.fresh[thing] |= good
+    return good
+
+
+def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], trial: Array, good: Bool) -> None:
+    """Take out of `good` (P,) the scenes that do not meet the clauses in force that touch `things`. `rows` are the
+    tried rows, and `trial` (3N, P) the tried scenes, in which a single thing may stand as before."""
+    machine, cell, stage = particles.machine, particles.cell, particles.stage
+    for thing in things:
+        touch = machine.touch[thing]
+        met = touch.meets(rows, cell, stage)
+        if met is not None:
+            good &= met
+            machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(good))
+        for one in touch.way_clauses_in_force(stage):
+            if machine.ends[one.choice] <= stage:
+                continue
+            some = np.flatnonzero(good & (particles.chosen[one.choice] == one.way))
+            if len(some):
+                values = touch.values(("way", one.clause.node), [one.clause.node])
+                inside = within(values([row[some] for row in rows])[0], one.clause, cell[some])
+                machine.count(len(values.steps), len(some))
+                if inside is not None:
+                    good[some] &= inside
+    for thing in things:
+        touch = machine.touch[thing]
+        if touch.layers and good.any():
+            x, y, theta = (rows[3 * thing + axis] for axis in range(3))
+            machine.count(6 * stage, len(good))
+            if good.mean() > MANY:
+                touch.clear((x, y, theta), trial, cell, stage, good)
+            else:
+                some = np.flatnonzero(good)
+                clear = np.ones(len(some), dtype=bool)
+                touch.clear((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
+                good[some] = clear
+
+
+def _ways_met(
+    particles: Particles, things: Sequence[int], rows: Sequence[Array], good: Bool
+) -> dict[int, tuple[Index, Bool]]:
+    """For every choice whose objects are all placed and of which some way touches `things`: those ways, and which hold
+    now. Takes scenes out of `good` in which no way is left."""
+    machine, cell = particles.machine, particles.cell
+    found: dict[int, tuple[Index, Bool]] = {}
+    for index, table in enumerate(particles.met):
+        if table is None:
+            continue
+        numbers = sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())})
+        if not numbers:
+            continue
+        ways = [machine.graph.choices[index].ways[number] for number in numbers]
+        touch = machine.touch[things[0]]
+        values = touch.values(("met", index, *numbers), [way.whole.node for way in ways])
+        machine.count(len(values.steps), len(good))
+        held = np.ones((len(ways), len(good)), dtype=bool)
+        for row, way, value in zip(held, ways, values(rows), strict=True):
+            inside = within(value, way.whole, cell)
+            if inside is not None:
+                row &= inside
+        which = np.array(numbers, dtype=np.intp)
+        good &= table.sum(axis=0) - table[which].sum(axis=0) + held.sum(axis=0) > 0
+        found[index] = which, held
+    return found

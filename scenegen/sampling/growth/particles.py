@@ -1,0 +1,115 @@
+"""The scenes that grow: poses, cells, choices, and where each came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.growth.machine import Machine
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
+
+GENERATIONS = 4  # times at which ancestors are noted
+
+
+@dataclass(slots=True)
+class Particles:
+    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen`
+    (choices, P) are the ways decided on, -1 before that; `met[c]` (W, P) tells which ways of choice c hold once its
+    objects are placed. `fresh` (N, P) tells which objects have moved since a scene was last copied. `families` are
+    ancestors, (P,) each, at several times."""
+
+    machine: Machine
+    rng: np.random.Generator
+    scenes: Array
+    cell: Index
+    island: Index
+    chosen: Index
+    met: list[Bool | None]
+    fresh: Bool
+    stage: int = -1
+    families: list[Index] = field(default_factory=list)
+
+    @classmethod
+    def start(cls, machine: Machine, cell: Index, island: Index, rng: np.random.Generator) -> Particles:
+        """Empty tables for the given cells and islands."""
+        problem, count = machine.problem, len(cell)
+        scenes = np.repeat(problem.lowest[:, None], count, axis=1)
+        choices = len(machine.graph.choices)
+        return cls(
+            machine,
+            rng,
+            scenes,
+            cell,
+            island,
+            np.full((choices, count), -1, dtype=np.intp),
+            [None] * choices,
+            np.ones((len(problem.lowest) // 3, count), dtype=bool),
+            families=[np.arange(count)],
+        )
+
+    @property
+    def count(self) -> int:
+        return int(self.scenes.shape[1])
+
+    @property
+    def group(self) -> Index:
+        """A number for each pair of island and cell: resampling keeps within it."""
+        return self.island * self.machine.cells + self.cell
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        return self.machine.order[: self.stage + 1]
+
+    @property
+    def apart(self) -> Bool:
+        """Which scenes share no object's place with another, (P,)."""
+        out: Bool = np.all(self.fresh[list(self.placed)], axis=0)
+        return out
+
+    def note_ancestors(self) -> None:
+        self.families.append(np.arange(self.count))
+
+    def take(self, index: Index) -> None:
+        """Go on with copies of the given scenes, each in the place of one; the first of several copies counts as the
+        scene itself, the others as copies until they have moved."""
+        if len(index) == self.count and (index == np.arange(self.count)).all():
+            return
+        if len(index) == self.count:
+            rows = [row for thing in self.placed for row in range(3 * thing, 3 * thing + 3)]
+            self.scenes[rows] = self.scenes[rows][:, index]
+        else:
+            self.scenes = self.scenes[:, index]
+        self.cell, self.island = self.cell[index], self.island[index]
+        self.chosen = self.chosen[:, index]
+        self.met = [None if met is None else met[:, index] for met in self.met]
+        self.fresh = self.fresh[:, index]
+        _, first = np.unique(index, return_index=True)
+        copied = np.ones(len(index), dtype=bool)
+        copied[first] = False
+        things = np.array(self.placed, dtype=np.intp)
+        self.fresh[things[:, None], np.flatnonzero(copied)] = False
+        self.families = [family[index] for family in self.families]
+
+
+def resample(weights: Array, group: Index, rng: np.random.Generator) -> tuple[Index, Array]:
+    """Systematic resampling within each group (Carpenter et al. 1999): whom to go on with, and the mean weight of each
+    scene's group, (P,) each. Groups in which all weights are 0 are left out: they have died."""
+    keep: list[Index] = []
+    mean = np.zeros(len(weights))
+    for which in np.unique(group):
+        mine = np.flatnonzero(group == which)
+        total = np.cumsum(weights[mine])
+        mean[mine] = total[-1] / len(mine)
+        if total[-1] <= 0.0:
+            continue
+        if (weights[mine] == weights[mine[0]]).all():
+            keep.append(mine)
+            continue
+        marks = (np.arange(len(mine)) + rng.random()) * (total[-1] / len(mine))
+        keep.append(mine[np.minimum(np.searchsorted(total, marks, side="right"), len(mine) - 1)])
+    return (np.concatenate(keep) if keep else np.empty(0, dtype=np.intp)), mean

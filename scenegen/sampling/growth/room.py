@@ -1,0 +1,186 @@
+"""The room that is left for one object: what contraction makes of its box, scene by scene, given what is placed.
+
+Clauses that attract (near a plate, inside one of three bins, pointing north) leave a small part of the table. For every
+scene the object's box is cut into a few branches: the two halves of the circle of headings, so that a heading near 0 is
+not held against the whole circle, and the alternatives of small disjunctions. Each branch is contracted by the rules
+of `bounds.contract`, all scenes at once. Nothing is lost: where the clauses hold, the pose lies in some branch.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.contract import SLACK, contract, size_of
+from scenegen.lang.core import Coord, Junction, Node
+from scenegen.sampling.growth.graph import Clause, asked, flat
+from scenegen.sampling.growth.touch import Touch, WayClause
+from scenegen.sampling.problem import Problem
+from scenegen.scene.workspace import TWO_PI
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+BRANCHES = 12  # branches of a room at most
+ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Boxes:
+    """R rows in J branches for P scenes: `low`, `width` (R, J, P). `volumes` (J, P) are shares of the volume of the
+    object's whole box, 0 where a branch is empty."""
+
+    low: Array
+    width: Array
+    volumes: Array
+
+    def draw(self, tries: int, rng: np.random.Generator) -> Array:
+        """Poses uniform over each branch, branches by volume: (R, tries, P). Anything where there is no room."""
+        rows, branches, count = self.low.shape
+        if branches == 1:
+            return self.low[:, 0, None] + rng.random((rows, tries, count)) * self.width[:, 0, None]
+        edges = np.cumsum(self.volumes, axis=0)
+        at = rng.random((tries, count)) * edges[-1]
+        branch = np.zeros((tries, count), dtype=np.intp)
+        for edge in edges[:-1]:
+            branch += at >= edge
+        scene = np.arange(count)
+        return self.low[:, branch, scene] + rng.random((rows, tries, count)) * self.width[:, branch, scene]
+
+    def holding(self, poses: Array) -> Array:
+        """How many of the branches that are not empty hold each pose: (R, ..., P) -> (..., P)."""
+        if self.low.shape[1] == 1:
+            return np.ones(poses.shape[1:])
+        found = np.zeros(poses.shape[1:])
+        for branch in range(self.low.shape[1]):
+            inside = np.broadcast_to(self.volumes[branch] > 0.0, poses.shape[1:]).copy()
+            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
+                inside &= (row >= low) & (row <= low + width)
+            found += inside
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """The room of one object under some clauses. `nodes` is the part of the tape that is contracted, `dims` its nodes
+    of the object's rows, `others` those of other objects' rows. `branches` say, for each branch, which half of the
+    circle (-1: all of it) and which ends it adds."""
+
+    touch: Touch
+    clauses: tuple[Clause, ...]
+    ways: tuple[WayClause, ...]
+    nodes: tuple[Node, ...]
+    dims: tuple[int, ...]
+    others: tuple[tuple[int, int], ...]
+    places: Mapping[int, int]
+    branches: tuple[tuple[int, tuple[Clause, ...]], ...]
+    scale: float
+
+    def boxes(self, scenes: Array, cell: Index, chosen: npt.NDArray[np.intp]) -> Boxes:
+        """The room in each of P scenes, `scenes` (3N, P), `cell` (P,), `chosen` (choices, P)."""
+        graph, rows = self.touch.graph, list(self.touch.rows)
+        count, branches = scenes.shape[1], len(self.branches)
+        base_low, base_high = graph.low[rows][:, cell], graph.high[rows][:, cell]
+        full = np.prod(np.maximum(base_high - base_low, 1e-300), axis=0)
+        if not self.nodes:
+            return Boxes(base_low[:, None], (base_high - base_low)[:, None], np.ones((1, count)))
+        lo = np.full((len(self.nodes), branches, count), -np.inf)
+        hi = np.full((len(self.nodes), branches, count), np.inf)
+        for place, low, high in zip(self.dims, base_low, base_high, strict=True):
+            lo[place], hi[place] = low, high
+        for place, row in self.others:
+            lo[place] = hi[place] = scenes[row]
+        for clause in self.clauses:
+            self._impose(clause, cell, lo, hi, slice(None))
+        for one in self.ways:
+            mine = np.flatnonzero(chosen[one.choice] == one.way)
+            self._impose(one.clause, cell[mine], lo, hi, mine)
+        for branch, (half, ends) in enumerate(self.branches):
+            if half >= 0:
+                place = self.dims[-1]
+                middle = 0.5 * (lo[place, branch] + hi[place, branch])
+                if half:
+                    lo[place, branch] = middle
+                else:
+                    hi[place, branch] = middle
+            for clause in ends:
+                self._impose(clause, cell, lo[:, branch], hi[:, branch], slice(None))
+        shape = (len(self.nodes), branches * count)
+        lo, hi = lo.reshape(shape), hi.reshape(shape)
+        alive = contract(self.nodes, lo, hi, ROUNDS).reshape(branches, count)
+        dims = list(self.dims)
+        low, high = lo[dims].reshape(-1, branches, count), hi[dims].reshape(-1, branches, count)
+        width = np.where(alive, np.maximum(high - low, 0.0), 0.0)
+        return Boxes(np.where(alive, low, 0.0), width, np.prod(width, axis=0) / full)
+
+    def _impose(self, clause: Clause, cell: Index, lo: Array, hi: Array, columns: Index | slice) -> None:
+        place = self.places.get(clause.node)
+        if place is None:
+            return
+        low = clause.low[0] if len(clause.low) == 1 else clause.low[cell]
+        high = clause.high[0] if len(clause.high) == 1 else clause.high[cell]
+        with np.errstate(invalid="ignore"):
+            low = low - SLACK * (self.scale + np.abs(low))
+            high = high + SLACK * (self.scale + np.abs(high))
+        lo[place, ..., columns] = np.fmax(lo[place, ..., columns], low)
+        hi[place, ..., columns] = np.fmin(hi[place, ..., columns], high)
+
+
+def make_room(problem: Problem, touch: Touch, clauses: Sequence[Clause], ways: Sequence[WayClause]) -> Room:
+    """The room of an object under clauses whose other objects are placed."""
+    tape, rows = problem.tape, touch.rows
+    scale = size_of(problem.lowest, problem.highest)
+    splits = [split for clause in clauses if len(split := _alternatives(problem, clause)) > 1]
+    turned = bool(rows) and rows[-1] % 3 == 2 and _whole_circle(touch, rows[-1]) and bool(clauses or ways)
+    halves = (0, 1) if turned else (-1,)
+    while splits and math.prod(map(len, splits)) * len(halves) > BRANCHES:
+        splits.pop(max(range(len(splits)), key=lambda place: len(splits[place])))
+    branches = tuple(
+        (half, tuple(clause for way in ways_ for clause in way))
+        for half in halves
+        for ways_ in itertools.product(*splits)
+    )
+    imposed = [
+        *clauses,
+        *(one.clause for one in ways),
+        *(clause for split in splits for way in split for clause in way),
+    ]
+    wanted = [tape.where[clause.node] for clause in imposed]
+    if not wanted:
+        return Room(touch, (), (), (), (), (), {}, ((-1, ()),), scale)
+    dims = [tape.rows[row] for row in rows]
+    nodes, number = tape.restrict([*wanted, *dims])
+    mine = {number[node] for node in dims}
+    others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
+    return Room(
+        touch,
+        tuple(clauses),
+        tuple(ways),
+        nodes,
+        tuple(number[node] for node in dims),
+        tuple(others),
+        {clause.node: number[tape.where[clause.node]] for clause in imposed},
+        branches,
+        scale,
+    )
+
+
+def _whole_circle(touch: Touch, row: int) -> bool:
+    graph = touch.graph
+    return bool((graph.high[row] - graph.low[row]).max() > 0.99 * TWO_PI)
+
+
+def _alternatives(problem: Problem, clause: Clause) -> list[tuple[Clause, ...]]:
+    """The ways in which a disjunction can hold, each as what it asks for; none for other clauses."""
+    core = problem.core
+    if not isinstance(core.nodes[clause.node], Junction):
+        return []
+    ways = (Clause(arg, clause.objects, clause.low, clause.high) for arg in flat(core, clause.node))
+    return [
+        tuple(Clause(node, clause.objects, low, high) for node, (low, high) in asked(core, way).items()) for way in ways
+    ]

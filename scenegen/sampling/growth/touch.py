@@ -1,0 +1,265 @@
+"""What one object's pose is held against: the clauses that touch it, in the order in which they come into force.
+
+A clause is in force once all of its objects are placed, so at each stage the clauses in force are the first few of a
+list that is sorted by stage. Pairs are scored in two steps: discs around the footprints tell nearly all of them apart
+at the price of a distance (the broad phase), and clearances are computed only for those that are left.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.primitives import NUMPY, PRIMITIVES, Footprint
+from scenegen.primitives.footprint import Circle
+from scenegen.primitives.outline import measures
+from scenegen.sampling.growth.graph import Clause, Graph, Pair
+from scenegen.sampling.growth.values import Values, make_values
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
+
+BLOCK = 1 << 15  # distances computed at a time: they stay in the cache
+NEVER = 1 << 40  # a stage that does not come
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """What one object keeps a distance from, at most one pair with each of N things: other objects of the spec, or
+    fixed poses `fixed` (N, 3). `stages` (N,) is when a pair comes into force, past all stages where there is none.
+    `low` is the least clearance, `square` the square of the distance of the centres beyond which it is met, (N, C or 1)
+    each, in metres. `kind` (N,) is an index into `kinds`: the footprints, and whether the object is the first of the
+    pair; -1 where both are round, so that the distance says it all."""
+
+    fixed: Array | None
+    stages: Index
+    low: Array
+    square: Array
+    kind: Index
+    kinds: tuple[tuple[tuple[Footprint, Footprint], bool], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WayClause:
+    """A clause of way `way` of choice `choice`."""
+
+    choice: int
+    way: int
+    clause: Clause
+
+
+@dataclass(slots=True, eq=False)
+class Touch:
+    """All that touches object `thing`. `rows` are its rows that some clause reads, `shapes` its
+    footprints in pairs; `ways[c]` the ways of choice c that
+    touch it. `cache` holds evaluators by the number of clauses that they are for."""
+
+    thing: int
+    rows: tuple[int, ...]
+    graph: Graph
+    clauses: tuple[Clause, ...]
+    clause_stages: tuple[int, ...]
+    layers: tuple[Layer, ...]
+    shapes: frozenset[Footprint]
+    way_clauses: tuple[WayClause, ...]
+    way_stages: tuple[int, ...]
+    ways: Mapping[int, tuple[int, ...]]
+    cache: dict[object, Values] = field(default_factory=dict)
+
+    def in_force(self, stage: int) -> tuple[Clause, ...]:
+        """The clauses over objects placed by then."""
+        return self.clauses[: bisect_right(self.clause_stages, stage)]
+
+    def way_clauses_in_force(self, stage: int) -> tuple[WayClause, ...]:
+        return self.way_clauses[: bisect_right(self.way_stages, stage)]
+
+    def meets(self, rows: Sequence[Any], cell: Index, stage: int) -> Bool | None:
+        """Which columns meet the clauses in force other than pairs; None where there are none. `rows` are 3N arrays
+        that broadcast to the result's shape, `cell` the columns' cells, of the last axis."""
+        clauses = self.in_force(stage)
+        if not clauses:
+            return None
+        values = self.values(len(clauses), [clause.node for clause in clauses])(rows)
+        good: Bool | None = None
+        for clause, value in zip(clauses, values, strict=True):
+            inside = within(value, clause, cell)
+            if inside is not None:
+                good = inside if good is None else good & inside
+        return good
+
+    def values(self, key: object, nodes: Sequence[int]) -> Values:
+        if key not in self.cache:
+            self.cache[key] = make_values(self.graph.core, nodes)
+        return self.cache[key]
+
+    def clear(
+        self,
+        pose: tuple[Array, Array, Array],
+        scenes: Array,
+        cell: Index,
+        stage: int,
+        good: Bool,
+        columns: Index | None = None,
+    ) -> None:
+        """Take out of `good` (B,) the poses, x, y and heading (B,) each, that are too near to something in `scenes`
+        (3N, P). Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
+        for layer in self.layers:
+            _clear(layer, pose, scenes, cell, stage, columns, good)
+
+
+def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
+    """Whether values lie within the clause's ends for their cells; None where every value does."""
+    inside: Bool | None = None
+    if np.isfinite(clause.low).any():
+        low = clause.low[0] if len(clause.low) == 1 else clause.low[cell]
+        inside = np.asarray(value >= low)
+    if np.isfinite(clause.high).any():
+        high = clause.high[0] if len(clause.high) == 1 else clause.high[cell]
+        below = np.asarray(value <= high)
+        inside = below if inside is None else inside & below
+    return inside
+
+
+def _clear(
+    layer: Layer,
+    pose: tuple[Array, Array, Array],
+    scenes: Array,
+    cell: Index,
+    stage: int,
+    columns: Index | None,
+    good: Bool,
+) -> None:
+    """Take out of `good` (B,) the columns in which something in force is too near."""
+    x, y, theta = pose
+    live = layer.stages <= stage
+    if not live.any():
+        return
+    square = np.where(live[:, None], layer.square, -1.0)
+    count, width = len(square), len(good)
+    step = max(1, BLOCK // max(1, width))
+    first, last = int(live.argmax()), count - int(live[::-1].argmax())
+    room = np.empty((2, min(step, last - first), width))
+    for begin in range(first, last, step):
+        part = slice(begin, min(last, begin + step))
+        dx, dy = room[:, : part.stop - begin]
+        np.subtract(_coordinates(layer, 0, part, scenes, columns), x, out=dx)
+        np.subtract(_coordinates(layer, 1, part, scenes, columns), y, out=dy)
+        np.multiply(dx, dx, out=dx)
+        np.multiply(dy, dy, out=dy)
+        np.add(dx, dy, out=dx)
+        near = dx < (square[part] if square.shape[1] == 1 else square[part][:, cell])
+        near &= good
+        which, column = np.nonzero(near)
+        if not len(which):
+            continue
+        which = which + begin
+        kind = layer.kind[which]
+        good[column[kind < 0]] = False
+        for number, (shapes, is_first) in enumerate(layer.kinds):
+            mine = np.flatnonzero((kind == number) & good[column])
+            if not len(mine):
+                continue
+            other, here = which[mine], column[mine]
+            scene = here if columns is None else columns[here]
+            if layer.fixed is None:
+                there = scenes[3 * other, scene], scenes[3 * other + 1, scene], scenes[3 * other + 2, scene]
+            else:
+                there = layer.fixed[other, 0], layer.fixed[other, 1], layer.fixed[other, 2]
+            own = x[here], y[here], theta[here]
+            gap = PRIMITIVES["gap"].evaluate(NUMPY, *shapes, *((*own, *there) if is_first else (*there, *own)))
+            least = layer.low[other, 0] if layer.low.shape[1] == 1 else layer.low[other, cell[here]]
+            good[here[gap < least]] = False
+
+
+def _coordinates(layer: Layer, axis: int, part: slice, scenes: Array, columns: Index | None) -> Array:
+    """x (axis 0) or y (1) of some things at some columns, (m, B) or (m, 1)."""
+    if layer.fixed is not None:
+        return layer.fixed[part, axis, None]
+    rows = scenes[axis::3][part]
+    return rows if columns is None else rows[:, columns]
+
+
+def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
+    """What touches each object, given the order in which they are placed."""
+    at = {thing: place for place, thing in enumerate(order)}
+    clauses: dict[int, list[Clause]] = {thing: [] for thing in order}
+    pairs: dict[int, list[tuple[Pair, bool]]] = {thing: [] for thing in order}
+    ways: dict[int, list[WayClause]] = {thing: [] for thing in order}
+    touched: dict[int, dict[int, list[int]]] = {thing: {} for thing in order}
+    for clause in graph.clauses:
+        for thing in clause.objects:
+            clauses[thing].append(clause)
+    for pair in graph.pairs:
+        for thing in pair.objects:
+            pairs[thing].append((pair, thing == pair.first))
+    for index, choice in enumerate(graph.choices):
+        for number, way in enumerate(choice.ways):
+            for thing in way.whole.objects:
+                touched[thing].setdefault(index, []).append(number)
+            for clause in way.clauses:
+                for thing in clause.objects:
+                    ways[thing].append(WayClause(index, number, clause))
+
+    def stage(objects: frozenset[int]) -> int:
+        return max(at[thing] for thing in objects)
+
+    found = {}
+    for thing in order:
+        mine = sorted(clauses[thing], key=lambda one: (stage(one.objects), one.node))
+        further = sorted(ways[thing], key=lambda one: (stage(one.clause.objects), one.choice, one.way, one.clause.node))
+        found[thing] = Touch(
+            thing,
+            tuple(row for row in range(3 * thing, 3 * thing + 3) if row in graph.rows),
+            graph,
+            tuple(mine),
+            tuple(stage(one.objects) for one in mine),
+            _layers(pairs[thing], at, len(graph.core.objects)),
+            frozenset(pair.shapes[0 if first else 1] for pair, first in pairs[thing]),
+            tuple(further),
+            tuple(stage(one.clause.objects) for one in further),
+            {index: tuple(numbers) for index, numbers in touched[thing].items()},
+        )
+    return found
+
+
+def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: int) -> tuple[Layer, ...]:
+    """The pairs of one of `count` objects: those with other objects in as few layers as may be, then the others."""
+    layers: list[dict[int, tuple[Pair, bool]]] = []
+    fixed: list[tuple[Pair, bool]] = []
+    for pair, first in sorted(pairs, key=lambda one: one[0].node):
+        other = pair.second if first else pair.first
+        if not isinstance(other, int):
+            fixed.append((pair, first))
+            continue
+        layer = next((layer for layer in layers if other not in layer), None)
+        if layer is None:
+            layers.append(layer := {})
+        layer[other] = pair, first
+    made = [_layer(layer, at, count, None) for layer in layers]
+    if fixed:
+        poses = np.array([pair.second if first else pair.first for pair, first in fixed], dtype=np.float64)
+        made.append(_layer(dict(enumerate(fixed)), at, len(fixed), poses))
+    return tuple(made)
+
+
+def _layer(members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], count: int, fixed: Array | None) -> Layer:
+    cells = max(len(pair.low) for pair, _ in members.values())
+    low, square = np.zeros((count, cells)), np.full((count, cells), -1.0)
+    stages, kind = np.full(count, NEVER, dtype=np.intp), np.full(count, -1, dtype=np.intp)
+    kinds: dict[tuple[tuple[Footprint, Footprint], bool], int] = {}
+    for place, (pair, first) in members.items():
+        low[place] = pair.low
+        reach = np.maximum(pair.low + sum(measures(shape).outer for shape in pair.shapes), 0.0)
+        square[place] = reach * reach
+        stages[place] = max(at[thing] for thing in pair.objects)
+        if not all(isinstance(shape, Circle) for shape in pair.shapes):
+            kind[place] = kinds.setdefault((pair.shapes, first), len(kinds))
+    if (low == low[:, :1]).all():
+        low, square = low[:, :1], square[:, :1]
+    return Layer(fixed, stages, low, square, kind, tuple(kinds))

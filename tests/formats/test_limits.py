@@ -1,0 +1,122 @@
+"""Files that are small on disk and large in memory: refused with their numbers, or read part by part."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from scenegen.api.export import convert
+from scenegen.api.scenes import read_scenes
+from scenegen.api.spec import parse
+from scenegen.api.stream import sample_to
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.formats import blocks, jsonl, parquet, scenes_json, xml
+from scenegen.formats.header import dump_header
+from scenegen.formats.table import read_scenes as opened
+
+
+@pytest.fixture
+def bomb(scenes, tmp_path):
+    """bomb(rows, row_group_size=...): a Parquet file of so many equal scenes, a few hundred bytes for each million."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def make(rows, **options):
+        names = [f"{one}.{axis}" for one in scenes.objects for axis in ("x", "y", "theta")] + ["phi.task"]
+        metadata = {parquet.KEY: dump_header(scenes.header).encode()}
+        schema = pa.schema([pa.field(name, pa.float64(), nullable=False) for name in names], metadata=metadata)
+        column = pa.array(np.full(rows, 0.5))
+        path = tmp_path / f"bomb{rows}.parquet"
+        pq.write_table(pa.table([column] * len(names), schema=schema), path, row_group_size=rows, **options)
+        return path
+
+    return make
+
+
+def test_more_scenes_than_go_into_memory(bomb, scenes, tmp_path, monkeypatch):
+    path = bomb(20_000)
+    assert path.stat().st_size < 10_000
+    monkeypatch.setattr(blocks, "MOST", 7 * 12_000)
+    said = r"holds 20,000 scenes of 2 objects: too many for memory(.|\n)*at most 12,000 of them"
+    with pytest.raises(DataError, match=said):
+        read_scenes(path)
+    with pytest.raises(DataError, match=said):
+        convert(path, tmp_path / "worlds", "mjcf")
+    assert not (tmp_path / "worlds").exists()
+    assert convert(path, tmp_path / "x.jsonl")[0] == 20_000  # block by block
+    with pytest.raises(DataError, match="holds more than 12,000 scenes"):
+        read_scenes(tmp_path / "x.jsonl")
+    assert len(read_scenes(path, stop=12_000)) == 12_000 and len(read_scenes(tmp_path / "x.jsonl", stop=5)) == 5
+    assert len(read_scenes(path, start=18_000)) == 2_000
+
+
+@pytest.mark.parametrize("ending", [".json", ".jsonl", ".parquet"])
+def test_parts_are_those_of_the_whole(ending, scenes, tmp_path):
+    path = scenes.save(tmp_path / f"x{ending}")
+    for start, stop in ((0, None), (1, 3), (3, 9), (4, None), (2, 2), (3, 1)):
+        assert (read_scenes(path, start=start, stop=stop).poses == scenes.poses[start:stop]).all()
+    with pytest.raises(RequestError, match="count scenes from 0"):
+        read_scenes(path, start=-1)
+    with pytest.raises(RequestError, match=r"`stop` is 1.5"):
+        read_scenes(path, stop=1.5)
+
+
+def test_row_groups_that_are_too_large(bomb, monkeypatch):
+    path = bomb(20_000, use_dictionary=False, compression="zstd")
+    monkeypatch.setattr(parquet, "MOST", 7 * 12_000)
+    with pytest.raises(DataError, match=r"row group of .* holds 20,000 scenes; at most 12,000(.|\n)*scenegen export"):
+        parquet.group_sizes(path)
+    monkeypatch.setattr(parquet, "LARGEST", 1_000_000)
+    with pytest.raises(DataError, match=r"bytes long; the limit is 1,000,000(.|\n)*row groups of 65,536 scenes"):
+        opened(path)
+
+
+def test_a_bomb_is_read_in_little_memory(bomb, tmp_path):
+    """Four million scenes are 224 MB as numbers; reading them block by block takes a process some of that."""
+    path = bomb(4_000_000)
+    program = (
+        "import resource, sys; from pathlib import Path; import scenegen.formats.parquet as p;"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss;"
+        "count = sum(block.count for block in p.read(Path(sys.argv[1])).blocks);"
+        "print(count, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=120)
+    count, megabytes = map(int, done.stdout.split())
+    assert count == 4_000_000 and megabytes < 120
+
+
+def test_a_json_file_that_is_too_long(scenes, tmp_path, monkeypatch):
+    path = scenes.save(tmp_path / "x.json")
+    monkeypatch.setattr(scenes_json, "MOST_BYTES", path.stat().st_size - 1)
+    with pytest.raises(DataError, match=r"bytes are too many(.|\n)*read part by part"):
+        read_scenes(path)
+    monkeypatch.setattr(scenes_json, "MOST_BYTES", path.stat().st_size - 200)
+    with pytest.raises(OutputError, match=r"do not fit into a .json file"):
+        scenes.save(tmp_path / "y.json")
+    assert [one.name for one in tmp_path.iterdir()] == ["x.json"]
+
+
+def test_what_sample_writes_can_be_read(tmp_path):
+    many = parse("object b[200] = box(1 cm, 1 cm, 1 cm)\ntask: leftOf(b[1], b[2])")
+    with pytest.raises(RequestError, match=r"cannot hold 20,000 scenes(.|\n)*at most 13,957"):
+        sample_to(tmp_path / "x.json", many, n=20_000)
+
+
+def test_a_line_without_end(scenes, tmp_path, monkeypatch):
+    path = scenes.save(tmp_path / "x.jsonl")
+    longest = max(map(len, path.read_bytes().splitlines()))
+    monkeypatch.setattr(jsonl, "LONGEST", longest + 1)
+    assert len(read_scenes(path)) == len(scenes)
+    path.write_bytes(path.read_bytes() + b" " * (longest + 2))
+    with pytest.raises(DataError, match=f"line {len(scenes) + 2} of .* is longer than {longest + 1:,} bytes"):
+        read_scenes(path)
+
+
+@pytest.mark.parametrize("ending", [".xml", ".sdf"])
+def test_one_file_with_too_many_scenes(ending, scenes, tmp_path, monkeypatch):
+    monkeypatch.setattr(xml, "MOST_BYTES", 5_000 if ending == ".xml" else 30_000)
+    with pytest.raises(RequestError, match=r"the first \d do(.|\n)*name a folder"):
+        scenes.export(tmp_path / f"x{ending}")
+    assert not list(tmp_path.iterdir())
+    assert len(scenes.export(tmp_path / "worlds", {".xml": "mjcf", ".sdf": "sdf"}[ending])) == 4

@@ -1,0 +1,132 @@
+"""Whoever waits for training scenes sees numbers, may set a limit, and may stop at any time."""
+
+import io
+import itertools
+
+import pytest
+import torch
+from rich.console import Console
+
+import scenegen
+from scenegen.data import gathering as module
+from scenegen.data.gathering import Gathering
+from scenegen.data.table import DATASETS, dataset_maker
+from scenegen.errors import RequestError
+from scenegen.training.gathered import GatheringLines
+from scenegen.training.progress import TrainingProgress
+
+RARE = "object a, b, c\nrequire noOverlap()\ntask: leftOf(a, b) & closeTo(a, c, 0.3)\nsafe: farFrom(a, b, 0.4)"
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return scenegen.parse(RARE)
+
+
+@pytest.fixture(scope="module")
+def easy():
+    return scenegen.parse("leftOf(mug, plate)")
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_every_data_set_counts_and_is_not_changed_by_it(name, easy):
+    told = []
+    gathering = Gathering(tell=lambda *said: told.append(said))
+    data = dataset_maker(name)(easy.checked, 300, torch.Generator().manual_seed(1), gathering)
+    again = dataset_maker(name)(easy.checked, 300, torch.Generator().manual_seed(1))
+    assert data.sha256 == again.sha256
+    assert ("gathering scenes", 0, 300) in told
+    for (stage, done, _), (later, more, wanted) in itertools.pairwise(told):
+        assert more <= wanted and (more >= done or later != stage)
+    if name == "balanced":
+        assert told[0][0] == "measuring the range of phi" and told[-1] == ("gathering scenes", 300, 300)
+
+
+class _Clock:
+    """Goes on by a second whenever it is looked at."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        self.now += 1.0
+        return self.now
+
+
+@pytest.mark.parametrize("seconds", [3, 30])
+def test_time_is_up_wherever_it_is(seconds, spec, tmp_path, monkeypatch):
+    """While phi is measured, while it is planned, while scenes are drawn: one answer, with numbers, and no file."""
+    clock = _Clock()
+    monkeypatch.setattr(module.time, "monotonic", clock)
+    with pytest.raises(RequestError, match=rf"time was up after {seconds} s of (measuring|gathering)") as caught:
+        scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", scenes=2000, timeout=seconds)
+    assert "nothing was written" in str(caught.value) and "--timeout" in caught.value.diagnostics[0].help
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupt_says_how_far_it_was(easy, tmp_path):
+    def interrupt(stage, done, wanted):
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted while gathering scenes: \d+ of 220; nothing was written"):
+        scenegen.train(easy, "gan", out=tmp_path / "m", scenes=200, on_gather=interrupt)
+    assert not list(tmp_path.iterdir())
+
+
+def test_time_is_up_between_steps(easy, tmp_path, monkeypatch):
+    """The model is what training has come to; it goes on to the result of an unbroken run."""
+    out, notes = tmp_path / "m.safetensors", []
+    settings = {"recipe": "paper", "scenes": 256, "epochs": 4, "on_note": notes.append}
+    over = iter([False] * 5 + [True] * 1000)
+    real = module.time.monotonic
+    monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
+    with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*--resume"):
+        scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, **settings)
+    monkeypatch.undo()
+    over = iter([False] * 12 + [True] * 1000)
+    monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
+    made = scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, resume=True, card=True, **settings)
+    monkeypatch.undo()
+    assert made.trained.card.epochs_done == 1 and notes[-1].startswith("time is up after 1 of 4 epochs; go on with")
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["m.safetensors", "m.safetensors.train"]
+    scenegen.train(easy, "gan", out=out, batch_size=32, resume=True, **settings)
+    scenegen.train(easy, "gan", out=tmp_path / "whole.safetensors", batch_size=32, **settings)
+    assert out.read_bytes() == (tmp_path / "whole.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("timeout", [0, -1, float("nan"), "5", True])
+def test_a_limit_is_a_number_of_seconds(timeout, easy, tmp_path):
+    with pytest.raises(RequestError, match="`timeout` is"):
+        scenegen.train(easy, "gan", out=tmp_path / "m.safetensors", timeout=timeout)
+
+
+def test_lines_with_numbers_and_an_estimate():
+    now = 0.0
+    lines = GatheringLines(lambda: now)
+    assert lines("measuring the range of phi", 0, 0) is None  # what is quickly done says nothing
+    now = 4.0
+    assert lines("measuring the range of phi", 0, 0) == "measuring the range of phi, 4 s so far"
+    now = 6.0
+    assert lines("gathering scenes", 0, 5000) is None
+    now = 16.0
+    assert lines("gathering scenes", 1000, 5000) == "gathering scenes: 1,000 of 5,000, about 40 s left"
+    now = 27.0
+    assert lines("gathering scenes", 1000, 5000) == "gathering scenes: 1,000 of 5,000, none found lately"
+
+
+def test_a_bar_and_lines(monkeypatch):
+    text = io.StringIO()
+    with TrainingProgress(4, "gan", Console(file=text, force_terminal=True, width=160)) as progress:
+        progress.gather("measuring the range of phi", 0, 0)
+        progress.gather("gathering scenes", 1200, 5500)
+        (task,) = progress._bar.tasks
+        assert (task.completed, task.total, task.description) == (1200, 5500, "gan: gathering scenes")
+        assert task.fields["figures"] == "1,200 of 5,500"
+        progress.step(1, 40)
+        assert task.fields["figures"] == "" and task.description == "gan: epoch 1/4"
+    monkeypatch.setattr("scenegen.training.gathered.FIRST", 0.0)
+    plain = io.StringIO()
+    with TrainingProgress(4, "gan", Console(file=plain)) as progress:
+        progress.gather("gathering scenes", 0, 5500)
+    assert plain.getvalue() == "gan: gathering scenes: 0 of 5,500, none found lately\n"

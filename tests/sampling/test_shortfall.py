@@ -61,7 +61,7 @@ def test_keep_partial_keeps_what_there_is(exp1):
 
 
 def test_keep_partial_of_nothing_is_nothing():
-    with pytest.raises(RequestError, match="found none|time was up after"):
+    with pytest.raises(RequestError, match=r"found none|time was up after"):
         sample(parse(HOPELESS), {"task": (0.0, 0.2)}, n=16, timeout=0.1, spread="base", keep_partial=True)
 
 

@@ -87,6 +87,7 @@ def work(words: list[str], cwd: str, env: dict[str, str], files: list[str], time
 
 
 if __name__ == "__main__":
+    sys.path[0] = ""  # the folder of the tests is no place to import from
     for name in LOADED:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)

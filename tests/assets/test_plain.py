@@ -13,7 +13,7 @@ from scenegen.assets import ASSETS, Shape, colors_of, parts_of
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.primitives.hull import convex_hull
 
-from ..profile import examples
+from ..laws import examples
 
 GREY = (0.5, 0.5, 0.5)
 SIZES = st.floats(0.001, 5.0)

@@ -16,7 +16,7 @@ from scenegen.bounds.wanted import push_down
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Coord
 
-from ..profile import examples
+from ..laws import examples
 
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]

@@ -19,7 +19,7 @@ from scenegen.lang.core import Junction
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 
-from ..profile import examples
+from ..laws import examples
 
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]

@@ -11,7 +11,7 @@ from scenegen.bounds.alias import make_alias
 from scenegen.bounds.chain import BINS, Edge, make_chain
 from scenegen.bounds.order import make_order
 
-from ..profile import examples
+from ..laws import examples
 
 N = 40_000
 

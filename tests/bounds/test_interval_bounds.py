@@ -15,7 +15,7 @@ from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 from scenegen.scene.workspace import Workspace
 
-from ..profile import examples
+from ..laws import examples
 
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenegen.engine.blocks import Filler
 from scenegen.formats.blocks import Block
 
-from ..profile import examples
+from ..laws import examples
 
 
 def offered(cells):

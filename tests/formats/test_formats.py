@@ -15,7 +15,7 @@ from scenegen.formats.blocks import BLOCK, Block, joined, regrouped
 from scenegen.formats.table import FORMATS, format_of, write_scenes
 from scenegen.formats.table import read_scenes as read_blocks
 
-from ..profile import examples
+from ..laws import examples
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 

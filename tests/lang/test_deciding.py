@@ -12,7 +12,7 @@ from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.primitives import NUMPY
 from tests.robustness.formulas import scenes, seeds, specs
 
-from ..profile import examples
+from ..laws import examples
 
 
 @settings(max_examples=examples(50), deadline=None, derandomize=True)

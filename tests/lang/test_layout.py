@@ -16,7 +16,7 @@ from scenegen.lang.pieces import WIDTH, expand, flat
 from scenegen.lang.print import dump, print_module
 from scenegen.lang.tokens import scan
 
-from ..profile import examples
+from ..laws import examples
 from .trees import expressions, ladders, statements, tuples
 
 ROOT = Path(__file__).resolve().parents[2]

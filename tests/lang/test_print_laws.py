@@ -7,7 +7,7 @@ from scenegen.lang import ast
 from scenegen.lang.parse import parse
 from scenegen.lang.print import dump, print_module
 
-from ..profile import examples
+from ..laws import examples
 from .trees import expressions, ladders, statements, tuples
 
 NOWHERE = Source("", "")

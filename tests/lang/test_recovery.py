@@ -13,7 +13,7 @@ from scenegen.lang.layout import format_source
 from scenegen.lang.parse import MOST_ERRORS, parse, parse_tolerant
 from scenegen.lang.print import print_module
 
-from ..profile import FULL, examples
+from ..laws import FULL, examples
 
 ROOT = Path(__file__).resolve().parents[2]
 ERRORS = sorted((ROOT / "tests" / "golden" / "lang" / "errors").glob("*.spec"))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
 
-from ..profile import examples
+from ..laws import examples
 
 CUP, BOOK, TILE = "cylinder(0.06, 0.1)", "box(0.2, 0.1, 0.1)", "box(0.3, 0.3, 0.1)"
 WEDGE = "prism([(-0.1, -0.1), (0.2, 0), (-0.1, 0.1)], 0.1)"

@@ -10,7 +10,7 @@ from scenegen.lsp.document import Document
 from scenegen.lsp.format import formatted
 from scenegen.lsp.hover import hover
 
-from ..profile import examples
+from ..laws import examples
 
 SEED = """workspace [0, 2] x [0, 1]
 object plate, mug = cup, tray at (0.5, 0.5, 90 deg), block[3] = box(5 cm, 6 cm, 7 cm)

@@ -13,7 +13,7 @@ from scenegen.lsp.names import index
 from scenegen.resources import shipped_specs
 
 from ..lang import trees
-from ..profile import examples
+from ..laws import examples
 
 
 def told_by_the_tree(module):

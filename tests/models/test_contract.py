@@ -7,7 +7,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.models.base import SceneModel
 from scenegen.models.table import RECIPES, model_class, parse_hyper
 
-from ..profile import FULL
+from ..laws import FULL
 
 SIZES = [(1, 1), (2, 2), (7, 1)]
 

@@ -11,7 +11,7 @@ from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval, Polygo
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.outline import measures
 
-from ..profile import examples
+from ..laws import examples
 from .drawing import within
 
 sizes = st.floats(0.0, 0.6)

@@ -12,7 +12,7 @@ from scenegen.assets import Shape
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.render.bodies import DENSITY, SIDES, body_of
 
-from ..profile import examples
+from ..laws import examples
 
 WEDGE = Polygon(((0.0, 0.0), (0.3, 0.0), (0.25, 0.1), (0.05, 0.03)))
 

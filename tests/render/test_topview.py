@@ -17,7 +17,7 @@ from scenegen.render.labels import Labels, Rect
 from scenegen.render.topview import Dimension, Guide, Thing, Turn, View, topview
 from scenegen.render.witness import gap_segment, room_segment
 
-from ..profile import examples
+from ..laws import examples
 
 SVG = "{http://www.w3.org/2000/svg}"
 WEDGE = Polygon(((-0.1, -0.1), (0.2, 0.0), (-0.1, 0.1)))

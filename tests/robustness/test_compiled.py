@@ -20,7 +20,7 @@ from scenegen.resources import shipped_specs
 from scenegen.robustness import Robustness
 from scenegen.robustness.fused import LARGEST
 
-from ..profile import examples
+from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
 
 # comparisons, distances, wrapped angles, sine and cosine, labels that share atoms, constants, sums: one compilation

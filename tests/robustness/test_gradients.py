@@ -9,7 +9,7 @@ from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
 from scenegen.robustness import Robustness
 
-from ..profile import examples
+from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
 
 STEP = 1e-6

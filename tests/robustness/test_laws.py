@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
 
-from ..profile import examples
+from ..laws import examples
 from .formulas import formulas, objects, scenes, seeds, spec_text
 
 pairs = objects.flatmap(lambda names: st.tuples(st.just(names), formulas(names), formulas(names)))

@@ -9,7 +9,7 @@ from scenegen.lang.interpret import phi
 from scenegen.primitives import NUMPY
 from scenegen.robustness import Robustness
 
-from ..profile import examples
+from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
 
 BATCH = 8

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenegen.sampling.cells import Cells, cut, shares
 from scenegen.sampling.request import Range, Request
 
-from ..profile import examples
+from ..laws import examples
 
 LABELS = ("a", "b", "c", "d")
 

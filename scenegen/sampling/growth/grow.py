@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from scenegen.sampling.growth.insert import Placed, place
 from scenegen.sampling.growth.machine import Machine
-from scenegen.sampling.growth.moves import Settings, Tally, sweep
+from scenegen.sampling.growth.moves import Settings, sweep
 from scenegen.sampling.growth.particles import Particles, resample
+from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

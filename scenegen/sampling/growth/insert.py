@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 NUMBERS = 1 << 18  # poses tried at a time
+EVENLY = 0.3  # share of the decisions that are spread evenly over all ways, whatever they promise
 MANY = 0.3  # share of the poses from which on each try is scored for all scenes
 WIDE = 0.6  # share of an object's box from which on its room is not worth contracting
 
@@ -36,7 +37,7 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
     machine = particles.machine
     stage = particles.stage + 1
     thing = machine.order[stage]
-    _decide(particles, stage)
+    promised = _decide(particles, stage)
     room = machine.room(thing, stage, placing=True)
     boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
     if planning and room.nodes and boxes.volumes.sum(axis=0).mean() > WIDE:
@@ -66,16 +67,28 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
     particles.stage = stage
     particles.fresh[thing] = True
     weights = boxes.volumes.sum(axis=0) * (total / tries)
-    return Placed(weights * _many_ways(particles), hits, attracted, tries * count)
+    return Placed(weights * promised * _many_ways(particles), hits, attracted, tries * count)
 
 
-def _decide(particles: Particles, stage: int) -> None:
-    """Decide on a way of every choice whose first object comes now, all ways equally often."""
+def _decide(particles: Particles, stage: int) -> Array:
+    """Decide on a way of every choice whose first object comes now; returns the factors (P,) that the weights get for
+    that, and for what decided ways still promise: see promise.py."""
     machine = particles.machine
-    for index, begin in enumerate(machine.begins):
+    log_factor = np.zeros(particles.count)
+    for index, (begin, end) in enumerate(zip(machine.begins, machine.ends, strict=True)):
+        promise = machine.promises[index]
         if begin == stage:
-            ways = len(machine.graph.choices[index].ways)
-            particles.chosen[index] = particles.rng.permutation(np.arange(particles.count) % ways)
+            likely = np.exp(promise[:, stage] - promise[:, stage].max())
+            odds = (1.0 - EVENLY) * likely / likely.sum() + EVENLY / len(likely)
+            marks = (particles.rng.permutation(particles.count) + particles.rng.random()) / particles.count
+            chosen = np.minimum(np.searchsorted(np.cumsum(odds), marks, side="right"), len(odds) - 1)
+            particles.chosen[index] = chosen
+            log_factor += promise[chosen, stage] - np.log(odds[chosen])
+        elif begin < stage <= end:
+            chosen = particles.chosen[index]
+            log_factor += promise[chosen, stage] - promise[chosen, stage - 1]
+    out: Array = np.exp(log_factor)
+    return out
 
 
 def _score(particles: Particles, boxes: Boxes, poses: Array, stage: int) -> tuple[Array, int]:
@@ -138,8 +151,7 @@ def _within(value: Array, low: Array, high: Array, cell: Index) -> npt.NDArray[n
 
 
 def _many_ways(particles: Particles) -> Array:
-    """The factor for choices whose last object has come: a scene that meets m of W ways was to be had in m ways, each
-    decided on with probability 1 / W."""
+    """The factor for choices whose last object has come: a scene that meets m ways was to be had in m ways."""
     machine = particles.machine
     factor = np.ones(particles.count)
     for index, end in enumerate(machine.ends):
@@ -147,5 +159,5 @@ def _many_ways(particles: Particles) -> Array:
             met = machine.held_ways(index, particles.scenes, particles.cell)
             particles.met[index] = met
             held = met.sum(axis=0)
-            factor *= np.where(held > 0, len(met) / np.maximum(held, 1), 0.0)
+            factor *= np.where(held > 0, 1.0 / np.maximum(held, 1), 0.0)
     return factor

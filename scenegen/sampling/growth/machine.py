@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scenegen.bounds.effort import StoppedError
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.order import insertion_order
+from scenegen.sampling.growth.promise import promises
 from scenegen.sampling.growth.room import Room, make_room
 from scenegen.sampling.growth.touch import Touch, touches, within
 from scenegen.sampling.growth.values import Values, make_values
@@ -27,10 +28,11 @@ Index = npt.NDArray[np.intp]
 @dataclass(slots=True, eq=False)
 class Machine:
     """`order` is the order of placing, `at` its inverse, `groups` the objects that hang from each object, itself first.
-    `begins`, `ends`: the stage at which a choice's first object is placed, and its last. `kin` are classes of
-    blocks that may take each other's places: single objects, or groups, member by member. `mixed` are few objects and
-    others with the same footprints, but of other classes: to trade places with these brings the few across a full
-    table. `whole` are the objects whose room is not worth contracting: a plan finds them out."""
+    `begins`, `ends`: the stage at which a choice's first object is placed, and its last; `promises` say what its ways
+    will cost, see promise.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
+    member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
+    with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
+    finds them out."""
 
     problem: Problem
     graph: Graph
@@ -43,6 +45,7 @@ class Machine:
     kin: tuple[tuple[tuple[int, ...], ...], ...]
     mixed: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
     ways: tuple[Values, ...]
+    promises: tuple[Array, ...]
     rooms: dict[tuple[int, int, tuple[int, ...]], Room] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
     work: float = 0.0
@@ -115,7 +118,9 @@ def make_machine(problem: Problem) -> Machine:
     hanging = {thing: tuple(group) for thing, group in groups.items()}
     roots = [thing for thing in order if thing not in parent]
     kin = _kin(touch, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1])
-    return Machine(problem, graph, order, at, hanging, touch, begins, ends, kin, _mixed(touch), ways)
+    return Machine(
+        problem, graph, order, at, hanging, touch, begins, ends, kin, _mixed(touch), ways, promises(problem, graph, at)
+    )
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:

@@ -8,46 +8,31 @@ kind of move and its objects are drawn once for all scenes, steps for each scene
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.sampling.growth.insert import MANY
+from scenegen.sampling.growth.attempt import attempt
+from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
+from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.growth.touch import within
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-KINDS = ("redraw", "shift", "turn", "way")
+KINDS = ("redraw", "shift", "turn", "way", "jump", "cluster")
 FINEST = 7  # step lengths go down to the box's over 2 to this power
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first
+CLUSTERS = 2  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
 MOST_TRADES = 8
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
 SWAPS = 0.5  # swaps for each object that has kin
-
-
-@dataclass(slots=True)
-class Tally:
-    """How often each kind of move was tried and taken, in scenes; and walks by the power of two of their step, for each
-    object."""
-
-    tried: dict[str, float] = field(default_factory=dict)
-    taken: dict[str, float] = field(default_factory=dict)
-    steps: dict[int, Array] = field(default_factory=dict)
-
-    def note(self, kind: str, tried: int, taken: int) -> None:
-        self.tried[kind] = self.tried.get(kind, 0.0) + tried
-        self.taken[kind] = self.taken.get(kind, 0.0) + taken
-
-    def rate(self, kind: str) -> float | None:
-        tried = self.tried.get(kind, 0.0)
-        return self.taken[kind] / tried if tried else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +67,11 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
             _shift(particles, thing, group, settings, tally)
         if len(group) > 1 and settings.makes("turn"):
             _turn(particles, thing, group, tally)
+        if settings.makes("jump"):
+            jump(particles, thing, tally)
+    if settings.makes("cluster"):
+        for _ in range(CLUSTERS):
+            cluster(particles, tally)
     for index, kin in enumerate(machine.kin):
         here = [block for block in kin if all(machine.at[thing] <= particles.stage for thing in block)]
         if len(here) < 2:
@@ -116,7 +106,7 @@ def _walk(particles: Particles, thing: int, settings: Settings, tally: Tally | N
     for row in rows:
         width = _width(particles, row)
         new[row] = particles.scenes[row] + (2.0 * rng.random(particles.count) - 1.0) * (factor * width)
-    good = _attempt(particles, (thing,), new)
+    good = attempt(particles, (thing,), new)
     share = float(good.mean())
     if tally is not None:
         tally.note("walk", len(good), int(good.sum()))
@@ -144,7 +134,7 @@ def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -
     if len(room.branches) > 1:
         old = np.maximum(boxes.holding(particles.scenes[list(rows)]), 1.0)
         allowed &= rng.random(particles.count) * boxes.holding(poses) < old
-    good = _attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), allowed)
+    good = attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), allowed)
     if tally is not None:
         tally.note("redraw", len(good), int(good.sum()))
 
@@ -182,7 +172,7 @@ def _trade(
         for rows in zip(*(touch[thing].rows for thing in members), strict=True):
             values = np.take_along_axis(particles.scenes[list(rows)], order, axis=0)
             new.update(zip(rows, values, strict=True))
-    good = _attempt(particles, [thing for block in blocks for thing in block], new, places=False)
+    good = attempt(particles, [thing for block in blocks for thing in block], new, places=False)
     for members in zip(*blocks, strict=True):
         mine = fresh[list(members)]
         fresh[list(members)] = np.where(good, np.take_along_axis(mine, order, axis=0), mine)
@@ -202,7 +192,7 @@ def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Set
             step = (2.0 * rng.random(count) - 1.0) * (factor * width)
             for row in along:
                 new[row] = particles.scenes[row] + step
-    good = _attempt(particles, tuple(group), new)
+    good = attempt(particles, tuple(group), new)
     if tally is not None:
         tally.note("shift", len(good), int(good.sum()))
 
@@ -229,7 +219,7 @@ def _turn(particles: Particles, thing: int, group: Sequence[int], tally: Tally |
             if not machine.circular(3 * one + 2):
                 return
             new[3 * one + 2] = particles.scenes[3 * one + 2] + angle
-    good = _attempt(particles, tuple(group), new)
+    good = attempt(particles, tuple(group), new)
     if tally is not None:
         tally.note("turn", len(good), int(good.sum()))
 
@@ -239,7 +229,9 @@ def _other_way(particles: Particles, index: int, tally: Tally | None) -> None:
     machine, rng = particles.machine, particles.rng
     ways = machine.graph.choices[index].ways
     proposed = rng.integers(len(ways), size=particles.count)
-    good = proposed != particles.chosen[index]
+    promise = machine.promises[index][:, particles.stage]
+    gain = np.exp(np.minimum(promise[proposed] - promise[particles.chosen[index]], 0.0))
+    good = (proposed != particles.chosen[index]) & (rng.random(particles.count) < gain)
     placed = set(particles.placed)
     for number, way in enumerate(ways):
         mine = np.flatnonzero(good & (proposed == number))
@@ -256,111 +248,3 @@ def _other_way(particles: Particles, index: int, tally: Tally | None) -> None:
     particles.chosen[index] = np.where(good, proposed, particles.chosen[index])
     if tally is not None:
         tally.note("way", len(good), int(good.sum()))
-
-
-def _attempt(
-    particles: Particles,
-    things: Sequence[int],
-    new: Mapping[int, Array],
-    allowed: Bool | None = None,
-    *,
-    places: bool = True,
-) -> Bool:
-    """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
-    in which that was so. `places`: the values are new to the scene, not those of another of its objects."""
-    machine, cell = particles.machine, particles.cell
-    graph = machine.graph
-    good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
-    brought: dict[int, Array] = {}
-    for row, value in new.items():
-        low, high = graph.low[row], graph.high[row]
-        least, most = (low[0], high[0]) if len(low) == 1 else (low[cell], high[cell])
-        if machine.circular(row):
-            lowest, highest = machine.problem.lowest[row], machine.problem.highest[row]
-            value = value - (highest - lowest) * np.floor((value - lowest) / (highest - lowest))
-            value = np.where(value >= highest, lowest, value)
-        good &= (value >= least) & (value <= most)
-        brought[row] = value
-    if len(things) == 1:
-        rows, trial = list(particles.scenes), particles.scenes  # the others stay: their rows are read as they are
-    else:
-        trial = particles.scenes.copy()
-        for row, value in brought.items():
-            trial[row] = value
-        rows = list(trial)
-    for row, value in brought.items():
-        rows[row] = value
-    _holds(particles, things, rows, trial, good)
-    met = _ways_met(particles, things, rows, good)
-    for row, value in brought.items():
-        np.copyto(particles.scenes[row], value, where=good)
-    for index, (which, held) in met.items():
-        table = particles.met[index]
-        assert table is not None
-        table[which] = np.where(good, held, table[which])
-    for thing in things if places else ():
-        if 3 * thing in brought or 3 * thing + 1 in brought or 3 * thing not in graph.rows:
-            particles.fresh[thing] |= good
-    return good
-
-
-def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], trial: Array, good: Bool) -> None:
-    """Take out of `good` (P,) the scenes that do not meet the clauses in force that touch `things`. `rows` are the
-    tried rows, and `trial` (3N, P) the tried scenes, in which a single thing may stand as before."""
-    machine, cell, stage = particles.machine, particles.cell, particles.stage
-    for thing in things:
-        touch = machine.touch[thing]
-        met = touch.meets(rows, cell, stage)
-        if met is not None:
-            good &= met
-            machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(good))
-        for one in touch.way_clauses_in_force(stage):
-            if machine.ends[one.choice] <= stage:
-                continue
-            some = np.flatnonzero(good & (particles.chosen[one.choice] == one.way))
-            if len(some):
-                values = touch.values(("way", one.clause.node), [one.clause.node])
-                inside = within(values([row[some] for row in rows])[0], one.clause, cell[some])
-                machine.count(len(values.steps), len(some))
-                if inside is not None:
-                    good[some] &= inside
-    for thing in things:
-        touch = machine.touch[thing]
-        if touch.layers and good.any():
-            x, y, theta = (rows[3 * thing + axis] for axis in range(3))
-            machine.count(6 * stage, len(good))
-            if good.mean() > MANY:
-                touch.clear((x, y, theta), trial, cell, stage, good)
-            else:
-                some = np.flatnonzero(good)
-                clear = np.ones(len(some), dtype=bool)
-                touch.clear((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
-                good[some] = clear
-
-
-def _ways_met(
-    particles: Particles, things: Sequence[int], rows: Sequence[Array], good: Bool
-) -> dict[int, tuple[Index, Bool]]:
-    """For every choice whose objects are all placed and of which some way touches `things`: those ways, and which hold
-    now. Takes scenes out of `good` in which no way is left."""
-    machine, cell = particles.machine, particles.cell
-    found: dict[int, tuple[Index, Bool]] = {}
-    for index, table in enumerate(particles.met):
-        if table is None:
-            continue
-        numbers = sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())})
-        if not numbers:
-            continue
-        ways = [machine.graph.choices[index].ways[number] for number in numbers]
-        touch = machine.touch[things[0]]
-        values = touch.values(("met", index, *numbers), [way.whole.node for way in ways])
-        machine.count(len(values.steps), len(good))
-        held = np.ones((len(ways), len(good)), dtype=bool)
-        for row, way, value in zip(held, ways, values(rows), strict=True):
-            inside = within(value, way.whole, cell)
-            if inside is not None:
-                row &= inside
-        which = np.array(numbers, dtype=np.intp)
-        good &= table.sum(axis=0) - table[which].sum(axis=0) + held.sum(axis=0) > 0
-        found[index] = which, held
-    return found

@@ -17,8 +17,9 @@ from scenegen.bounds.effort import StoppedError
 from scenegen.sampling.growth.grow import Grown, Step, Stuck, explore
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import FINEST, KINDS, Settings, Tally, sweep
+from scenegen.sampling.growth.moves import FINEST, KINDS, Settings, sweep
 from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.problem import Budget, Problem
 
 Array = npt.NDArray[np.float64]
@@ -35,6 +36,7 @@ APART = 0.995  # share of the scenes in which every object must have moved since
 LONGEST = 400  # sweeps at most
 PATIENT = 12.0  # times the cost of growing that sweeps may take, but for a few
 FEW = 16
+ANYWAY = 3e5  # evaluations that sweeps may take however little growing costs
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
 EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
 FAMILIES = 12.0  # effective ancestors below which a larger population is grown
@@ -144,7 +146,7 @@ def _settle(particles: Particles, tally: Tally, cost: float) -> tuple[int, float
             sweep(particles, settings)
         done += block
         effect = kinship(particles)
-        spent = machine.work - begun > PATIENT * cost and done >= FEW
+        spent = machine.work - begun > max(ANYWAY, PATIENT * cost) and done >= FEW
         if (effect <= ALIKE and particles.apart.mean() >= APART) or done >= LONGEST or spent:
             return done, effect, settings, (machine.work - begun) / done
 

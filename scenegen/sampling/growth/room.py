@@ -52,6 +52,26 @@ class Boxes:
         scene = np.arange(count)
         return self.low[:, branch, scene] + rng.random((rows, tries, count)) * self.width[:, branch, scene]
 
+    def draw_evenly(self, rng: np.random.Generator) -> Array:
+        """A pose for each scene, uniform over one of its branches that are not empty, all of these alike: (R, P)."""
+        count = self.low.shape[2]
+        open_ = self.volumes > 0.0
+        mark = np.floor(rng.random(count) * open_.sum(axis=0))
+        branch = np.minimum((np.cumsum(open_, axis=0) <= mark).sum(axis=0), len(open_) - 1)
+        scene = np.arange(count)
+        return self.low[:, branch, scene] + rng.random((len(self.low), count)) * self.width[:, branch, scene]
+
+    def even_density(self, poses: Array) -> Array:
+        """The density of `draw_evenly` at poses (R, P), relative to that over the whole box: (P,)."""
+        density = np.zeros(poses.shape[1])
+        for branch, volume in enumerate(self.volumes):
+            inside = volume > 0.0
+            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
+                inside &= (row >= low) & (row <= low + width)
+            density += np.where(inside, 1.0 / np.where(inside, volume, 1.0), 0.0)
+        out: Array = density / np.maximum((self.volumes > 0.0).sum(axis=0), 1)
+        return out
+
     def holding(self, poses: Array) -> Array:
         """How many of the branches that are not empty hold each pose: (R, ..., P) -> (..., P)."""
         if self.low.shape[1] == 1:
@@ -131,14 +151,21 @@ class Room:
         hi[place, ..., columns] = np.fmin(hi[place, ..., columns], high)
 
 
-def make_room(problem: Problem, touch: Touch, clauses: Sequence[Clause], ways: Sequence[WayClause]) -> Room:
-    """The room of an object under clauses whose other objects are placed."""
+def make_room(
+    problem: Problem,
+    touch: Touch,
+    clauses: Sequence[Clause],
+    ways: Sequence[WayClause],
+    choice: Sequence[tuple[Clause, ...]] = (),
+) -> Room:
+    """The room of an object under clauses whose other objects are placed, with a branch for each way of a `choice`."""
     tape, rows = problem.tape, touch.rows
     scale = size_of(problem.lowest, problem.highest)
     splits = [split for clause in clauses if len(split := _alternatives(problem, clause)) > 1]
+    splits = [list(choice)] if choice else splits
     turned = bool(rows) and rows[-1] % 3 == 2 and _whole_circle(touch, rows[-1]) and bool(clauses or ways)
-    halves = (0, 1) if turned else (-1,)
-    while splits and math.prod(map(len, splits)) * len(halves) > BRANCHES:
+    halves = (0, 1) if turned and not choice else (-1,)
+    while splits and not choice and math.prod(map(len, splits)) * len(halves) > BRANCHES:
         splits.pop(max(range(len(splits)), key=lambda place: len(splits[place])))
     branches = tuple(
         (half, tuple(clause for way in ways_ for clause in way))

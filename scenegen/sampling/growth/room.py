@@ -147,8 +147,10 @@ class Room:
         with np.errstate(invalid="ignore"):
             low = low - SLACK * (self.scale + np.abs(low))
             high = high + SLACK * (self.scale + np.abs(high))
-        lo[place, ..., columns] = np.fmax(lo[place, ..., columns], low)
-        hi[place, ..., columns] = np.fmin(hi[place, ..., columns], high)
+        # the row first: with `place` and `columns` in one index, numpy would put the columns before the branches
+        lowest, highest = lo[place], hi[place]
+        lowest[..., columns] = np.fmax(lowest[..., columns], low)
+        highest[..., columns] = np.fmin(highest[..., columns], high)
 
 
 def make_room(

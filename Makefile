@@ -25,10 +25,10 @@ demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model a
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
 	$(MAKE) --no-print-directory lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --maxprocesses 4 --dist loadfile
 
-test-slow: $(STAMP) ## the tests that take minutes
-	$(BIN)/python -m pytest -m slow
+test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "slow or hypothesis"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons

@@ -49,9 +49,9 @@ def test_more_cells_are_worth_splitting():
 
 
 def test_the_choice_is_a_matter_of_the_request():
-    one, two = chosen(RARE, 0.0, None), chosen(RARE, 0.0, None)
+    one, two = chosen("leftOf(a, b)", 0.97, None), chosen("leftOf(a, b)", 0.97, None)
     assert one.plan.plan_digest == two.plan.plan_digest and one.reason == two.reason
-    assert chosen(RARE, 0.001, None).plan.plan_digest != one.plan.plan_digest
+    assert chosen("leftOf(a, b)", 0.971, None).plan.plan_digest != one.plan.plan_digest
 
 
 def test_a_method_that_is_named_is_not_put_in_question():

@@ -26,7 +26,7 @@ from scenegen.robustness.tape import run
 
 # One thread compiles: more would be left running, and there is next to nothing for them. A product and a sum may become
 # one instruction, which rounds once.
-OPTIONS = {"compile_threads": 1, "cpp.enable_floating_point_contract_flag": "fast"}
+OPTIONS: dict[str, Any] = {"compile_threads": 1, "cpp.enable_floating_point_contract_flag": "fast"}
 LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
 
 

@@ -258,7 +258,7 @@ def first_look(problem: Problem, budget: Budget) -> Plan | None:
         return None
     if hits[sorted(problem.possible)].min() < FEW:
         return None
-    plan = _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset())
+    plan = _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
     return plan if plan.expected * per_scene(problem.core.nodes)[0] <= EASY else None
 
 

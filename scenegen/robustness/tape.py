@@ -111,8 +111,8 @@ def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
         value = functools.reduce(torch.minimum, every)
     else:
         value = torch.from_numpy(found)
-    least: torch.Tensor = functools.reduce(torch.minimum, (values[arg] for arg in closest.others), value)
-    return least
+    smallest: torch.Tensor = functools.reduce(torch.minimum, (values[arg] for arg in closest.others), value)
+    return smallest
 
 
 def most_alive(dead: list[list[int]]) -> int:

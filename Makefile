@@ -8,7 +8,7 @@ STAMP  := .venv/.installed
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-pythons fuzz lint goldens docs pictures tables bench experiments clean
+.PHONY: help demo test test-slow test-pythons fuzz fuzz-tables lint goldens docs pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -25,10 +25,10 @@ demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model a
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
 	$(MAKE) --no-print-directory lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --maxprocesses 4 --dist loadfile
 
-test-slow: $(STAMP) ## the tests that take minutes
-	$(BIN)/python -m pytest -m slow
+test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "slow or hypothesis"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -37,6 +37,11 @@ FUZZ_MINUTES ?= 30
 FUZZ_SEED    ?= 0
 fuzz: $(STAMP)   ## attack the language with random and damaged specs: FUZZ_MINUTES=30 FUZZ_SEED=0 FUZZ_WORKERS=(cores)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --minutes $(FUZZ_MINUTES) --seed $(FUZZ_SEED) $(if $(FUZZ_WORKERS),--workers $(FUZZ_WORKERS))
+
+COUNT ?= 100
+SEED  ?= 0
+fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED)
 
 lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .
@@ -63,6 +68,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/language.py
 	$(BIN)/python benchmarks/robustness.py
 	$(BIN)/python benchmarks/sampling.py
+	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py
 	$(BIN)/python benchmarks/curriculum.py
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from scenegen.lang.check import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scene.workspace import Workspace
+
+if TYPE_CHECKING:
+    from .warm import Warm
 
 ROOT = Path(__file__).resolve().parent.parent
 GOLDEN = ROOT / "tests" / "golden"
@@ -33,6 +38,24 @@ def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
         assert text == path.read_text(encoding="utf-8"), f"differs from tests/golden/{name}"
 
     return compare
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """SIGINT interrupts this process and those that it starts, even where the shell had it ignored (`make test &`)."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+
+
+@pytest.fixture(scope="session")
+def warm() -> Iterator[Warm]:
+    """warm.run(["-c", "import torch"], cwd) runs a Python program in a process of its own that has torch loaded."""
+    from .warm import Warm
+
+    started = Warm()
+    yield started
+    started.close()
 
 
 @pytest.fixture

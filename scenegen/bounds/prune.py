@@ -125,6 +125,26 @@ def prune(
             break
         part = parts.pop(worst)
         parts[worst:worst] = search.improve(part, PARTS - len(parts))
+    return _whole(parts, lowest, highest)
+
+
+def box_cover(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    seed: Sequence[int],
+    tape: Tape,
+    effort: Effort,
+) -> Cover:
+    """A cover as `prune` makes it, of one part: the box that contraction leaves, neither split nor coupled."""
+    rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort)
+    parts = search.open_up([(push_down(core, wanted), ())], couple=False)
+    return _whole(parts, lowest, highest)
+
+
+def _whole(parts: Sequence[Part], lowest: Array, highest: Array) -> Cover:
     log_base = float(np.log((highest - lowest)[highest > lowest]).sum())
     if not parts:
         return Cover((), np.empty(0), -math.inf)
@@ -150,7 +170,9 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
 
-    def open_up(self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]]) -> list[Part]:
+    def open_up(
+        self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]], *, couple: bool = True
+    ) -> list[Part]:
         """Parts for demands, contracted together; those proved empty are left out."""
         if not entries:
             return []
@@ -164,7 +186,7 @@ class _Search:
             demand, apart = entries[int(column)]
             part = Part(apart, demand, lo[:, column].copy(), hi[:, column].copy())
             part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
-            if self._equip(part, COARSE):
+            if self._equip(part, COARSE, couple):
                 found.append(part)
         return found
 
@@ -187,8 +209,9 @@ class _Search:
             return [part] if self._equip(part, FINE) else []
         return [part]
 
-    def _equip(self, part: Part, budget: int) -> bool:
-        """Give a part the proposal with the least volume. False where a cover proves the part empty."""
+    def _equip(self, part: Part, budget: int, couple: bool = True) -> bool:
+        """Give a part the proposal with the least volume; unless `couple`, the box that is left of it. False where a
+        cover proves the part empty."""
         atoms = [one for one in part.pending if not isinstance(self.core.nodes[one.core], Junction)]
         best = self._proposal(part, (), False, 1)
         if best is None:
@@ -196,7 +219,7 @@ class _Search:
         met = self._pilot(part, best)
         coupling: set[int] = set()
         # A demand that fails often may be tied to others that do not: these come in the second time.
-        for loose in LOOSE:
+        for loose in LOOSE if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
             if part.acceptance >= GOOD:
                 break

@@ -106,6 +106,7 @@ def train(
     from scenegen.cli.output import console, detail, print_error
     from scenegen.formats.files import check_writable
     from scenegen.given import seconds
+    from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
 
     options: dict[str, Any] = {
@@ -123,6 +124,7 @@ def train(
     config = make_config(model, recipe, **options)
     until = time.monotonic() + (math.inf if timeout is None else seconds("timeout", timeout))
     check_writable(out, spec)
+    need("torch", "to train a model")
     from scenegen.api.card import check_card, write_card
     from scenegen.api.spec import load
     from scenegen.api.train import train as run

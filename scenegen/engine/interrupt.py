@@ -23,8 +23,9 @@ class Stop:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Stop]:
-    """Turn SIGINT and SIGTERM into a note, and put the old handlers back. Outside the main thread, where Python allows
-    no handlers, signals stay as they are."""
+    """Turn SIGINT and SIGTERM into a note, and put the old handlers back. A signal that is ignored, as shells ignore
+    SIGINT for commands in the background, stays ignored. Outside the main thread, where Python allows no handlers,
+    signals stay as they are."""
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -32,7 +33,8 @@ def stop_signals() -> Iterator[Stop]:
     before: dict[signal.Signals, Any] = {}
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.signal(number, stop.ask)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, stop.ask)
         yield stop
     finally:
         for number, handler in before.items():

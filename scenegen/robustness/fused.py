@@ -26,10 +26,7 @@ from scenegen.robustness.tape import run
 
 # One thread compiles: more would be left running, and there is next to nothing for them. A product and a sum may become
 # one instruction, which rounds once.
-OPTIONS: dict[str, str | int | bool | Callable[..., Any]] = {
-    "compile_threads": 1,
-    "cpp.enable_floating_point_contract_flag": "fast",
-}
+OPTIONS: dict[str, Any] = {"compile_threads": 1, "cpp.enable_floating_point_contract_flag": "fast"}
 LARGEST = 4_000  # operations of a graph; these take about half a minute to compile, and the time grows faster
 
 
@@ -42,7 +39,7 @@ class Fused:
 
     Where there is no C++ compiler, compiling fails for another reason, or the formula is too large to try, a
     RuntimeWarning says so once, and every call from then on returns False. So do calls with headings of footprints of
-    thousands of turns, and calls whose phi is not finite, without a word.
+    thousands of turns, without a word.
     """
 
     def __init__(self, core: Core) -> None:

@@ -21,7 +21,7 @@ from scenegen.sampling.paired import pair
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.pieces import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, hopeless, make_trial, search
+from scenegen.sampling.rejection import LONG_SEARCH, MOST, SPARE, Trial, first_look, hopeless, make_trial, search
 from scenegen.sampling.rejection import Plan as Rejection
 from scenegen.sampling.rejection import make_plan as plan_rejection
 from scenegen.sampling.report import too_early
@@ -30,7 +30,7 @@ from scenegen.sampling.splitting import Splitting, moves, plan_splitting, why_st
 METHODS = ("auto", "rejection", "growth", "splitting")
 
 LEAST, EACH = 10_000_000, 20  # evaluations that splitting takes at least: for its plan, and for each scene
-FIRST = 1.5e7  # work that pruning may take before growth is tried: a fraction of a second
+FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
 POOR = 3.0  # design effect that growth may leave before splitting is tried
 SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be that much cheaper: its scenes are all but independent, those of rejection are
@@ -82,7 +82,11 @@ def _apart(problem: Problem, budget: Budget) -> Choice | None:
 
 
 def _after_pruning(problem: Problem, budget: Budget) -> Choice:
-    """Where pruning takes much work: growth, if it does well; else pruning may go on for a while."""
+    """Where pruning takes much work: rejection without it, if that is cheap, or growth, if it does well; else pruning
+    may go on for a while."""
+    simple = first_look(problem, budget)
+    if simple is not None:
+        return Choice(simple, _in_range(simple))
     grown = plan_growth(problem, budget, patient=False)
     if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
         return Choice(grown, "pruning takes much work, growth does not")

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import NEVER, Effort, Stop, StoppedError, per_scene, scoring
+from scenegen.bounds.effort import NEVER, Effort, Stop, StoppedError, TooMuchError, per_scene, scoring
 from scenegen.bounds.proposal import BELOW_TURN
-from scenegen.bounds.prune import Cover, prune
+from scenegen.bounds.prune import Cover, box_cover, prune
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.lang.interpret import evaluate
@@ -42,6 +42,7 @@ SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as out
 LONG_SEARCH = 32 * 65_536  # candidates after which the search for further cells ends where exploring found none at all
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+LOOK, FEW, EASY = 6e7, 4, 1e8  # work of a first look; hits in each cell, and the work of the request, for it to suffice
 ENOUGH = 16  # hits that tell the rate of a cell well enough
 
 
@@ -238,6 +239,27 @@ def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Tria
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
     return Trial(cover, hits, tried, effort.used)
+
+
+def first_look(problem: Problem, budget: Budget) -> Plan | None:
+    """Rejection from the box that contraction leaves of the range, if that serves every cell and takes little work;
+    else None. Pruning would need fewer candidates, but it can take long to find out how. Raises RequestError where it
+    turns out that there is no scene."""
+    seed, effort = problem.request.seed, _effort(budget, LOOK)
+    try:
+        cover = box_cover(
+            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort
+        )
+        if not cover.parts:
+            raise RequestError(impossible(problem, _effort(budget)))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0, 2]))
+        hits, tried = _explore(problem, cover, 1, rng, effort)
+    except (StoppedError, TooMuchError):
+        return None
+    if hits[sorted(problem.possible)].min() < FEW:
+        return None
+    plan = _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
+    return plan if plan.expected * per_scene(problem.core.nodes)[0] <= EASY else None
 
 
 def search(problem: Problem, trial: Trial, stop: Callable[[], bool], most: float = math.inf) -> Trial:

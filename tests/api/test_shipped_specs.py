@@ -9,13 +9,16 @@ import scenegen
 
 ROOT = Path(__file__).resolve().parents[2]
 SPECS = sorted((ROOT / "specs").glob("*.spec"))
+LONG = dict.fromkeys(["sushi_plate", "toolbox_drawer"], pytest.mark.slow)  # seconds each
 
 
 def test_there_is_something_to_start_from():
     assert len(SPECS) >= 18
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=LONG.get(path.stem, ())) for path in SPECS], ids=lambda path: path.stem
+)
 def test_sampled(path):
     spec = scenegen.load(path)
     assert len(spec.checked.title) > 20 and spec.checked.title.endswith((".", ")"))

@@ -13,6 +13,8 @@ from scenegen.assets import ASSETS, Shape, colors_of, parts_of
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.primitives.hull import convex_hull
 
+from ..laws import examples
+
 GREY = (0.5, 0.5, 0.5)
 SIZES = st.floats(0.001, 5.0)
 
@@ -49,7 +51,7 @@ def reach(footprint, points):
 FOOTPRINTS = st.one_of(SIZES.map(Circle), st.builds(Box, SIZES, SIZES), prisms())
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(footprint=FOOTPRINTS, height=SIZES)
 def test_meshes_are_closed_and_fill_footprint_and_height(footprint, height):
     body, mark = parts_of(Shape("urdf", footprint, height), GREY)

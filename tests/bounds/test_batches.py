@@ -16,6 +16,8 @@ from scenegen.bounds.wanted import push_down
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Coord
 
+from ..laws import examples
+
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]
 
@@ -69,7 +71,7 @@ def same_tape(spec, seed):
     assert (before[0] <= lo).all() and (hi <= before[1]).all()
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_batches_give_the_bounds_of_each_node(spec, seed):
     same_bounds(spec, seed)

@@ -19,6 +19,8 @@ from scenegen.lang.core import Junction
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 
+from ..laws import examples
+
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]
 WIDTHS = st.sampled_from([1.0, 0.1, 1e-3, 1e-7, 0.0])
@@ -46,7 +48,7 @@ def demands(spec, rows, width, rng):
     return found, values
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds, WIDTHS, st.booleans())
 def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width, batched):
     rng = np.random.default_rng(seed)
@@ -70,7 +72,7 @@ def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width, 
             assert (lo[node] - room <= values[core_node]).all() and (values[core_node] <= hi[node] + room).all()
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task",)), seeds, WIDTHS)
 def test_a_scene_meets_exactly_one_alternative(spec, seed, width):
     """Also where margins tie: half of the scenes lie on a grid."""

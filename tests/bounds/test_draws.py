@@ -11,10 +11,12 @@ from scenegen.bounds.alias import make_alias
 from scenegen.bounds.chain import BINS, Edge, make_chain
 from scenegen.bounds.order import make_order
 
+from ..laws import examples
+
 N = 40_000
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=40).filter(any))
 def test_alias_tables_hold_the_weights(weights):
     weights = np.array(weights)

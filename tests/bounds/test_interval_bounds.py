@@ -15,6 +15,8 @@ from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
 from scenegen.scene.workspace import Workspace
 
+from ..laws import examples
+
 made = runpy.run_path(str(Path(__file__).parents[1] / "robustness" / "formulas.py"))
 specs, seeds = made["specs"], made["seeds"]
 EVERYWHERE = Workspace((-0.2, 1.2), (-0.2, 1.2))
@@ -39,7 +41,7 @@ def inside(rng, lowest, highest, scenes):
     return np.clip(rows, lowest[..., None], highest[..., None])
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=examples(120), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds, st.sampled_from([1.0, 0.3, 1e-3, 1e-9, 0.0]))
 def test_no_scene_of_a_box_lies_outside_its_bounds(spec, seed, width):
     rng = np.random.default_rng(seed)
@@ -51,7 +53,7 @@ def test_no_scene_of_a_box_lies_outside_its_bounds(spec, seed, width):
         assert ((low <= value) & (value <= high)).all(), node
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=examples(50), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_many_boxes_are_as_one_by_one(spec, seed):
     lowest, highest = sub_boxes(np.random.default_rng(seed), len(spec.objects), 3, 1.0)

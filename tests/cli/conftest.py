@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
 PLAIN = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
@@ -43,10 +46,21 @@ def plain(monkeypatch):
         monkeypatch.setenv(name, value)
 
 
+@functools.cache
+def _built() -> Any:
+    """The program with all its commands, which takes longer to put together than most commands to run."""
+    from scenegen.cli.app import build
+
+    return typer.main.get_command(build())
+
+
 @pytest.fixture
-def scenegen(capfd, plain):
+def scenegen(capfd, plain, monkeypatch):
     """scenegen("check", "x.spec") in this process -> Outcome."""
     from scenegen.cli.app import run
+
+    built = _built()
+    monkeypatch.setattr("scenegen.cli.app.build", lambda: built)
 
     def call(*words: str) -> Outcome:
         capfd.readouterr()
@@ -54,6 +68,12 @@ def scenegen(capfd, plain):
         return Outcome(status, *capfd.readouterr())
 
     return call
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """Pictures are as small as they get where no size is given."""
+    monkeypatch.setattr("scenegen.render.scenes.usual_size", lambda file: (32, 24))
 
 
 @pytest.fixture

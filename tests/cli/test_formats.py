@@ -22,7 +22,7 @@ def test_sample_and_eval(ending, scenegen, here):
 @pytest.mark.parametrize("ending", FORMATS)
 def test_render(ending, scenegen, here):
     assert scenegen("sample", "good.spec", *WANTED, "--out", f"x{ending}").status == 0
-    assert scenegen("render", f"x{ending}", "--out", "pictures", "--size", "32x24").status == 0
+    assert scenegen("render", f"x{ending}", "--out", "pictures", "--size", "32x24", "--workers", "1").status == 0
     assert len(list(Path("pictures").glob("scene_*_top.png"))) == 3
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("interruptible")
+
 
 def started(words, cwd):
     environment = os.environ | {"TERM": "dumb", "PYTHONUNBUFFERED": "1"}
@@ -18,7 +20,7 @@ def started(words, cwd):
     return subprocess.Popen(command, cwd=cwd, env=environment, stdout=pipe, stderr=pipe, text=True)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_training_leaves_a_usable_model(number, here, scenegen):
     words = [
         "train",

@@ -12,6 +12,8 @@ import pytest
 
 from scenegen.api.scenes import read_scenes
 
+pytestmark = pytest.mark.usefixtures("interruptible")
+
 WORDS = ["sample", "two.spec", "--phi", "task=-0.4:0.4", "--phi", "safe=0:", "--seed", "8"]
 
 
@@ -68,13 +70,13 @@ def test_resume_with_nothing_there_begins(scenegen, here):
     assert Path("a.jsonl").read_bytes() == Path("b.jsonl").read_bytes()
 
 
-def test_what_many_scenes_say(scenegen, here):
+def test_what_many_scenes_say(scenegen, here, small_pictures):
     """The choice is told before the work, the summary covers the whole file, and pictures can follow."""
-    done = scenegen(*WORDS, "-n", "66000", "--out", "o.parquet")
+    done = scenegen(*WORDS, "-n", "20000", "--out", "o.parquet")
     assert (done.status, done.out) == (0, "")
     first, second, *table = done.err.splitlines()
     assert first.startswith("rejection: ") and " in range" in first
-    assert second.startswith("66000 scenes (rejection, ") and second.endswith(" in o.parquet")
+    assert second.startswith("20000 scenes (rejection, ") and second.endswith(" in o.parquet")
     phi = read_scenes("o.parquet").phi
     assert f"{phi['task'].min():+.4f}" in table[1] and f"{phi['safe'].mean():+.4f}" in table[2]
     few = scenegen(*WORDS, "-n", "2", "--out", "p.jsonl", "--resume", "--render", "pictures")

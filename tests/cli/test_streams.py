@@ -27,7 +27,7 @@ def test_check_prints_data_only(scenegen, here):
     assert outcome.out.count(": ok\n") == 2
 
 
-def test_training_and_drawing_print_no_data(scenegen, here):
+def test_training_and_drawing_print_no_data(scenegen, here, small_pictures):
     words = [
         "train",
         "good.spec",

@@ -1,15 +1,17 @@
 """Every code block of the README and the docs is run: commands, programs and specs alike.
 
 `spec` blocks must pass the checker (`spec file=NAME` also writes them for later blocks of the page); `sh` blocks run
-line by line; `console` blocks are run and their output compared; `python` blocks are executed. A page's blocks share a
-folder that holds `specs`. `golden` blocks are put to work by test_relations_page.py. Links between pages must lead
-somewhere.
+line by line; `console` blocks are run by a shell and their output compared; `python` blocks are executed. A page's
+blocks share a folder that holds `specs`. `golden` blocks are put to work by test_relations_page.py. Links between pages
+must lead somewhere.
 """
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -25,43 +27,71 @@ def name_of(page):
     return str(page.relative_to(ROOT))
 
 
-def run(command, folder, **options):
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path, "NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "100"}
-    return subprocess.run(command, cwd=folder, env=environment, text=True, timeout=240, **options)
+PATH = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+PLAIN = {"PATH": PATH, "NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "100"}
+# Fewer scenes to train with, and smaller pictures, tell as well whether the commands of a page work.
+SHORTER = {"--scenes 20000": "--scenes 2000", "render scenes.json": "render scenes.json --size 96x72"}
+
+
+def shell(text, folder, **options):
+    return subprocess.run(text, shell=True, cwd=folder, env={**os.environ, **PLAIN}, text=True, timeout=240, **options)
 
 
 def targets():
     return set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text())], ids=name_of)
-def test_blocks(page, tmp_path):
-    (tmp_path / "specs").symlink_to(ROOT / "specs")
-    for language, options, body in BLOCK.findall(page.read_text()):
+def command(line, folder, warm):
+    """One line of a `sh` block."""
+    if line.startswith("make "):
+        assert line.split()[1] in targets()
+    elif line.startswith("pip install "):
+        extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        assert set(re.findall(r"\[(\w+)\]", line)) <= set(extras)
+    else:
+        plain = line.startswith("scenegen ") and not set(line) & set("<>|;&$`*")
+        words = ["-m", *shlex.split(line)]
+        done = warm.run(words, folder, PLAIN) if plain else shell(line, folder, capture_output=True)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+def work_through(page, folder, warm, shorter):
+    text = page.read_text()
+    for long, short in shorter.items():
+        text = text.replace(long, short)
+    (folder / "specs").symlink_to(ROOT / "specs")
+    for language, options, body in BLOCK.findall(text):
         if language == "spec":
             check_text(body, name_of(page))
             for name in re.findall(r"file=(\S+)", options):
-                (tmp_path / name).write_text(body)
+                (folder / name).write_text(body)
         elif language == "sh":
             for line in filter(None, (line.split("#")[0].strip() for line in body.splitlines())):
-                if line.startswith("make "):
-                    assert line.split()[1] in targets()
-                    continue
-                done = run(line, tmp_path, shell=True, capture_output=True)
-                assert done.returncode == 0, f"{line}\n{done.stderr}"
+                command(line, folder, warm)
         elif language == "console":
             commands = [line[2:] for line in body.splitlines() if line.startswith("$ ")]
             expected = "".join(line + "\n" for line in body.splitlines() if not line.startswith("$ "))
-            done = run("\n".join(commands), tmp_path, shell=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+            done = shell("\n".join(commands), folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             assert done.stdout == expected
         elif "into=" in options or (language == "python" and "file=" in options):
             continue  # additions to the project: test_extending.py tries them on a copy
         elif language == "python":
-            done = run([sys.executable, "-c", body], tmp_path, capture_output=True)
+            done = warm.run(["-c", body], folder, PLAIN)
             assert done.returncode == 0, done.stderr
         elif language != "golden":
             raise AssertionError(f"a block of unknown kind `{language}` in {name_of(page)}")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text())], ids=name_of)
+def test_blocks(page, tmp_path, warm):
+    work_through(page, tmp_path, warm, SHORTER)
+
+
+@pytest.mark.slow
+def test_the_readme_word_for_word(tmp_path, warm):
+    page = ROOT / "README.md"
+    assert all(long in page.read_text() for long in SHORTER)
+    work_through(page, tmp_path, warm, {})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

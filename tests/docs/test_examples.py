@@ -1,7 +1,5 @@
 """Every example runs, and the demo writes what it says."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,17 +9,16 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("example", [one for one in EXAMPLES if one.name != "00_demo.py"], ids=lambda path: path.stem)
-def test_example(example, tmp_path):
-    done = subprocess.run([sys.executable, example], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+def test_example(example, tmp_path, warm):
+    done = warm.run([example], tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     assert not list(tmp_path.iterdir())
 
 
-def test_demo(tmp_path):
+def test_demo(tmp_path, warm):
     out = tmp_path / "out"
-    command = [sys.executable, ROOT / "examples" / "00_demo.py", "--quick", "--out", out]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=240)
+    done = warm.run([ROOT / "examples" / "00_demo.py", "--quick", "--out", out], tmp_path)
     assert done.returncode == 0, done.stderr
     files = ("exact/contact_sheet.png", "exact/scenes.json", "model/contact_sheet.png", "model/scenes.json")
     for file in (*files, "energy.safetensors"):

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from scenegen.engine.blocks import Filler
 from scenegen.formats.blocks import Block
 
+from ..laws import examples
+
 
 def offered(cells):
     """Candidates that know their cell and their number: rows (3, m), phi (1, m)."""
@@ -33,7 +35,7 @@ CELLS = st.lists(st.integers(-1, 6), max_size=400)
 REACHED = st.sets(st.integers(0, 6), min_size=1)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(100))
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.lists(st.integers(0, 400), max_size=6))
 def test_laws(cells, reached, wanted, size, cuts):
     filler = Filler(sorted(reached), wanted, 5, size)
@@ -59,7 +61,7 @@ def test_laws(cells, reached, wanted, size, cuts):
     assert filler.strays == {cell for cell in cells if cell >= 0 and cell not in reached}
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(100))
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.data())
 def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, data):
     cut = data.draw(st.integers(0, len(cells)))

@@ -14,6 +14,8 @@ import pytest
 from scenegen.engine.pool import WAITING, run_pieces
 from scenegen.errors import RequestError, ScenegenError
 
+pytestmark = pytest.mark.usefixtures("interruptible")
+
 HERE = Path(__file__).parent
 
 

@@ -371,6 +371,7 @@ def peak(path, count, workers=1):
     return size
 
 
+@pytest.mark.slow
 def test_memory_is_flat(tmp_path):
     few = peak(tmp_path / "few.parquet", 500_000)
     many = peak(tmp_path / "many.parquet", 2_000_000)

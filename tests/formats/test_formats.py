@@ -15,6 +15,8 @@ from scenegen.formats.blocks import BLOCK, Block, joined, regrouped
 from scenegen.formats.table import FORMATS, format_of, write_scenes
 from scenegen.formats.table import read_scenes as read_blocks
 
+from ..laws import examples
+
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -33,7 +35,7 @@ def test_sets_of_scenes_come_back(ending, scenes, tmp_path):
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(25), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.tuples(*[FLOATS] * 8), max_size=4),
     st.lists(st.text(st.characters(exclude_categories=["Cs"]), min_size=1), min_size=2, max_size=2, unique=True),

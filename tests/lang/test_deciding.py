@@ -12,8 +12,10 @@ from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.primitives import NUMPY
 from tests.robustness.formulas import scenes, seeds, specs
 
+from ..laws import examples
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+
+@settings(max_examples=examples(50), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_counts_agree_scene_by_scene(spec, seed):
     core, rows = spec.core, scenes(len(spec.objects), 12, seed)

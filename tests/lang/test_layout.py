@@ -16,6 +16,7 @@ from scenegen.lang.pieces import WIDTH, expand, flat
 from scenegen.lang.print import dump, print_module
 from scenegen.lang.tokens import scan
 
+from ..laws import examples
 from .trees import expressions, ladders, statements, tuples
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,19 +70,19 @@ bare = st.builds(ast.Module, st.just(NOWHERE), st.just(()), expressions)
 files = st.builds(ast.Module, st.just(NOWHERE), tuples(statements, least=1, most=5), st.none())
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=examples(80), deadline=None, derandomize=True)
 @given(strewn(files))
 def test_statements_strewn_with_comments(text):
     obeys_the_laws(text)
 
 
-@settings(max_examples=70, deadline=None, derandomize=True)
+@settings(max_examples=examples(70), deadline=None, derandomize=True)
 @given(strewn(bare))
 def test_a_formula_strewn_with_comments(text):
     obeys_the_laws(text)
 
 
-@settings(max_examples=70, deadline=None, derandomize=True)
+@settings(max_examples=examples(70), deadline=None, derandomize=True)
 @given(ladders, st.integers(1, 60))
 def test_a_long_formula(tree, length):
     """Names of any length make the lines break anywhere; no line is longer than it has to be."""
@@ -92,7 +93,7 @@ def test_a_long_formula(tree, length):
         assert len(line) <= WIDTH or len(line.split(name, 1)[0].strip()) < length + 12
 
 
-@settings(max_examples=70, deadline=None, derandomize=True)
+@settings(max_examples=examples(70), deadline=None, derandomize=True)
 @given(files)
 def test_what_fits_a_line_is_printed_as_in_the_canonical_text(module):
     canonical = print_module(module)

@@ -7,6 +7,7 @@ from scenegen.lang import ast
 from scenegen.lang.parse import parse
 from scenegen.lang.print import dump, print_module
 
+from ..laws import examples
 from .trees import expressions, ladders, statements, tuples
 
 NOWHERE = Source("", "")
@@ -20,19 +21,19 @@ def there_and_back(module):
     assert print_module(parsed) == printed
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=examples(300), deadline=None, derandomize=True)
 @given(expressions)
 def test_a_formula(tree):
     there_and_back(ast.Module(NOWHERE, (), tree))
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=examples(300), deadline=None, derandomize=True)
 @given(ladders)
 def test_the_ladder(tree):
     there_and_back(ast.Module(NOWHERE, (), tree))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(tuples(statements, least=1, most=5))
 def test_statements(trees):
     there_and_back(ast.Module(NOWHERE, trees, None))

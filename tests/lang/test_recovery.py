@@ -13,6 +13,8 @@ from scenegen.lang.layout import format_source
 from scenegen.lang.parse import MOST_ERRORS, parse, parse_tolerant
 from scenegen.lang.print import print_module
 
+from ..laws import FULL, examples
+
 ROOT = Path(__file__).resolve().parents[2]
 ERRORS = sorted((ROOT / "tests" / "golden" / "lang" / "errors").glob("*.spec"))
 SPECS = sorted((ROOT / "specs").glob("*.spec"))
@@ -53,7 +55,7 @@ def problems_of(text):
     return refused.value.diagnostics
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(["", "\n", "# note: (\n"]), st.sampled_from(WHOLE + BROKEN)), min_size=1))
 def test_one_diagnostic_for_each_broken_statement_and_none_for_the_others(parts):
     parts = parts[:MOST_ERRORS]
@@ -92,7 +94,7 @@ def test_a_shipped_spec_cut_off_anywhere(path):
     """What an editor sees while someone types: a diagnostic or a module at every length, the statements before kept."""
     text = path.read_text(encoding="utf-8")
     whole = parse(Source(path.name, text))
-    for length in range(0, len(text), 13):
+    for length in range(0, len(text), 13 if FULL else 37):
         module, found = parse_tolerant(Source(path.name, text[:length]))
         assert module is not None or found
         kept = module.statements if module else ()
@@ -117,7 +119,7 @@ SCRAPS = [
 ]
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=examples(120), deadline=None, derandomize=True)
 @given(st.sampled_from(SPECS + ERRORS), st.randoms(use_true_random=False), st.integers(1, 5))
 def test_damaged_texts_get_diagnostics_with_places_and_nothing_else(path, random, times):
     text = path.read_bytes().decode("utf-8", errors="replace")[:4000]

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
 
+from ..laws import examples
+
 CUP, BOOK, TILE = "cylinder(0.06, 0.1)", "box(0.2, 0.1, 0.1)", "box(0.3, 0.3, 0.1)"
 WEDGE = "prism([(-0.1, -0.1), (0.2, 0), (-0.1, 0.1)], 0.1)"
 TRIPLES = [(CUP, BOOK, WEDGE), (WEDGE, TILE, CUP), (TILE, CUP, BOOK), (CUP, CUP, CUP), (BOOK, TILE, BOOK), (WEDGE,) * 3]
@@ -73,7 +75,7 @@ IN_THE_SQUARE = (
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_a_mirror_exchanges_left_and_right(scene):
     image = moved(scene, lambda x, y, theta: (1.0 - x, y, PI - theta))
@@ -84,7 +86,7 @@ def test_a_mirror_exchanges_left_and_right(scene):
     same(worth("ordered([a, b, c], WEST)", image), worth("ordered([a, b, c])", scene))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_a_mirror_exchanges_near_and_far(scene):
     image = moved(scene, lambda x, y, theta: (x, 1.0 - y, -theta))
@@ -94,7 +96,7 @@ def test_a_mirror_exchanges_near_and_far(scene):
         same(worth(formula, image), worth(formula, scene))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(40))
 @given(several)
 def test_a_quarter_turn_takes_left_to_below(scene):
     turned = moved(scene, lambda x, y, theta: (1.0 - y, x, theta + PI / 2))
@@ -105,7 +107,7 @@ def test_a_quarter_turn_takes_left_to_below(scene):
     same(worth("mirrored(a, b, heading = EAST)", turned), worth("mirrored(a, b)", scene))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several, st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-4.0, 4.0))
 def test_only_where_things_are_to_each_other_counts(scene, dx, dy, turn):
     shifted = moved(scene, lambda x, y, theta: (x + dx, y + dy, theta))
@@ -122,7 +124,7 @@ def test_only_where_things_are_to_each_other_counts(scene, dx, dy, turn):
         same(worth(formula, turned), worth(formula, scene))
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(100))
 @given(several)
 def test_what_follows_from_what(scene):
     """Margins, not truths alone: the weaker relation never has the smaller phi."""
@@ -139,7 +141,7 @@ def test_what_follows_from_what(scene):
     assert worth("insideWorkspace()", scene) <= worth("inside(a, workspace)", scene)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(100))
 @given(st.tuples(st.just((CUP, "box(0.6, 0.5, 0.1)", WEDGE)), scenes))
 def test_what_lies_in_a_thing_is_on_it_and_overlaps_it(scene):
     """phi too, once it lies in it; far outside, `inside` measures across one side and the others round the corner."""
@@ -150,7 +152,7 @@ def test_what_lies_in_a_thing_is_on_it_and_overlaps_it(scene):
         assert (inside >= 0.0) <= (min(on, overlaps) >= 0.0)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several, st.integers(0, 30))
 def test_clearances(scene, percent):
     gap = worth("gap(a, b) >= 0", scene)
@@ -164,7 +166,7 @@ def test_clearances(scene, percent):
     assert worth("insideWorkspace()", scene) == min(rooms)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_relations_that_work_both_ways(scene):
     for name in ("closeTo", "farFrom", "alignedX", "alignedY", "overlaps", "partlyOverlaps", "touching", "clearOf"):
@@ -188,7 +190,7 @@ def test_relations_that_work_both_ways(scene):
         )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(40))
 @given(shapes, poses, st.integers(0, 179))
 def test_the_image_of_an_image(shapes, pose, degrees):
     mirror = f"(0.3, 0.6), {degrees} deg"
@@ -204,7 +206,7 @@ def test_the_image_of_an_image(shapes, pose, degrees):
     same(worth(f"mirrored(b, a, {mirror}, 5 cm)", (shapes, (pose, image, pose))), 0.05)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(shapes, poses, st.floats(0.3, 1.0), st.floats(0.0, 6.2))
 def test_even_rows_are_even(shapes, pose, step, heading):
     """The same thing three times at equal steps in one direction."""
@@ -219,7 +221,7 @@ def test_even_rows_are_even(shapes, pose, step, heading):
     same(worth("sameHeading(a, c)", scene), 0.2)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_what_looks_at_a_thing_faces_it(scene):
     shapes, ((ax, ay, _), b, c) = scene

@@ -10,6 +10,8 @@ from scenegen.lsp.document import Document
 from scenegen.lsp.format import formatted
 from scenegen.lsp.hover import hover
 
+from ..laws import examples
+
 SEED = """workspace [0, 2] x [0, 1]
 object plate, mug = cup, tray at (0.5, 0.5, 90 deg), block[3] = box(5 cm, 6 cm, 7 cm)
 region mat = rect(0.2, 0, 0.8, y(workspace.top) / 5) # mat
@@ -26,7 +28,7 @@ pieces = st.sampled_from(
 )
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(
     st.integers(0, len(SEED)),
     st.integers(0, 60),

@@ -13,6 +13,7 @@ from scenegen.lsp.names import index
 from scenegen.resources import shipped_specs
 
 from ..lang import trees
+from ..laws import examples
 
 
 def told_by_the_tree(module):
@@ -74,7 +75,7 @@ def nodes(module):
         stack.extend(ast.children(node))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(st.lists(trees.statements, min_size=1, max_size=4))
 def test_tokens_and_tree_agree(statements):
     agree(print_module(ast.Module(Source("", ""), tuple(statements), None)))

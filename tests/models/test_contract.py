@@ -7,6 +7,8 @@ from scenegen.errors import DataError, RequestError
 from scenegen.models.base import SceneModel
 from scenegen.models.table import RECIPES, model_class, parse_hyper
 
+from ..laws import FULL
+
 SIZES = [(1, 1), (2, 2), (7, 1)]
 
 
@@ -119,7 +121,7 @@ def test_a_state_that_does_not_fit_is_refused(make):
     for batch in made.batches(1, 4):
         model.update(batch, seeded(3))
     good = model.training_state()
-    for key in good:
+    for key in list(good)[:: 1 if FULL else 5]:
         for bad in (
             {other: tensor for other, tensor in good.items() if other != key} if key.startswith("model.") else None,
             {**good, key: torch.zeros(3, 3, 3)},

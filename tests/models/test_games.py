@@ -15,6 +15,8 @@ from scenegen.models.layout import layout_of
 from scenegen.models.table import model_class, parse_hyper
 from scenegen.robustness import Robustness
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"width": 64, "depth": 2, "critic_width": 64, "critic_depth": 2}
 EXTRA = {"gan": {"ramp": 100}, "aae": {"encoder_width": 64, "encoder_depth": 2}}
 WANTED = 0.2

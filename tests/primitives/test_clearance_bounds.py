@@ -11,6 +11,7 @@ from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval, Polygo
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.outline import measures
 
+from ..laws import examples
 from .drawing import within
 
 sizes = st.floats(0.0, 0.6)
@@ -44,7 +45,7 @@ def poses(seed, width, turn):
     return rng, low, low + wide * rng.uniform(size=low.shape) * rng.integers(0, 2, size=low.shape)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(
     st.sampled_from(["gap", "room"]),
     footprints,

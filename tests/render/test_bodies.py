@@ -12,6 +12,8 @@ from scenegen.assets import Shape
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.render.bodies import DENSITY, SIDES, body_of
 
+from ..laws import examples
+
 WEDGE = Polygon(((0.0, 0.0), (0.3, 0.0), (0.25, 0.1), (0.05, 0.03)))
 
 
@@ -36,7 +38,7 @@ def test_boxes_and_cylinders_have_the_inertia_of_the_textbook(shape, inertia):
     corners=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=3, max_size=8),
     height=st.floats(0.01, 0.5),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 def test_the_inertia_of_a_prism_is_that_of_its_triangles(corners, height):
     """Oracle: shapely's hull in triangles, whose second moments about a point are exact by the midpoint rule.
     Corners that stand out by less than a millionth are left out of bodies, which costs a few such parts."""

@@ -36,7 +36,7 @@ def found(picture, pixel, color):
 def drawn(tmp_path_factory):
     file = scene_file(NAMES, POSES)
     folder = tmp_path_factory.mktemp("mirror")
-    render_scenes(file, folder, views=VIEWS, size=SIZE)
+    render_scenes(file, folder, views=VIEWS, size=SIZE, workers=1)
     pictures = {
         (scene, view): np.asarray(Image.open(folder / f"scene_{scene + 1:04d}_{view}.png"))
         for scene in range(len(POSES))
@@ -94,7 +94,7 @@ def test_x_is_to_the_right_and_y_upwards(view):
 def test_the_handle_of_a_mug_shows_its_heading(tmp_path):
     headings = (0.0, np.pi / 2, 2.5)
     file = scene_file(["mug"], [[(0.5, 0.5, heading)] for heading in headings], x=(0.4, 0.6), y=(0.4, 0.6))
-    render_scenes(file, tmp_path, views=("top",), size=SIZE)
+    render_scenes(file, tmp_path, views=("top",), size=SIZE, workers=1)
     stage = stage_of(file)
     camera = frame("top", stage.corners(), SIZE)
     for number, heading in enumerate(headings, start=1):

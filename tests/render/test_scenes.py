@@ -1,7 +1,5 @@
 """render_scenes: files, names, order, the same bytes from any number of workers, and nothing left after a failure."""
 
-import subprocess
-import sys
 import textwrap
 
 import numpy as np
@@ -25,7 +23,8 @@ THREE = [[(0.2, 0.3, 0.1), (0.7, 0.6, 0.0)], [(0.4, 0.4, 0.1), (0.7, 0.2, 0.0)],
 
 def test_names_order_sizes_and_progress(tmp_path):
     seen = []
-    done = render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE, progress=lambda *at: seen.append(at))
+    file, out = scene_file(NAMES, THREE), tmp_path / "out"
+    done = render_scenes(file, out, size=SIZE, progress=lambda *at: seen.append(at), workers=1)
     names = [f"scene_{number:04d}_{view}.png" for number in (1, 2, 3) for view in ("top", "perspective")]
     assert [path.name for path in done.pictures] == names
     assert done.sheet == tmp_path / "out" / "contact_sheet.png"
@@ -98,13 +97,13 @@ def test_every_asset_shows_up_in_its_colors(tmp_path):
 def test_any_number_of_objects_on_any_workspace(tmp_path, count, x, y):
     spots = np.linspace(0.0, 1.2, count)  # the last ones stand off the workspace
     row = [(x[0] + s * (x[1] - x[0]), y[0] + s * (y[1] - y[0]), 6.0 * s) for s in spots]
-    done = render_scenes(scene_file([f"obj{k}" for k in range(count)], [row], x=x, y=y), tmp_path, size=SIZE)
+    done = render_scenes(scene_file([f"obj{k}" for k in range(count)], [row], x=x, y=y), tmp_path, size=SIZE, workers=1)
     for path in done.pictures:
         assert np.asarray(Image.open(path)).std() > 5
 
 
 def test_poses_beyond_all_measure_are_drawn_without_harm(tmp_path):
-    done = render_scenes(scene_file(NAMES, [[(1e300, -1e300, 1e9), (0.5, 0.5, 0.0)]]), tmp_path, size=SIZE)
+    done = render_scenes(scene_file(NAMES, [[(1e300, -1e300, 1e9), (0.5, 0.5, 0.0)]]), tmp_path, size=SIZE, workers=1)
     assert len(done.pictures) == 2
 
 
@@ -159,7 +158,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
 
     monkeypatch.setattr(folder, "_write", full)
     with pytest.raises(OutputError, match="no space"):
-        render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE)
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE, workers=1)
     assert len(written) == after
     assert not (tmp_path / "new").exists()
 
@@ -171,18 +170,18 @@ def test_a_failure_leaves_other_files_alone(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render_scenes(scene_file(NAMES, THREE), tmp_path, size=SIZE, progress=stop)
+        render_scenes(scene_file(NAMES, THREE), tmp_path, size=SIZE, progress=stop, workers=1)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
 def test_a_worker_that_dies_is_a_diagnostic(tmp_path, monkeypatch):
     monkeypatch.setattr(process, "_PROGRAM", "import sys; sys.exit('out of paint')")
     with pytest.raises(ScenegenError, match="out of paint"):
-        render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE)
+        render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE, workers=1)
     assert not (tmp_path / "out").exists()
 
 
-def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path):
+def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path, warm):
     """No banner of pybullet, no pybullet in the caller, and no need for `if __name__ == "__main__"`."""
     (tmp_path / "file.json").write_text(scene_file(NAMES, THREE).model_dump_json())
     (tmp_path / "script.py").write_text(
@@ -202,5 +201,5 @@ def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path)
             """
         )
     )
-    ran = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    ran = warm.run(["script.py"], tmp_path)
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, "6\n", "")

@@ -17,6 +17,8 @@ from scenegen.render.labels import Labels, Rect
 from scenegen.render.topview import Dimension, Guide, Thing, Turn, View, topview
 from scenegen.render.witness import gap_segment, room_segment
 
+from ..laws import examples
+
 SVG = "{http://www.w3.org/2000/svg}"
 WEDGE = Polygon(((-0.1, -0.1), (0.2, 0.0), (-0.1, 0.1)))
 footprints = st.sampled_from([POINT, Circle(0.1), Box(0.2, 0.1), Box(0.4, 0.4), WEDGE])
@@ -28,7 +30,7 @@ def length(segment):
     return math.dist(*segment)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(footprints, poses, footprints, poses)
 def test_lines_are_as_long_as_the_clearance(a, a_pose, b, b_pose):
     segment = gap_segment(a, a_pose, b, b_pose)
@@ -38,7 +40,7 @@ def test_lines_are_as_long_as_the_clearance(a, a_pose, b, b_pose):
         assert length(segment) == pytest.approx(abs(room(MATH, a, b, *a_pose, *b_pose)), abs=1e-9)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(footprints, poses, footprints, poses)
 def test_the_ends_of_a_gap_lie_on_the_footprints(a, a_pose, b, b_pose):
     assume(gap(MATH, a, b, *a_pose, *b_pose) > 0.0)

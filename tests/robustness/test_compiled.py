@@ -20,6 +20,7 @@ from scenegen.resources import shipped_specs
 from scenegen.robustness import Robustness
 from scenegen.robustness.fused import LARGEST
 
+from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
 
 # comparisons, distances, wrapped angles, sine and cosine, labels that share atoms, constants, sums: one compilation
@@ -217,7 +218,7 @@ def test_shipped_specs(name):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(20), deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(specs(labels=("task", "safe")), seeds)
 def test_made_up_formulas(spec, seed):
     rows = scenes(len(spec.objects), 64, seed)

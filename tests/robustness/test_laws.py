@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi
 
+from ..laws import examples
 from .formulas import formulas, objects, scenes, seeds, spec_text
 
 pairs = objects.flatmap(lambda names: st.tuples(st.just(names), formulas(names), formulas(names)))
@@ -27,7 +28,7 @@ EQUAL = [
 ]
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(pairs, seeds)
 def test_what_negation_and_the_connectives_do(pair, seed):
     names, f, g = pair
@@ -45,7 +46,7 @@ def test_what_negation_and_the_connectives_do(pair, seed):
             assert worth[f"left{number}"] == worth[f"right{number}"], law
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(pairs, seeds)
 def test_a_definition_and_a_label_are_worth_what_they_stand_for(pair, seed):
     names, f, _ = pair

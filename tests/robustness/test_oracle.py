@@ -9,6 +9,7 @@ from scenegen.lang.interpret import phi
 from scenegen.primitives import NUMPY
 from scenegen.robustness import Robustness
 
+from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
 
 BATCH = 8
@@ -18,7 +19,7 @@ def oracle(core, rows):
     return np.array([[*phi(core, column.tolist()).values()] for column in rows.T]).T
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=examples(120), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_every_reader_agrees(spec, seed):
     core, rows = spec.core, scenes(len(spec.objects), BATCH, seed)
@@ -42,7 +43,7 @@ def test_every_reader_agrees(spec, seed):
     assert (np.abs(single.numpy() - expected) <= 1e-5 * scale)[:, clear].all()
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_layout_batching_and_chunking_change_nothing(spec, seed):
     rows = torch.from_numpy(scenes(len(spec.objects), BATCH, seed))

@@ -8,6 +8,7 @@ import pytest
 from scenegen.engine.exact import draw
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
+from scenegen.resources import shipped_specs
 from scenegen.sampling import problem as module
 from scenegen.sampling.auto import choose
 from scenegen.sampling.problem import Budget, pose
@@ -48,9 +49,9 @@ def test_more_cells_are_worth_splitting():
 
 
 def test_the_choice_is_a_matter_of_the_request():
-    one, two = chosen(RARE, 0.0, None), chosen(RARE, 0.0, None)
+    one, two = chosen("leftOf(a, b)", 0.97, None), chosen("leftOf(a, b)", 0.97, None)
     assert one.plan.plan_digest == two.plan.plan_digest and one.reason == two.reason
-    assert chosen(RARE, 0.001, None).plan.plan_digest != one.plan.plan_digest
+    assert chosen("leftOf(a, b)", 0.971, None).plan.plan_digest != one.plan.plan_digest
 
 
 def test_a_method_that_is_named_is_not_put_in_question():
@@ -83,3 +84,21 @@ def test_planning_ends_soon_after_time_is_up(ends, method, exp1, monkeypatch):
 def test_what_phi_does_not_depend_on_is_left_to_rejection():
     problem = pose(check_text("object a, b\ntask: x(a) >= 0.2"), {}, n=5, fixed={"a": (0.5, 0.5)})
     assert choose(problem, "splitting", Budget()).plan.name == "rejection"
+
+
+def test_where_pruning_takes_much_work_plain_candidates_may_do():
+    """One in five candidates is of use; to find a better cover took longer than to draw a hundred scenes."""
+    text = (
+        "object disc[4] = cylinder(0.045, 0.05), box[4] = box(0.11, 0.09, 0.05)\n"
+        "require noOverlap() & insideWorkspace()\ntask: leftOf(disc[1], workspace.center)\n"
+    )
+    choice = chosen(text, 0.0, 0.02)
+    assert choice.plan.name == "rejection" and choice.reason.endswith("of the candidates from 1 box are in range")
+    found = draw(choice.plan.problem)
+    assert found.count == 200 and found.shortfall is None
+
+
+def test_shipped_specs_that_pruning_takes_a_moment_for_stay_with_rejection():
+    """Half a second of pruning, where growth took ten."""
+    spec = check_text(shipped_specs()["sushi_plate"].read_text(encoding="utf-8"))
+    assert choose(pose(spec, {"task": Range(0.0)}, n=1000), "auto", Budget()).plan.name == "rejection"

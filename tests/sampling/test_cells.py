@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from scenegen.sampling.cells import Cells, cut, shares
 from scenegen.sampling.request import Range, Request
 
+from ..laws import examples
+
 LABELS = ("a", "b", "c", "d")
 
 
@@ -34,7 +36,7 @@ def test_open_ends_bound_without_being_cut():
 ENDS = st.tuples(st.floats(-2, 2), st.floats(0.001, 2)).map(lambda pair: (pair[0], pair[0] + pair[1]))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.lists(ENDS, min_size=1, max_size=3), st.integers(0, 2**32 - 1), st.booleans())
 def test_find_is_what_the_limits_say(ends, seed, at_borders):
     cells: Cells = cells_of(**{name: Range(*pair) for name, pair in zip(LABELS, ends, strict=False)})

@@ -49,6 +49,7 @@ def test_the_seed_decides_every_byte(tmp_path, exp1):
     assert state_path(paths[0]).read_bytes() == state_path(paths[1]).read_bytes()
 
 
+@pytest.mark.slow
 def test_training_brings_phi_closer_to_what_is_wanted(tmp_path, exp1):
     trained = train(exp1, make_config("gan", "paper", epochs=3), tmp_path / "m")
     generator = torch.Generator().manual_seed(0)
@@ -104,6 +105,7 @@ def test_divergence_is_told_and_the_last_good_checkpoint_kept(tmp_path, exp1, mo
     assert (out.read_bytes(), state_path(out).read_bytes()) == good
 
 
+@pytest.mark.slow
 def test_the_wildest_rate_leaves_a_sound_file_or_none(tmp_path, exp1):
     out = tmp_path / "m"
     for model in ("gan", "aae"):

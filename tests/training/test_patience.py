@@ -18,6 +18,7 @@ from scenegen.training.loop import train
 from scenegen.training.state import FORMAT, state_path
 from scenegen.training.validate import Validation
 
+pytestmark = pytest.mark.usefixtures("interruptible")
 CONFIG = make_config("gan", "paper", epochs=9, scenes=300, batch_size=64, patience=2)
 ERRORS = [3.0, 1.0, 2.0, 1.0, 0.5, 0.5]  # equals are no progress
 

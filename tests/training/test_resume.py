@@ -19,6 +19,7 @@ from scenegen.training.interrupt import Interrupted
 from scenegen.training.loop import train
 from scenegen.training.state import state_path
 
+pytestmark = pytest.mark.usefixtures("interruptible")
 CONFIG = make_config("gan", "paper", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
 
 

@@ -209,8 +209,8 @@ class _Builder:
         node = self._core.nodes[at]
         assert isinstance(node, Apply)
         if node.primitive == "gap":
-            a, b = self._place(node.args[:3]), self._place(node.args[3:])
             shapes = node.shapes[0], node.shapes[1]
+            a, b = self._place(_needed(node.args[:3], shapes[0])), self._place(_needed(node.args[3:], shapes[1]))
         else:
             a, b, shapes = self._place(node.args[:2]), self._place(node.args[2:]), (POINT, POINT)
         if a is None or b is None or a == b or not (isinstance(a, int) or isinstance(b, int)):
@@ -292,6 +292,11 @@ def _read(node: Node) -> list[int]:
         at += size
         read += args[:2] if kind == "footprint" and isinstance(next(shapes), Circle) else args
     return read
+
+
+def _needed(args: Sequence[int], shape: Footprint) -> Sequence[int]:
+    """Arguments x, y and heading, of a round footprint the first two."""
+    return args[:2] if isinstance(shape, Circle) else args
 
 
 def _bits(bits: int) -> list[int]:

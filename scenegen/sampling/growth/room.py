@@ -147,8 +147,9 @@ class Room:
         with np.errstate(invalid="ignore"):
             low = low - SLACK * (self.scale + np.abs(low))
             high = high + SLACK * (self.scale + np.abs(high))
-        lo[place, ..., columns] = np.fmax(lo[place, ..., columns], low)
-        hi[place, ..., columns] = np.fmin(hi[place, ..., columns], high)
+        least, most = lo[place], hi[place]  # indexed in two steps: numpy moves columns to the front beside a number
+        least[..., columns] = np.fmax(least[..., columns], low)
+        most[..., columns] = np.fmin(most[..., columns], high)
 
 
 def make_room(

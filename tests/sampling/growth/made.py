@@ -1,0 +1,55 @@
+"""Machines of growth for specs in a line, and plain uniform scenes to hold them against."""
+
+import numpy as np
+
+from scenegen.lang.check import check_text
+from scenegen.lang.interpret import evaluate
+from scenegen.sampling.growth.machine import make_machine
+from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.problem import pose
+from scenegen.sampling.request import Range
+
+POSITIVE = {"task": Range(0.0)}
+
+
+def posed(text, ranges=POSITIVE, n=16, seed=0, spread="base", fixed=None):
+    return pose(check_text(text), ranges, n=n, seed=seed, spread=spread, fixed=fixed)
+
+
+def machine_of(text, ranges=POSITIVE, **words):
+    return make_machine(posed(text, ranges, **words))
+
+
+def anywhere(problem, count, seed=0):
+    """Uniform scenes, requirements not looked at, (3N, count)."""
+    lowest, highest = problem.lowest[:, None], problem.highest[:, None]
+    return lowest + (highest - lowest) * np.random.default_rng(seed).random((len(lowest), count))
+
+
+def plain(problem, count, seed=0):
+    """The first `count` scenes of plain rejection in the whole range, (3N, count)."""
+    kept, found, chunk = [], 0, 1 << 14
+    while found < count:
+        rows = anywhere(problem, chunk, [seed, len(kept)])
+        kept.append(rows[:, problem.cells.find(problem.phi(rows)) >= 0])
+        found += kept[-1].shape[1]
+        assert len(kept) < 400
+    return np.concatenate(kept, axis=1)[:, :count]
+
+
+def node_values(core, rows):
+    """The value of every node in every scene by the scalar interpreter, (nodes, B)."""
+    return np.array([evaluate(core, scene.tolist()) for scene in rows.T], dtype=np.float64).T
+
+
+def everything_placed(machine, rows, seed=0, stage=None):
+    """Scenes (3N, P) as particles of which the objects up to `stage`, or all, are placed."""
+    count = rows.shape[1]
+    zeros = np.zeros(count, dtype=np.intp)
+    particles = Particles.start(machine, zeros, zeros, np.random.default_rng(seed))
+    particles.scenes = rows.copy()
+    particles.stage = len(machine.order) - 1 if stage is None else stage
+    for index, end in enumerate(machine.ends):
+        if end <= particles.stage:
+            particles.met[index] = machine.held_ways(index, particles.scenes, zeros)
+    return particles

@@ -1,0 +1,208 @@
+"""Each kind of move keeps the uniform distribution: scenes of plain rejection stay scenes of plain rejection."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from scenegen.sampling.growth import moves
+from scenegen.sampling.growth.attempt import attempt
+from scenegen.sampling.growth.choose import cluster, jump
+from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.tally import Tally
+from scenegen.sampling.request import Range
+
+from .made import POSITIVE, anywhere, everything_placed, machine_of, plain
+
+COUNT = 2000
+DISCS = "object p[3] = cylinder(0.12, 0.1)\nobject q = cylinder(0.12, 0.1)\nrequire noOverlap()\n"
+SPECS = {
+    "discs": (DISCS + "task: leftOf(p[1], q)", POSITIVE),
+    "group": ("closeTo(a, b, 0.3) & closeTo(c, b, 0.3) & angle(a, EAST, 1.0)", POSITIVE),
+    "branches": ("closeTo(a, (0.4, 0.5), 0.2) & leftOf(a, b) | closeTo(a, (0.6, 0.5), 0.3) & leftOf(b, a)",
+                 {"task": Range(0.02)}),
+    "ways": ("(leftOf(a, b) & leftOf(b, c)) | (leftOf(a, c) & leftOf(b, c))", {"task": Range(0.02)}),
+    "chains": ("(closeTo(a, b, 0.2) & closeTo(b, c, 0.2)) | (leftOf(a, b) & belowOf(b, c) & closeTo(a, c, 0.4))",
+               POSITIVE),
+    "boxes": ("workspace [0, 0.6] x [0, 0.5]\nobject a = box(0.2, 0.1, 0.1), b = box(0.2, 0.1, 0.1)\n"
+              "require noOverlap()\nrequire insideWorkspace()\ntask: farFrom(a, b, 0.0)", POSITIVE),
+}  # fmt: skip
+
+
+def walk(particles):
+    for thing in particles.placed:
+        moves._walk(particles, thing, Settings({}), None)
+
+
+def redraw(particles):
+    for thing in particles.placed:
+        room = particles.machine.room(thing, particles.stage, placing=False)
+        moves._redraw(particles, thing, room, None)
+
+
+def shift(particles):
+    for thing, group in particles.machine.groups.items():
+        if len(group) > 1:
+            moves._shift(particles, thing, group, Settings({}), None)
+
+
+def turn(particles):
+    for thing, group in particles.machine.groups.items():
+        if len(group) > 1:
+            moves._turn(particles, thing, group, None)
+
+
+def swap(particles):
+    for kin in particles.machine.kin:
+        first, second = particles.rng.choice(len(kin), size=2, replace=False)
+        moves._swap(particles, kin[first], kin[second], "swap", None)
+
+
+def shuffle(particles):
+    for kin in particles.machine.kin:
+        moves._shuffle(particles, kin, "shuffle", None)
+
+
+def trade(particles):
+    for few, others in particles.machine.mixed:
+        moves._trades(particles, few, others, "trade", None)
+
+
+def jumps(particles):
+    for thing in particles.placed:
+        jump(particles, thing, None)
+
+
+def clusters(particles):
+    for _ in range(4):
+        cluster(particles, None)
+
+
+def everything(particles):
+    sweep(particles, Settings({}), Tally())
+
+
+CASES = [
+    ("discs", walk), ("discs", redraw), ("discs", swap), ("discs", shuffle), ("discs", trade), ("discs", everything),
+    ("group", walk), ("group", redraw), ("group", shift), ("group", turn), ("group", everything),
+    ("branches", walk), ("branches", redraw), ("branches", everything),
+    ("ways", walk), ("ways", redraw), ("ways", everything),
+    ("ways", jumps),
+    ("chains", jumps),
+    ("chains", clusters),
+    ("chains", everything),
+    ("boxes", walk), ("boxes", redraw), ("boxes", swap), ("boxes", everything),
+]  # fmt: skip
+
+
+def views(machine, rows):
+    """Coordinates that phi reads, differences of objects, and phi itself."""
+    pairs = [(a, b) for a in range(0, len(rows), 3) for b in range(0, a, 3)]
+    return [
+        *(rows[row] for row in sorted(machine.graph.rows)),
+        *(rows[a + axis] - rows[b + axis] for a, b in pairs for axis in (0, 1)),
+        *(np.hypot(rows[a] - rows[b], rows[a + 1] - rows[b + 1]) for a, b in pairs),
+        machine.problem.phi(rows)[0],
+    ]
+
+
+def p_value(machine, rows, truth):
+    seen = zip(views(machine, rows), views(machine, truth), strict=True)
+    p = [stats.ks_2samp(one, two, method="asymp").pvalue for one, two in seen]
+    return min(p) * len(p)
+
+
+@pytest.fixture(scope="module")
+def made():
+    known = {}
+
+    def of(name):
+        if name not in known:
+            machine = machine_of(*SPECS[name])
+            known[name] = machine, plain(machine.problem, COUNT, 1), plain(machine.problem, 2 * COUNT, 2)
+        return known[name]
+
+    return of
+
+
+@pytest.mark.parametrize(("name", "move"), CASES, ids=[f"{name}-{move.__name__}" for name, move in CASES])
+def test_the_uniform_distribution_stays(name, move, made):
+    machine, start, truth = made(name)
+    particles = everything_placed(machine, start)
+    for _ in range(11):
+        move(particles)
+    rows = particles.scenes
+    assert (machine.problem.cells.find(machine.problem.phi(rows)) >= 0).all()
+    assert (rows[sorted(machine.graph.rows)] != start[sorted(machine.graph.rows)]).any(axis=0).mean() > 0.3
+    assert p_value(machine, rows, truth) > 1e-3
+    for index, table in enumerate(particles.met):  # what is remembered of the choices is right
+        np.testing.assert_array_equal(table, machine.held_ways(index, rows, particles.cell))
+
+
+def drifting(particles):
+    """Walks whose steps are a little longer to the right."""
+    for thing in particles.placed:
+        row = 3 * thing
+        step = (2.0 * particles.rng.random(particles.count) - 0.9) * 0.1
+        attempt(particles, (thing,), {row: particles.scenes[row] + step})
+
+
+def careless(particles):
+    """Redraws of poses from the room, those that two branches hold twice as often."""
+    for thing in particles.placed:
+        room = particles.machine.room(thing, particles.stage, placing=False)
+        boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
+        poses = boxes.draw(1, particles.rng)[:, 0]
+        rows = particles.machine.touch[thing].rows
+        attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
+
+
+@pytest.mark.parametrize(("name", "move"), [("discs", drifting), ("overlapping", careless)])
+def test_moves_that_do_not_keep_it_are_seen(name, move):
+    text = "closeTo(a, (0.4, 0.5), 0.2) | closeTo(a, (0.6, 0.5), 0.3)"
+    machine = machine_of(*SPECS[name]) if name in SPECS else machine_of(text)
+    particles = everything_placed(machine, plain(machine.problem, COUNT, 1))
+    for _ in range(11):
+        move(particles)
+    assert p_value(machine, particles.scenes, plain(machine.problem, 2 * COUNT, 2)) < 1e-6
+
+
+def test_a_change_of_way_keeps_scenes_with_the_ways_that_they_meet():
+    """Before the last object of a choice comes: pairs of a scene and a way that it meets so far are equally likely."""
+    machine = machine_of("leftOf(a, b) & leftOf(b, c) | leftOf(b, a) & leftOf(b, c) | belowOf(a, b) & leftOf(c, b)")
+    assert machine.ends[0] == 2
+    placed = machine.order[:2]
+    rng = np.random.default_rng(5)
+    rows, way = anywhere(machine.problem, 8000), rng.integers(3, size=8000)
+    particles = everything_placed(machine, rows, stage=1)
+    fits = np.ones(8000, dtype=bool)
+    touched = {one.clause.node: one for thing in placed for one in machine.touch[thing].way_clauses_in_force(1)}
+    for one in touched.values():
+        (value,) = machine.touch[placed[0]].values(("test", one.clause.node), [one.clause.node])(list(rows))
+        fits &= (way != one.way) | (value >= one.clause.low[0])
+    particles = everything_placed(machine, rows[:, fits], stage=1)
+    particles.chosen[0] = way[fits]
+    before = np.bincount(particles.chosen[0], minlength=3)
+    scenes = particles.scenes.copy()
+    for _ in range(8):
+        moves._other_way(particles, 0, None)
+    after = np.bincount(particles.chosen[0], minlength=3)
+    assert (particles.chosen[0] != way[fits]).mean() > 0.1 and (particles.scenes == scenes).all()
+    assert stats.chi2_contingency([before, after]).pvalue > 1e-3
+    for one in touched.values():
+        (value,) = machine.touch[placed[0]].values(("test", one.clause.node), [one.clause.node])(list(scenes))
+        assert (value[particles.chosen[0] == one.way] >= one.clause.low[0]).all()
+
+
+def test_only_objects_that_have_moved_count_as_moved():
+    machine = machine_of(*SPECS["discs"])
+    particles = everything_placed(machine, plain(machine.problem, 50))
+    particles.take(np.zeros(50, dtype=np.intp))
+    start = particles.scenes.copy()
+    for _ in range(3):
+        sweep(particles, Settings({}))
+    places = {tuple(start[3 * thing : 3 * thing + 2, 0]) for thing in machine.order}
+    for column in range(1, 50):
+        for thing in machine.order:
+            place = tuple(particles.scenes[3 * thing : 3 * thing + 2, column])
+            if particles.fresh[thing, column]:
+                assert place not in places  # taken over from another object of the copy, it would still be shared

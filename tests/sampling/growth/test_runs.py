@@ -1,0 +1,210 @@
+"""Growth from a request to its scenes: same bytes however it runs, held objects, deadlines, answers."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.bounds.effort import StoppedError
+from scenegen.errors import RequestError
+from scenegen.lang.check import check_text
+from scenegen.sampling.auto import choose
+from scenegen.sampling.growth import machine as machine_module
+from scenegen.sampling.growth.sampler import Growth, plan_growth
+from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.request import Range
+
+TEXT = """object p[3] = cylinder(0.06, 0.1), q = box(0.2, 0.1, 0.1)
+workspace [0, 0.6] x [0, 0.6]
+require noOverlap() & insideWorkspace()
+task: leftOf(p[1], p[2]) & (closeTo(p[3], q, 0.3) | closeTo(p[1], q, 0.25))
+"""
+WORDS = {"phi": {"task": (0.0, None)}, "n": 600, "seed": 3, "method": "growth"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_populations():
+    """So that a run of a few hundred scenes has several pieces."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scenegen.sampling.growth.plan.LEAST", 128)
+        patch.setattr("scenegen.sampling.growth.plan.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.grow.MOST_POSES", 1 << 17)
+        yield
+
+
+def planned(text=TEXT, n=600, seed=3, ranges=None, seconds=600.0):
+    problem = pose(check_text(text), {"task": Range(0.0)} if ranges is None else ranges, n=n, seed=seed)
+    plan = plan_growth(problem, Budget(seconds))
+    assert isinstance(plan, Growth)
+    return plan
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return planned()
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """Scenes of more than one piece, drawn in this process."""
+    return scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1)
+
+
+def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
+    again = planned()
+    assert again.plan_digest == plan.plan_digest and again.recipe.settle == plan.recipe.settle
+    one, other = plan.piece(1), again.piece(1)
+    assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
+    # a piece does not depend on those before it
+    plan.piece(0)
+    assert plan.piece(1).rows.tobytes() == one.rows.tobytes()
+    assert planned(seed=4).plan_digest != plan.plan_digest
+
+
+def test_no_place_is_shared_by_two_scenes(alone):
+    poses = alone.poses
+    for thing in range(poses.shape[1]):
+        assert len(np.unique(poses[:, thing, :2], axis=0)) == len(poses)
+    assert len(np.unique(poses[:, :, :2].reshape(-1, 2), axis=0)) == poses.shape[0] * poses.shape[1]
+
+
+def test_scenes_meet_what_is_required(alone):
+    """By numpy's own words."""
+    places = alone.poses[:, :3, :2]
+    for first, second in itertools.combinations(range(3), 2):
+        assert np.hypot(*(places[:, first] - places[:, second]).T).min() >= 0.12 - 1e-12
+    assert places.min() >= 0.06 and places.max() <= 0.54
+    assert (places[:, 0, 0] <= places[:, 1, 0]).all()
+
+
+def test_several_pieces_and_two_workers(alone):
+    shared = scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=2)
+    assert shared.header.sampler["pieces"] >= 3
+    assert shared.poses.tobytes() == alone.poses.tobytes() and shared.header == alone.header
+
+
+def test_a_file_holds_the_same_and_resumes(alone, monkeypatch, tmp_path):
+    spec, path = scenegen.parse(TEXT), tmp_path / "x.jsonl"
+    scenegen.sample_to(tmp_path / "whole.jsonl", spec, **WORDS, workers=1)
+    alone.save(tmp_path / "memory.jsonl")
+    assert (tmp_path / "whole.jsonl").read_bytes() == (tmp_path / "memory.jsonl").read_bytes()
+    done = []
+
+    def broken(self, k, honest=Growth.piece):
+        if k == 2:
+            raise StoppedError
+        done.append(k)
+        return honest(self, k)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Growth, "piece", broken)
+        with pytest.raises(RequestError, match=r"found [\d,]+ of 600 scenes") as caught:
+            scenegen.sample_to(path, spec, **WORDS, workers=1)
+    assert done == [0, 1] and "--resume" in str(caught.value)
+    scenegen.sample_to(path, spec, **WORDS, workers=1, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
+
+
+def test_held_objects_stay_and_the_others_keep_clear():
+    fix = {"q": (0.25, 0.25, 0.5), "p[1]": (0.1, 0.1)}
+    scenes = scenegen.sample(scenegen.parse(TEXT), {"task": (0.0, None)}, 200, method="growth", fix=fix, workers=1)
+    names = list(check_text(TEXT).objects)
+    held = scenes.poses[:, [names.index("q"), names.index("p[1]")]]
+    assert (held[:, 0] == (0.25, 0.25, 0.5)).all() and (held[:, 1, :2] == 0.1).all()
+    others = np.delete(scenes.poses, [names.index("q"), names.index("p[1]")], axis=1)
+    assert np.hypot(*(others[:, :, :2] - 0.1).reshape(-1, 2).T).min() >= 0.12
+    assert len(np.unique(others[:, :, 0])) == others[:, :, 0].size
+
+
+def test_scenes_settle():
+    text = (
+        "object mug, crackerbox\nrequire noOverlap()\ntask: leftOf(mug, crackerbox) & closeTo(mug, crackerbox, 25 cm)"
+    )
+    words = {"phi": (0.0, None), "n": 8, "seed": 4, "method": "growth", "workers": 1}
+    settled = scenegen.sample(scenegen.parse(text), **words, settle=True)
+    assert len(settled) == 8 and settled.header.sampler["settled"] is True
+    assert settled.header.sampler["method"] == "growth"
+
+
+# ---- deadlines: the clock goes one second further at every look
+
+
+class Clock:
+    def __init__(self):
+        self.now, self.looks = 0.0, 0
+
+    def monotonic(self):
+        self.now += 1.0
+        self.looks += 1
+        return self.now
+
+
+def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(machine_module, "time", clock)
+    short = dataclasses.replace(plan, machine=dataclasses.replace(plan.machine, deadline=math.inf))
+    short.piece(0)
+    looks = clock.looks
+    assert looks > 100  # it is looked at often
+    for share in (0.01, 0.7):
+        at = clock.now + share * looks
+        late = dataclasses.replace(plan, machine=dataclasses.replace(plan.machine, deadline=at))
+        before = clock.looks
+        with pytest.raises(StoppedError):
+            late.piece(0)
+        assert clock.looks - before == pytest.approx(share * looks, abs=2)
+
+
+def test_what_there_was_in_time_is_kept(monkeypatch):
+    def slow(self, k, honest=Growth.piece):
+        if k == 1:
+            raise StoppedError
+        return honest(self, k)
+
+    monkeypatch.setattr(Growth, "piece", slow)
+    with pytest.raises(RequestError, match="of 600 scenes"):
+        scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1)
+    scenes = scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1, keep_partial=True)
+    assert 200 < len(scenes) <= 256 and scenes.warnings[-1].title.endswith("; these are kept")
+
+
+def test_planning_ends_when_its_time_is_up():
+    problem = pose(check_text(TEXT), {"task": Range(0.0)}, n=10)
+    with pytest.raises(RequestError) as caught:
+        choose(problem, "growth", Budget(1e-6))
+    assert "time was up" in str(caught.value)
+
+
+# ---- too full, or impossible
+
+FULL = """workspace [0, 0.3] x [0, 0.2]
+object coin[7] = cylinder(0.05, 0.01)
+require noOverlap() & insideWorkspace()
+task: leftOf(coin[1], coin[2])
+"""
+# d is 30 cm from a at most, and 31 are asked for, askew: no bounds along x and y alone prove that
+REFUSED = """object a, b, c, d
+task: closeTo(a, b, 0.1) & closeTo(b, c, 0.1) & closeTo(c, d, 0.1)
+ends: leftOf(a, d) & belowOf(a, d)
+"""
+
+
+def said(text, ranges):
+    problem = pose(check_text(text), ranges, n=10)
+    with pytest.raises(RequestError) as caught:
+        choose(problem, "growth", Budget(600.0))
+    return f"{caught.value}\n"
+
+
+def test_a_table_that_is_too_full(golden):
+    """Six coins of 10 cm fill 30 x 20 cm; the seventh has no room."""
+    text = said(FULL, {"task": Range(0.0)})
+    assert "after" in text and "clear" in text
+    golden("sampling/growth/too_full.txt", text)
+
+
+def test_a_clause_that_refuses_every_pose(golden):
+    golden("sampling/growth/refused.txt", said(REFUSED, {"task": Range(0.0), "ends": Range(0.22)}))

@@ -102,6 +102,7 @@ def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
         return gap(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
 
     found = least(closest, needed, of_arrays)
+    value: Tensor
     if found is None:
         every = (
             gap(namespace, *shapes, *(values[arg] for arg in pair))
@@ -111,8 +112,9 @@ def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
         value = functools.reduce(torch.minimum, every)
     else:
         value = torch.from_numpy(found)
-    smallest: torch.Tensor = functools.reduce(torch.minimum, (values[arg] for arg in closest.others), value)
-    return smallest
+    for arg in closest.others:
+        value = torch.minimum(value, values[arg])
+    return value
 
 
 def most_alive(dead: list[list[int]]) -> int:

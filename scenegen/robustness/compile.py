@@ -84,7 +84,7 @@ class Robustness:
         So does `out` with the system's handing out new pages: phi is written there, and `out` is returned. It must be
         contiguous, (L, B), of the same dtype and device, share no memory with `rows`, and gradients do not flow there.
         """
-        _refuse_layout("rows", rows)
+        _refuse_layout("rows", rows, check)
         if rows.ndim != 2 or rows.shape[0] != 3 * len(self.objects):
             raise ValueError(f"rows must have the shape ({3 * len(self.objects)}, B), not {tuple(rows.shape)}")
         if rows.dtype not in (torch.float32, torch.float64):
@@ -143,12 +143,12 @@ class Robustness:
         return [value.expand(batch) for value in values]
 
 
-def _refuse_layout(name: str, tensor: Tensor) -> None:
+def _refuse_layout(name: str, tensor: Tensor, check: bool = True) -> None:
     if tensor.is_nested or tensor.layout is not torch.strided:
         kind = "nested" if tensor.is_nested else "sparse" if "sparse" in str(tensor.layout) else str(tensor.layout)
         remedy = "torch.stack its scenes" if tensor.is_nested else f"use {name}.to_dense()"
         raise ValueError(f"{name} must be a dense tensor, not a {kind} one; {remedy}")
-    if tensor.is_meta:
+    if check and tensor.is_meta:
         raise ValueError(f"{name} must hold numbers; a meta tensor has a shape alone")
 
 

@@ -151,6 +151,6 @@ def test_a_format_that_is_not_there(refused, scenegen, here):
 def test_no_range_is_blamed_for_what_the_spec_requires(refused, here):
     text = "object a[4] = box(0.48, 0.48, 0.1)\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(a[1], a[2])\n"
     (here / "tight.spec").write_text(text)
-    words = ("--phi", "0:", "-n", "4", "--method", "rejection", "--timeout", "0.3", "--out", "x.json")
+    words = ("--phi", "0:", "-n", "4", "--method", "rejection", "--timeout", "1.5", "--out", "x.json")
     said = refused("sample", "tight.spec", *words)
     assert "phi of `require` was outside" in said and "= help: require less" in said and "widen" not in said

@@ -12,7 +12,7 @@ from .generate import Case
 from .minimise import minimise
 from .run import Bench, corpus, make
 
-SEED, COUNT = 20, 120
+SEED, COUNT = 20, 60
 
 
 @pytest.fixture

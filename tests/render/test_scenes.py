@@ -77,6 +77,7 @@ def test_one_worker_and_two_give_the_same_bytes(tmp_path):
     assert len({path.read_bytes() for path in one.pictures}) == 6  # and they are six pictures, not one
 
 
+@pytest.mark.slow
 def test_every_asset_shows_up_in_its_colors(tmp_path):
     """On one large table, in both views: some pixels of each, of more than one colour."""
     names = list(ASSETS)

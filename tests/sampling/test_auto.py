@@ -42,6 +42,7 @@ def test_a_rare_one_is_splitting():
     assert np.prod(np.sin(20 * found.rows[2::3]), axis=0).min() >= 0.99
 
 
+@pytest.mark.slow
 def test_more_cells_are_worth_splitting():
     choice = chosen(SPREAD, 0.9, 1.0, n=3200)
     assert choice.plan.name == "splitting" and choice.plan.reached == tuple(range(32))

@@ -210,6 +210,7 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
     monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
+    monkeypatch.setattr("scenegen.sampling.auto.first_look", lambda problem, budget: None)
     problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
     choice = choose(problem, "auto", Budget())
     assert choice.plan.name == "growth" and choice.reason == "pruning takes much work, growth does not"

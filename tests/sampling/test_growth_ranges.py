@@ -1,10 +1,12 @@
 """Growth for many cells of a range at once."""
 
 import numpy as np
+import pytest
 
 import scenegen
 
 
+@pytest.mark.slow
 def test_choices_in_a_bounded_range():
     """Each way of a choice has ends of its own for every cell."""
     spec = scenegen.parse(

@@ -127,7 +127,7 @@ class Splitting:
         """What the scene file says about the run, and what the user is warned of."""
         plan = self.plan
         alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
-        effect = worst_effect(alive, np.array(effects).reshape(2, -1))
+        effect = _worst(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
@@ -225,7 +225,7 @@ def _aside(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
 
 
-def worst_effect(count: float, effects: Array) -> float:
+def _worst(count: float, effects: Array) -> float:
     """The largest design effect of any statistic beyond what chance makes of some hundred estimates: two standard
     errors over the pieces are taken off each. `effects` (2, S) are sums and sums of squares over `count` pieces."""
     if not count:

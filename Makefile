@@ -8,7 +8,7 @@ STAMP  := .venv/.installed
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow test-pythons fuzz fuzz-tables lint goldens docs pictures tables bench experiments clean
+.PHONY: help demo test test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -25,10 +25,13 @@ demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model a
 
 test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
 	$(MAKE) --no-print-directory lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n auto --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser and not cluster" -n auto --maxprocesses 4 --dist loadfile
+
+test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder, file and test, the dearest first
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "not slow and not browser and not cluster" -n auto --maxprocesses 4 --dist loadfile
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
-	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "slow or hypothesis"
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -43,6 +46,25 @@ SEED  ?= 0
 fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED)
 
+page:            ## build the page of `scenegen view` into scenegen/view/static; needs node and npm
+	cd page && npm ci --silent && npm run --silent types && npm run --silent build
+
+BROWSER_TESTS ?= tests/browser
+test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pictures in build/screenshots: BROWSER_TESTS=tests/browser/test_page.py
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo "There is no Chromium here: all tests will be skipped (apt-get install chromium)"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
+	@test -d page/node_modules/axe-core || ! command -v npm >/dev/null || (cd page && npm ci --silent) || echo "npm cannot install axe-core: its checks are left out"
+	$(BIN)/python -m pytest tests/view/test_bundle.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m browser $(BROWSER_TESTS)
+
+test-cluster: $(STAMP) ## sets on a Ray cluster of three nodes and in an object store: CLUSTER_SCENES=1000000 CLUSTER_KILLS=20
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[cluster]"
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m cluster tests/cluster
+
+OLD ?= ../base
+compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base
+	$(BIN)/python tests/compare_checkouts.py $(OLD) .
+
 lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -50,18 +72,21 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/lint-imports --no-cache
 
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
-	$(BIN)/python -m pytest -m "not slow" --regenerate
+	$(BIN)/python -m pytest -m "not slow and not browser" --regenerate
 
 docs: $(STAMP)   ## the site, into site/; no network needed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Look at it: $(BIN)/python -m http.server -d site, then http://localhost:8000"
+
+errors: $(STAMP) ## docs/errors.md
+	$(BIN)/python docs/make_errors.py
 
 pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py
 	$(BIN)/python docs/make_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
-	$(BIN)/python -m scenegen.lang.tables
+	$(BIN)/python -m scenegen.lang.parser_tables
 
 bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/training.py
@@ -71,6 +96,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py
 	$(BIN)/python benchmarks/curriculum.py
+	$(BIN)/python benchmarks/view.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
 	$(BIN)/python -m experiments all --out docs/experiments

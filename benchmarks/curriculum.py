@@ -48,7 +48,7 @@ def measure(name: str, resets: int) -> str:
     start = time.process_time()
     env.reset(seed=0)
     first = 1e3 * (time.process_time() - start)
-    library = env.dealer.library
+    library = env.resets.library
     hard = library.hard
     width = -0.05 * hard
     rng = np.random.default_rng(0)
@@ -57,12 +57,12 @@ def measure(name: str, resets: int) -> str:
     times = []
     for options in ([fixed] * resets, moving):
         env.reset(seed=1)
-        library.more = Draws(Sampler(env.rules.aim))  # which forgets what was drawn
+        library.more = Draws(Sampler(env.rules.target))  # which forgets what was drawn
         whole = each(resets, lambda k, options=options: env.reset(options=options[k]))  # type: ignore[misc]
-        library.more = Draws(Sampler(env.rules.aim))
-        asks = [env.dealer.read(one) for one in options]
-        feed = env.dealer.feed(rng)
-        times += [whole, each(resets, lambda k, asks=asks, feed=feed: env.dealer.deal(feed, asks[k]))]  # type: ignore[misc]
+        library.more = Draws(Sampler(env.rules.target))
+        asks = [env.resets.read(one) for one in options]
+        stream = env.resets.stream(rng)
+        times += [whole, each(resets, lambda k, asks=asks, stream=stream: env.resets.draw(stream, asks[k]))]  # type: ignore[misc]
     env.reset(options=moving[0])
     actions = rng.integers(len(env.moves.names), size=(STEPS, BATCH))
 
@@ -85,7 +85,7 @@ def share(learner: str, run: Callable[[], None]) -> str:
     stats = pstats.Stats(profile)
     spent = {"deal": 0.0, "reset": 0.0, "step": 0.0}
     for (file, _, function), (_, _, _, cumulative, _) in stats.stats.items():  # type: ignore[attr-defined]
-        place = {"dealer.py": ("deal",), "env.py": ("reset", "step")}.get(Path(file).name, ())
+        place = {"reset.py": ("deal",), "env.py": ("reset", "step")}.get(Path(file).name, ())
         if "curriculum" in file and function in place:
             spent[function] += cumulative
     total = stats.total_tt  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenegen.errors import Source
-from scenegen.lang import tables
+from scenegen.lang import parser_tables as tables
 from scenegen.lang.build import Builder
 from scenegen.lang.check import check_text
 from scenegen.lang.parse import parse

@@ -33,6 +33,7 @@ from torch import Tensor
 
 import scenegen
 from scenegen.lang.core import Coord
+from scenegen.pose import row_count
 from scenegen.resources import shipped_specs
 
 EAGER, COMPILED = 12.0, 2.0  # the bars, in floors
@@ -59,7 +60,7 @@ COMPILE = """if True:
         return sum(one.ru_utime + one.ru_stime for one in used)
     for text in sys.argv[1:]:
         spec = scenegen.parse(text)
-        rows, start = torch.zeros(3 * len(spec.objects), 1000), cpu()
+        rows, start = torch.zeros(row_count(len(spec.objects)), 1000), cpu()
         spec.robustness(compiled=True).rows(rows)
         print(cpu() - start)
 """
@@ -124,7 +125,7 @@ def measure(source: str, dtype: torch.dtype, scenes: int, seconds: float) -> tup
     core = spec.checked.core
     read = len({node.row for node in core.nodes if isinstance(node, Coord)})
     generator = torch.Generator().manual_seed(0)
-    rows = torch.rand(3 * len(spec.objects), scenes, dtype=dtype, generator=generator)
+    rows = torch.rand(row_count(len(spec.objects)), scenes, dtype=dtype, generator=generator)
     eager, compiled = spec.robustness(), spec.robustness(compiled=True)
     difference = (compiled.rows(rows) - eager.rows(rows)).abs().max().item()
     assert difference <= 64 * torch.finfo(dtype).eps, (source, difference)

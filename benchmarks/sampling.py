@@ -37,11 +37,11 @@ import torch
 
 import scenegen
 from scenegen.engine.stream import run_blocks
-from scenegen.metrics.coverage import coverage
+from scenegen.evaluation.coverage import coverage
 from scenegen.resources import shipped_specs
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import make_plan
-from scenegen.sampling.request import Range
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rejection.sampler import Rejection, make_plan
+from scenegen.sampling.request import Range, SampleRequest
 
 Array = npt.NDArray[np.float64]
 BAND = 0.0125
@@ -121,6 +121,11 @@ def fresh(name: str, wanted: dict[str, float]) -> float:
         return time.perf_counter() - start
 
 
+def _plan(spec: scenegen.Spec, phi: dict[str, Range], scenes: int, seed: int = 0) -> Rejection:
+    request = SampleRequest(phi, scenes, seed, spread="base")
+    return make_plan(make_problem(spec.checked, request), Budget(600.0))
+
+
 def measure(
     case: tuple[str, dict[str, float], int, Callable[..., npt.NDArray[np.bool_]], float, int | None],
     scenes: int,
@@ -137,7 +142,7 @@ def measure(
     alone = ours = cpu = 0.0
     for seed in range(REPEAT):
         start = time.process_time()
-        plan = make_plan(pose(spec.checked, ranges, n=scenes, seed=seed, spread="base"), Budget(600.0))
+        plan = _plan(spec, ranges, scenes, seed)
         assert sum(block.count for block in run_blocks(plan, len(spec.labels))) == scenes
         alone = max(alone, scenes / (time.process_time() - start))
         start, begun = time.process_time(), time.perf_counter()
@@ -176,7 +181,7 @@ def shared(name: str, wanted: dict[str, float], scenes: int, workers: int) -> st
     def run(processes: int) -> tuple[float, float, float, float]:
         """Wall seconds in all and up to the first scenes; CPU seconds of this process and of the workers."""
         began, used, below = time.perf_counter(), time.process_time(), _below()
-        plan = make_plan(pose(spec.checked, ranges, n=scenes, seed=0, spread="base"), Budget(600.0))
+        plan = _plan(spec, ranges, scenes)
         blocks = run_blocks(plan, len(spec.labels), workers=processes)
         count = next(blocks).count
         first = time.perf_counter() - began

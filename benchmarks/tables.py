@@ -37,7 +37,7 @@ from scenegen.lang.interpret import phi
 from scenegen.primitives import NUMPY
 from scenegen.primitives.clearance import gap, room
 from scenegen.primitives.footprint import Box, Footprint
-from scenegen.sampling.growth.stuck import area
+from scenegen.sampling.growth.full import area
 
 Array = npt.NDArray[np.float64]
 Draw = Callable[[int, Array, np.random.Generator, int], Array]

@@ -27,12 +27,12 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy as bce
 from torch.utils.data import DataLoader, TensorDataset
 
-from scenegen.data.uniform import uniform
 from scenegen.lang.check import check_file
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
 from scenegen.resources import shipped_specs
 from scenegen.training.config import make_config
+from scenegen.training.datasets.uniform import uniform
 from scenegen.training.feed import make_feed
 from scenegen.training.loop import train
 from scenegen.training.session import Session

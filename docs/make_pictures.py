@@ -27,9 +27,13 @@ task: inside(book, tray) & on(block, book) & inside(apple, plate) & on(mug, tray
 """
 
 
-def small(name: str, image: Image.Image) -> None:
-    """Write a picture with a palette of 256 colours: a third of the size."""
-    found = image.convert("RGB").quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=3)
+def small(name: str, image: Image.Image, *, smooth: bool = False) -> None:
+    """Write a picture with a palette of 256 colours: a third of the size. `smooth` mixes them where shades change
+    slowly, which takes twice as much."""
+    plain = image.convert("RGB")
+    found = plain.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=3)
+    if smooth:
+        found = plain.quantize(palette=found, dither=Image.Dither.FLOYDSTEINBERG)
     found.save(IMAGES / name, format="PNG", optimize=True)
 
 
@@ -73,11 +77,11 @@ def growth(folder: Path) -> None:
     from scenegen.sampling.growth.insert import place
     from scenegen.sampling.growth.machine import make_machine
     from scenegen.sampling.growth.particles import Particles, resample
-    from scenegen.sampling.problem import pose
-    from scenegen.sampling.request import Range
+    from scenegen.sampling.problem import make_problem
+    from scenegen.sampling.request import Range, SampleRequest
 
     spec = scenegen.parse(DINNER).checked
-    machine = make_machine(pose(spec, {"task": Range(0.0)}, n=1))
+    machine = make_machine(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1)))
     rng = np.random.default_rng(2)
     cell = np.zeros(256, dtype=np.intp)
     particles = Particles.start(machine, cell, cell, rng)
@@ -126,13 +130,47 @@ def views(folder: Path) -> None:
     small("views.png", side_by_side(list(drawn.pictures), 2))
 
 
+SHELF = """workspace [0, 0.8] x [0, 0.5]
+object shelfunit at (0.4, 0.3, SOUTH), pot on shelfunit.shelf[1], cup[2] on shelfunit.shelf[1]
+object can[3] on shelfunit.shelf[2], jar[2] on shelfunit.shelf[2]
+object book[2] on [shelfunit.shelf[3], book[1]], glass[2] on shelfunit.shelf[3]
+object teapot on shelfunit.top, bowl on shelfunit.top, orange on bowl
+require noCollision() & inside(teapot, shelfunit.top) & inside(bowl, shelfunit.top) & stable(book, 3 cm)
+task: leftOf(pot, cup[1]) & leftOf(cup[1], cup[2]) & (forall a in can: forall b in jar: leftOf(a, b))
+  & (forall b in book: angle(b, EAST, 12 deg) & forall g in glass: leftOf(g, b))
+  & leftOf(teapot, bowl) & angle(teapot, EAST, 40 deg)
+"""
+BOWL = """workspace [0, 0.66] x [0, 0.54]
+object plate, bowl on plate, orange on bowl, cup, spoon
+object basket, apple[2] on basket, lemon on basket, banana on basket
+require noCollision() & insideWorkspace([plate, basket, cup, spoon])
+task: leftOf(basket, plate) & aboveOf(basket, plate) & clearOf(basket, plate, 1 cm)
+  & aboveOf(cup, plate) & rightOf(cup, basket) & clearOf(cup, plate, 2 cm)
+  & angle(spoon, NORTH, 20 deg) & rightOf(spoon, plate) & closeTo(spoon, plate, 18 cm)
+"""
+
+
+def heights(folder: Path) -> None:
+    """A shelf, a drawer and a bowl: what stands on and in other things."""
+    pictures = []
+    drawer = scenegen.load(SPECS / "cutlery_drawer.spec")
+    for name, spec, view in (
+        ("shelf", scenegen.parse(SHELF), "front"),
+        ("drawer", drawer, "perspective"),
+        ("bowl", scenegen.parse(BOWL), "perspective"),
+    ):
+        scenes = scenegen.sample(spec, phi=dict.fromkeys(spec.labels, (0.0, None)), n=1, seed=3)
+        pictures += scenes.render(folder / name, views=(view,), size=(600, 540)).pictures
+    small("heights.png", side_by_side(pictures, 3), smooth=True)
+
+
 def assets(folder: Path) -> None:
     """All objects of the library."""
     (folder / "library.png").write_bytes(library_sheet(gallery(sorted(ASSETS), (320, 240))))
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, growth, setting, views, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, heights, assets)}
 
 
 def main() -> None:

@@ -15,14 +15,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from scenegen.figures.dimensions import dimensions, short
+from scenegen.figures.drawing import Guide, Thing, View
+from scenegen.figures.topview import topview
 from scenegen.lang import ast
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import prelude, signature_of
 from scenegen.primitives.units import ANGLE, LENGTH
-from scenegen.render.dimensions import dimensions, short
-from scenegen.render.topview import Guide, Thing, View, topview
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "relations.md"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+import tempfile
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -27,6 +28,8 @@ PAGES = {
 }
 """A file or folder of the repository, and the page of the site that shows it."""
 
+EXPORTED, EXPORTED_SCENES = "table_setting", 120  # the page without a server that docs/view.md shows
+
 FENCE = re.compile(r"^( *)```(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -35,7 +38,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The pages that are not in docs/."""
     for source, name in PAGES.items():
         files.append(File.generated(config, name, content=text_of(ROOT / source)))
+    files.append(File.generated(config, f"pages/{EXPORTED}.html", content=exported(EXPORTED)))
     return files
+
+
+def exported(name: str) -> str:
+    """A shipped spec as a page without a server (`scenegen view --export`)."""
+    from scenegen.view.export import export_page
+    from scenegen.view.opened import open_
+
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        export_page(open_(Path(name)), page, EXPORTED_SCENES, 0)
+        return page.read_text(encoding="utf-8")
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:

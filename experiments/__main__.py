@@ -39,10 +39,23 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("name", metavar="NAME", help=f"one of the experiments below, or `{ALL}`")
     found.add_argument("--out", metavar="DIR", type=Path, required=True, help="the folder for the reports")
-    found.add_argument("--seeds", type=int, help="runs of each: seeds 0, 1, ... (default: 3, curriculum 5)")
+    found.add_argument(
+        "--seeds", type=_seeds, help="N for the seeds 0 to N - 1, or A:B for A to B - 1 (default: 3, curriculum 5)"
+    )
     found.add_argument("--workers", type=int, help="processes that train (default: one per core)")
+    found.add_argument("--epochs", type=int, help="passes of each training of `unseen` (default: the recipe's)")
+    found.add_argument(
+        "--trainings", type=int, default=1, metavar="N", help="models of each spec of `unseen` (default: 1)"
+    )
+    found.add_argument("--kept", action="store_true", help="report what `unseen` has finished so far, and run nothing")
     found.add_argument("--quick", action="store_true", help="tiny settings, to see that it works; meaningless numbers")
     return found
+
+
+def _seeds(text: str) -> int | tuple[int, int]:
+    """N or A:B."""
+    first, colon, last = text.partition(":")
+    return (int(first), int(last)) if colon else int(text)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -55,6 +68,9 @@ def main(words: Sequence[str] | None = None) -> int:
             seeds=options.seeds,
             workers=options.workers,
             quick=options.quick,
+            epochs=options.epochs,
+            trainings=options.trainings,
+            kept=options.kept,
             tell=lambda text: print(text, file=sys.stderr, flush=True),
         )
     except ScenegenError as error:

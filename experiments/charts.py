@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from PIL import Image
 
-from scenegen.errors import Diagnostic, RequestError
+from experiments.errors import needs
+from scenegen.errors import RequestError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,8 +33,7 @@ def needed(module: str) -> Any:
         library = LIBRARIES.get((error.name or "").partition(".")[0])
         if library is None:
             raise
-        title = f"the figures need {library}, which is not installed"
-        raise RequestError(Diagnostic(title, help='pip install "scenegen[experiments]"')) from error
+        raise RequestError(needs(library, "for the figures")) from error
 
 
 def check_libraries() -> None:

@@ -23,9 +23,12 @@ from experiments.variants import VARIANTS
 from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.engine.threads import one_thread
 from scenegen.errors import RequestError
-from scenegen.metrics.training import training_distances
+from scenegen.evaluation.fidelity import fidelity
+from scenegen.evaluation.memorisation import training_distances
+from scenegen.models.layout import depends_on
+from scenegen.pose import row_count
+from scenegen.processes.threads import one_thread
 
 FRESH, RAW = 100, 1000  # where the seeds of fresh truth and of the models' noise begin
 
@@ -91,6 +94,9 @@ def _raw(here: Bench, model: Model, seed: int) -> Array:
 def _quality(here: Bench, output: Array) -> Values:
     """Of raw scenes (3N, n)."""
     values = accuracy(here.problem, here.spec, output) | shares(here.problem, output, "raw")
+    some = output[:, : here.sizes.covered]
+    found = fidelity(here.reference, some, depends_on(here.spec.checked.core))
+    values |= {"sliced": found.sliced, "energy": found.energy}
     return values | {"coverage": here.covered(output), "ks": here.distance(output)}
 
 
@@ -118,7 +124,7 @@ def _handed(here: Bench, model: Model, seed: int) -> Values:
         )
         rows = rows_of(found)
     except RequestError:
-        rows = np.empty((3 * len(model.spec.objects), 0))
+        rows = np.empty((row_count(len(model.spec.objects)), 0))
     return here.handed(rows, rows.shape[1] / max(time.process_time() - began, 1e-9), count)
 
 

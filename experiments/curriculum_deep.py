@@ -6,18 +6,19 @@ from dataclasses import asdict
 from typing import Any
 
 from experiments.charts import check_libraries
-from experiments.crew import share
 from experiments.deep.learner import NETWORK, SETTINGS, check_learner
 from experiments.deep.lessons import EXACT, LESSONS
 from experiments.deep.runs import Job, Record, kept, perform
 from experiments.deep.summary import JUDGED, Key, tables, verdict
 from experiments.deep.tasks import FULL, QUICK, TASKS
+from experiments.errors import CHANGED_RECORD
 from experiments.figures.learning import curves
+from experiments.jobs import share
 from experiments.page import picture, table
 from experiments.plan import Plan
 from experiments.report import Report
 from experiments.trained import ensure
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
 
 NAME = "curriculum-deep"
 FIGURE = "curriculum-deep.png"
@@ -86,6 +87,5 @@ def _learnt(plan: Plan) -> dict[Key, list[Record]]:
 def _whole(job: Job) -> Record:
     found = kept(job)
     if found is None:
-        title = f"the record of {job} was changed while it was in use"
-        raise DataError(Diagnostic(title, help="run the experiment again"))
+        raise DataError(CHANGED_RECORD(path=f"the record of {job}"))
     return found

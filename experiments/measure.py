@@ -11,9 +11,10 @@ import torch
 from experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.metrics.coverage import coverage
-from scenegen.metrics.errors import error_statistics
-from scenegen.metrics.screen import ks_screen
+from scenegen.evaluation.coverage import coverage
+from scenegen.evaluation.errors import error_statistics
+from scenegen.evaluation.screen import ks_screen
+from scenegen.pose import X, Y, along
 
 Array = npt.NDArray[np.float64]
 Values = dict[str, float]
@@ -64,7 +65,7 @@ def ks_distance(reference: Array, rows: Array) -> float:
 
 def margins(rows: Array) -> Array:
     """(4, n): by how much the blocks of scenes (3N, n) are in each of ORDERINGS; the least step between neighbours."""
-    steps_x, steps_y = np.diff(rows[0::3], axis=0), np.diff(rows[1::3], axis=0)
+    steps_x, steps_y = np.diff(rows[along(X)], axis=0), np.diff(rows[along(Y)], axis=0)
     return np.stack([steps_x.min(axis=0), (-steps_x).min(axis=0), steps_y.min(axis=0), (-steps_y).min(axis=0)])
 
 

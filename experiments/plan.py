@@ -65,13 +65,18 @@ QUICK = Sizes(
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run: the folder that the reports go to, the seeds of the trainings, processes that train, and who is told."""
+    """A run: the folder that the reports go to, the seeds of the trainings, processes that train, and who is told.
+    `epochs` shortens or lengthens the trainings of random specs; None leaves them to the recipe. `trainings` is how
+    many models each random spec gets, and with `kept` only finished ones are reported and nothing is run."""
 
     out: Path
     seeds: tuple[int, ...]
     quick: bool
     workers: int
     tell: Callable[[str], None]
+    epochs: int | None = None
+    trainings: int = 1
+    kept: bool = False
 
     @property
     def sizes(self) -> Sizes:

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
+from experiments.errors import CANNOT_REPLACE_TABLES
 from experiments.page import block, fill
 from experiments.plan import Plan
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
 from scenegen.formats.files import ensure_folder, write_whole
 
+SHOWN = 5  # seeds that are named one by one
 QUICK_NOTE = "> **A quick run with tiny settings: it shows that the experiment works. The numbers mean nothing.**"
 
 
@@ -52,20 +54,24 @@ def write(plan: Plan, report: Report) -> list[str]:
 
 def _page(plan: Plan, report: Report) -> str:
     path = plan.out / f"{report.name}.md"
-    command = f"python -m experiments {report.name}" + " --quick" * plan.quick
-    seeds = ", ".join(map(str, plan.seeds))
+    passes = f" --epochs {plan.epochs}" if plan.epochs is not None else ""
+    command = f"python -m experiments {report.name}{passes}" + " --quick" * plan.quick
+    seeds = _listed(plan.seeds)
     made = f"Tables and figures: `{command}`, seeds {seeds}; scenegen {version('scenegen')}, torch {version('torch')}."
     blocks = {"made": f"{made}\n\n{QUICK_NOTE}" if plan.quick else made, **report.blocks}
     try:
         old = path.read_text(encoding="utf-8") if path.exists() else f"# {report.title}\n\n{block('made', '')}\n"
     except (OSError, ValueError) as error:
-        title = f"cannot read {path}, whose tables were to be replaced"
-        help_ = f"move it away and run the experiment again; the numbers are in {report.name}.json"
-        raise DataError(Diagnostic(title, help=help_)) from error
+        raise DataError(CANNOT_REPLACE_TABLES(path=path, name=report.name)) from error
     page, stale = fill(old, blocks)
     if stale:
         plan.tell(f"note: {path} has tables that this experiment does not make: {', '.join(stale)}; left as they were")
     return page
+
+
+def _listed(seeds: Sequence[int]) -> str:
+    whole = list(seeds) == list(range(seeds[0], seeds[-1] + 1)) and len(seeds) > SHOWN
+    return f"{seeds[0]} to {seeds[-1]}" if whole else ", ".join(map(str, seeds))
 
 
 def spread(values: Sequence[float], digits: int) -> str:

@@ -9,13 +9,15 @@ from pathlib import Path
 
 from experiments.cache import FOLDER
 from experiments.charts import check_libraries
+from experiments.errors import NOT_A_QUICK_RUN
 from experiments.plan import Plan
 from experiments.report import write
 from experiments.table import chosen
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.formats.files import ensure_folder
 from scenegen.needs import need
-from scenegen.render.process import cores
+from scenegen.processes.process import cores
 
 MOST_SEEDS = 100
 
@@ -24,24 +26,31 @@ def run(
     name: str,
     out: Path,
     *,
-    seeds: int | None = None,
+    seeds: int | tuple[int, int] | None = None,
     workers: int | None = None,
     quick: bool = False,
+    epochs: int | None = None,
+    trainings: int = 1,
+    kept: bool = False,
     tell: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Carry out an experiment, or `all`, and write the reports into the folder `out` (made if its parent is there).
 
-    Models are trained with the seeds 0 to `seeds` - 1, by default as many as the table says, on `workers` processes,
-    by default one per core, unless the cache in `out` holds them. `tell` is told what happens. Raises RequestError for
-    an unknown name, for numbers out of range, for a quick run among the reports of real ones and where matplotlib,
-    scikit-learn or torch is missing, OutputError where something cannot be written; KeyboardInterrupt with words on how
-    to go on.
+    Models are trained with the seeds 0 to `seeds` - 1, or from the first to below the second of two numbers, by default
+    those that the table says, on `workers` processes, by default one per core, unless the cache in `out` holds them.
+    `epochs`, `trainings` and `kept` (see Plan) are for random specs alone. `tell` is told what happens. Raises
+    RequestError for an unknown name, for numbers out of range, for a quick run among the reports of real ones and where
+    matplotlib, scikit-learn or torch is missing, OutputError where something cannot be written; KeyboardInterrupt with
+    words on how to go on.
     """
     entries = chosen(name)
-    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
-        raise RequestError(Diagnostic(f"{seeds} seeds", help=f"ask for 1 to {MOST_SEEDS}"))
+    between = (0, seeds) if isinstance(seeds, int) else seeds
+    if between is not None and (between[0] < 0 or not 1 <= between[1] - between[0] <= MOST_SEEDS):
+        raise RequestError(OUT_OF_RANGE(argument="seeds", value=seeds, wanted=f"from 1 to {MOST_SEEDS}"))
+    if not 1 <= trainings <= MOST_SEEDS:
+        raise RequestError(OUT_OF_RANGE(argument="trainings", value=trainings, wanted=f"from 1 to {MOST_SEEDS}"))
     if workers is not None and workers < 1:
-        raise RequestError(Diagnostic(f"{workers} workers cannot train", help="ask for 1 or more"))
+        raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
     need("torch", "for experiments")
     check_libraries()
     if quick:
@@ -49,7 +58,8 @@ def run(
             _check_quick(out / f"{which}.json")
     ensure_folder(out)
     for which, entry in entries.items():
-        plan = Plan(out, tuple(range(seeds or entry.seeds)), quick, workers or cores(), tell)
+        named = tuple(range(*(between or (entry.first, entry.seeds))))
+        plan = Plan(out, named, quick, workers or cores(), tell, epochs, trainings, kept)
         if not quick:
             tell(f"{which}: {entry.about}; about {entry.time} on two cores with {entry.seeds} seeds, less what is kept")
         began = time.monotonic()
@@ -68,5 +78,4 @@ def _check_quick(path: Path) -> None:
     except (OSError, ValueError, AttributeError):
         return  # no report
     if real:
-        title = f"{path} is the report of a run that was not quick"
-        raise RequestError(Diagnostic(title, help="give --quick another folder"))
+        raise RequestError(NOT_A_QUICK_RUN(path=path))

@@ -14,7 +14,8 @@ from experiments.report import Report, short
 from experiments.trainings import trained
 from experiments.variants import VARIANTS
 from scenegen.api.sample import sample
-from scenegen.formats.table import FORMATS
+from scenegen.formats.registry import FORMATS
+from scenegen.pose import row_count
 
 # experiment -> megabytes of the paper's look-up table and of its network
 PAPER = {"exp1": (5_600.0, 0.5), "exp2": (28_400.0, 0.4)}
@@ -32,7 +33,7 @@ def run(plan: Plan) -> Report:
         found = trained(plan, problem)
         models = {one.name: found[one.name][0].size for one in VARIANTS if one.steps is None}
         scenes = sample(spec, dict.fromkeys(spec.labels, (None, None)), plan.sizes.exact, seed=0, workers=1)
-        sizes = {BARE: float(FLOAT * (3 * len(spec.objects) + len(spec.labels)))}
+        sizes = {BARE: float(FLOAT * (row_count(len(spec.objects)) + len(spec.labels)))}
         with tempfile.TemporaryDirectory() as folder:
             for ending in FORMATS:
                 file = scenes.save(Path(folder) / f"scenes{ending}")

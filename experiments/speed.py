@@ -9,7 +9,7 @@ from collections.abc import Callable
 import torch
 
 from scenegen.api.model import Model
-from scenegen.engine.threads import one_thread
+from scenegen.processes.threads import one_thread
 
 
 def per_second(work: Callable[[], int], repeats: int) -> float:

@@ -6,7 +6,8 @@ import importlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, RequestError, suggest
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
     from experiments.plan import Plan
@@ -17,13 +18,14 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Where an experiment's function is, what it shows, how many seeds it takes unless told otherwise, and about how
-    long that takes on two cores."""
+    """Where an experiment's function is, what it shows, about how long that takes on two cores, and which seeds it
+    takes unless told otherwise: `first` to `seeds` - 1."""
 
     function: str
     about: str
     time: str
     seeds: int = 3
+    first: int = 0
 
     def run(self, plan: Plan) -> Report:
         """Carry it out. Raises ScenegenError for whatever stands in its way."""
@@ -38,6 +40,9 @@ EXPERIMENTS: dict[str, Entry] = {
     "exp1": Entry("experiments.exp1:run", "a mug to the upper left of a plate, two labels", "20 minutes"),
     "exp2": Entry("experiments.exp2:run", "a table set for one, rare", "20 minutes"),
     "exp3": Entry("experiments.exp3:run", "3, 5 and 7 blocks in order", "70 minutes"),
+    "unseen": Entry("experiments.unseen.report:run", "specs that nobody tuned on; --seeds A:B", "2 hours", 1040, 1000),
+    "unseen-labels": Entry("experiments.unseen.report:run_labels", "any one or two labels of twelve", "5 minutes", 1),
+    "unseen-named": Entry("experiments.unseen.report:run_named", "the paper's specs, and three more", "8 minutes", 1),
     "rejection": Entry("experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),
     # its networks are those of exp1 and exp2
     "space": Entry("experiments.space:run", "look-up tables against networks and specs", "1 minute"),
@@ -52,6 +57,5 @@ def chosen(name: str) -> dict[str, Entry]:
         return EXPERIMENTS
     if name not in EXPERIMENTS:
         known = [*EXPERIMENTS, ALL]
-        help_ = suggest(name, known, f"the experiments are {', '.join(known)}")
-        raise RequestError(Diagnostic(f"unknown experiment `{name}`", help=help_))
+        raise RequestError(UNKNOWN_CHOICE(what="experiment", name=name, known=known))
     return {name: EXPERIMENTS[name]}

@@ -15,7 +15,7 @@ from scenegen.api.model import Model, load_model
 from scenegen.api.spec import Spec
 from scenegen.api.train import train
 from scenegen.errors import DataError
-from scenegen.models.table import parse_hyper
+from scenegen.models.registry import parse_hyper
 from scenegen.training.config import TrainConfig
 from scenegen.training.state import state_path
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from experiments.errors import OTHER_TRAINING_DATA
 from scenegen.api.model import Model
-from scenegen.data.split import split
-from scenegen.data.table import dataset_maker
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.training.datasets.registry import dataset_maker
+from scenegen.training.datasets.split import split
 from scenegen.training.seeds import Stream, stream
 
 
@@ -28,5 +29,4 @@ def training_rows(model: Model) -> npt.NDArray[np.float64]:
         made = dataset_maker(str(card.training["data"]))(model.spec.checked, total, stream(seed, Stream.DATA))
         if made.sha256 == card.data.sha256:
             return split(made, card.data.held_out)[0].rows.double().numpy()
-    title = f"the training data of {card.model} cannot be made as they were"
-    raise DataError(Diagnostic(title, help="another version of scenegen or torch trained it; train anew"))
+    raise DataError(OTHER_TRAINING_DATA(model=card.model))

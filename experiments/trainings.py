@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.cache import Cache
-from experiments.crew import share
+from experiments.errors import CHANGED_RECORD
+from experiments.jobs import share
 from experiments.plan import FULL, QUICK, Plan
 from experiments.problems import PROBLEMS, Problem
 from experiments.trained import Trained, Training, find, train_now
 from experiments.variants import VARIANTS, Variant
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,5 +82,5 @@ def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
 def _whole(job: Job) -> Trained:
     found = kept(job)
     if found is None:
-        raise DataError(Diagnostic(f"{job.path} was changed while it was in use", help="run the experiment again"))
+        raise DataError(CHANGED_RECORD(path=job.path))
     return found

@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.plan import Sizes
 from experiments.problems import Problem
-from scenegen.models.table import RECIPES
+from scenegen.models.registry import RECIPES
 from scenegen.training.config import TrainConfig, make_config
 
 ABBREVIATIONS = ("gan", "aae")

@@ -22,11 +22,15 @@ _PUBLIC = {
     "Scene": "scene",
     "SceneSet": "scenes",
     "read_scenes": "scenes",
+    "StoredSet": "stored",
+    "open_set": "stored",
     "load_pybullet": "simulate",
     "rarity": "rarity",
     "sample": "sample",
     "sample_to": "stream",
-    "Written": "stream",
+    "settle": "settle",
+    "SettledScenes": "settled",
+    "Written": "written",
     "train": "train",
     "Model": "model",
     "load_model": "model",
@@ -42,18 +46,22 @@ __all__ = [
     "Scene",
     "SceneSet",
     "ScenegenError",
+    "SettledScenes",
     "Spec",
     "SpecError",
+    "StoredSet",
     "Written",
     "__version__",
     "load",
     "load_model",
     "load_pybullet",
+    "open_set",
     "parse",
     "rarity",
     "read_scenes",
     "sample",
     "sample_to",
+    "settle",
     "train",
 ]
 
@@ -63,10 +71,14 @@ if TYPE_CHECKING:
     from scenegen.api.sample import sample
     from scenegen.api.scene import Scene
     from scenegen.api.scenes import SceneSet, read_scenes
+    from scenegen.api.settle import settle
+    from scenegen.api.settled import SettledScenes
     from scenegen.api.simulate import load_pybullet
     from scenegen.api.spec import Spec, load, parse
-    from scenegen.api.stream import Written, sample_to
+    from scenegen.api.stored import StoredSet, open_set
+    from scenegen.api.stream import sample_to
     from scenegen.api.train import train
+    from scenegen.api.written import Written
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
 
 

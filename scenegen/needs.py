@@ -1,13 +1,16 @@
-"""Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling."""
+"""Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling,
+mujoco for settling."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NOT_INSTALLED
 
 INSTALL = {
+    "mujoco": 'pip install "scenegen[mujoco]"',
     "pybullet": "pip install pybullet",
     "torch": "pip install torch, or its much smaller CPU build: "
     "pip install torch --index-url https://download.pytorch.org/whl/cpu",
@@ -20,8 +23,7 @@ def need(package: str, purpose: str) -> None:
     The package is looked for, not imported.
     """
     if not _found(package):
-        title = f"{package} is needed {purpose}, and is not installed"
-        raise RequestError(Diagnostic(title, help=INSTALL[package]))
+        raise RequestError(NOT_INSTALLED(package=package, purpose=purpose, command=INSTALL[package]))
 
 
 def _found(package: str) -> bool:

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 from scenegen.lang.check import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scene.workspace import Workspace
+
+from . import forks
 
 if TYPE_CHECKING:
     from .warm import Warm
 
 ROOT = Path(__file__).resolve().parent.parent
 GOLDEN = ROOT / "tests" / "golden"
+REAL = {"engine", "packaging", "slow"}  # folders of tests whose workers are started as users' are
+
+
+# Of laws that say no number of examples themselves (tests/laws.py), as many are tried:
+settings.register_profile("quick", max_examples=25)
+settings.register_profile("full", max_examples=100)
+settings.load_profile("full" if os.environ.get("HYPOTHESIS_PROFILE") == "full" else "quick")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Importing all tests and torch makes a million objects that stay: looking for garbage among them, then and later,
+    took a quarter of the time of collection, and half a second each time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -56,6 +82,21 @@ def warm() -> Iterator[Warm]:
     started = Warm()
     yield started
     started.close()
+
+
+@pytest.fixture(scope="session")
+def _forks() -> Iterator[forks.Server]:
+    server = forks.Server()
+    yield server
+    server.close()
+
+
+@pytest.fixture(autouse=True)
+def forked_workers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, _forks: forks.Server) -> None:
+    """Workers of pools come from one process that has everything loaded, but where processes are what is tested."""
+    if not REAL & set(request.path.relative_to(ROOT / "tests").parts):
+        starts = SimpleNamespace(Popen=partial(forks.Forked, _forks), PIPE=forks.PIPE)
+        monkeypatch.setattr("scenegen.processes.process.subprocess", starts)
 
 
 @pytest.fixture

@@ -1,13 +1,18 @@
 """How problems are shown, and how names are guessed."""
 
 import json
+import math
+import pickle
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scenegen.cli.output import flag
 from scenegen.errors import (
     DataError,
-    Diagnostic,
+    Kind,
     OutputError,
     RequestError,
     ScenegenError,
@@ -18,7 +23,6 @@ from scenegen.errors import (
     quoted,
     render,
     render_all,
-    suggest,
     to_json,
 )
 
@@ -27,7 +31,12 @@ LONG = "a" * 150 + "HERE" + "b" * 150
 
 def at(text, what, label="here", **more):
     start = text.index(what) if what else len(text)
-    return Diagnostic("something is wrong", Span(Source("a.spec", text), start, start + len(what)), label, **more)
+    return problem(label=label, **more)(Span(Source("a.spec", text), start, start + len(what)))
+
+
+def problem(title="something is wrong", **texts):
+    """A kind that says just these words."""
+    return Kind("some-code", title, **texts)
 
 
 CASES = {
@@ -50,8 +59,8 @@ CASES = {
     "carriage returns": at("one\r\ntwo wrong\r\n", "wrong"),
     "no label": at("one two", "two", label=""),
     "a warning": at("one two", "two", severity="warning"),
-    "no place": Diagnostic("something is wrong", help="mend it"),
-    "a title alone": Diagnostic("something is wrong"),
+    "no place": problem(help="mend it")(),
+    "a title alone": problem()(),
 }
 
 
@@ -119,10 +128,11 @@ def test_nearest_does_not_depend_on_the_order_of_the_names():
     assert nearest("a", []) is None
 
 
-def test_suggest_and_quoted():
-    assert suggest("leftof", KNOWN, "else") == "did you mean `leftOf`?"
-    assert suggest("spoon", KNOWN, "else") == "else" and suggest("spoon", KNOWN) == ""
-    assert suggest("mug", KNOWN, "else") == "else", "a name is no suggestion for itself"
+def test_nearest_names_among_the_facts_and_quoted():
+    kind = Kind("some-code", "t", help=("did you mean `{nearest}`?", "else"))
+    assert kind(name="leftof", known=KNOWN).help == "did you mean `leftOf`?"
+    assert kind(name="spoon", known=KNOWN).help == "else"
+    assert kind(name="mug", known=KNOWN).help == "else", "a name is no suggestion for itself"
     assert [quoted([]), quoted("a"), quoted("ab"), quoted("abc")] == ["none", "`a`", "`a` and `b`", "`a`, `b` and `c`"]
 
 
@@ -164,20 +174,38 @@ def test_ranges_for_machines_count_utf_16_units(what):
 
 def test_data_of_a_problem_without_a_place():
     assert to_json(CASES["no place"]) == {
+        "code": "some-code",
         "severity": "error",
         "message": "something is wrong",
         "label": "",
         "help": "mend it",
         "note": "",
+        "facts": {},
     }
+
+
+def test_facts_as_data():
+    facts = {"name": "mug", "path": Path("a/b"), "high": math.inf, "at": np.float64(0.5), "count": np.int64(3)}
+    facts |= {"known": ("mug", "plate"), "ends": (None, 0.5), "fine": True, "none": None, "empty": "", "also": []}
+    found = to_json(problem()(**facts))["facts"]
+    assert found == {
+        "name": "mug",
+        "path": str(Path("a/b")),
+        "high": "inf",
+        "at": 0.5,
+        "count": 3,
+        "known": ["mug", "plate"],
+        "ends": [None, 0.5],
+        "fine": True,
+    }
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
 
 
 @pytest.mark.parametrize("field", ["title", "label", "help", "note"])
 @pytest.mark.parametrize("text", ["unknown name `{}`", "the names are " + "`{}`, " * 3, "{}", "{} {} " * 500])
 def test_no_diagnostic_floods_a_terminal(field, text):
     name = "begins" + "x" * 20_000 + "ends"
-    fields = {"title": "t", "label": "l", "span": CASES["one line"].span} | {field: text.format(*[name] * 1000)}
-    one = Diagnostic(**fields)
+    one = problem(**{"label": "l"} | {field: "{said}"})(CASES["one line"].span, said=text.format(*[name] * 1000))
     shown = render(one)
     assert len(shown) < 1500 and "begins" in shown
     assert ("ends`" in shown) == ("`" in text)
@@ -186,7 +214,7 @@ def test_no_diagnostic_floods_a_terminal(field, text):
 
 def test_names_of_a_sensible_length_are_shown_whole():
     name = "x" * 80
-    assert render(Diagnostic(f"unknown name `{name}`")) == f"error: unknown name `{name}`"
+    assert render(problem("unknown name `{name}`")(name=name)) == f"error[some-code]: unknown name `{name}`"
 
 
 @pytest.mark.parametrize(
@@ -203,3 +231,58 @@ def test_names_of_a_sensible_length_are_shown_whole():
 )
 def test_only_what_can_be_a_slip_is_suggested(name, known, close):
     assert nearest(name, known) == close
+
+
+def python(template, **facts):
+    return problem(template)(**facts).title
+
+
+def flags(template, **facts):
+    return problem(template)(**facts).text("title", flag)
+
+
+def test_templates_make_sentences_of_facts():
+    assert python("{count:,} of {names:quoted}", count=1000, names=["a", "b"]) == "1,000 of `a` and `b`"
+    assert python("{names:list} {names:quoted2} {names:members}", names="abc") == "a, b, c `a`, `b`, ... .a, .b, .c"
+    assert (
+        python("no brace {, no {} and [0, 1] x [0, 1] <= 2", names=()) == "no brace {, no {} and [0, 1] x [0, 1] <= 2"
+    )
+    assert python("{name}", name="{other} <timeout> [[x]]") == "{other} <timeout> [[x]]", "facts are no templates"
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"a": 1, "b": 2}, "x 1; b 2"),
+        ({"a": 1, "b": None}, "x 1"),
+        ({"b": 0}, "b 0"),
+        ({"a": ""}, ""),
+    ],
+)
+def test_what_has_no_fact_is_left_out(facts, said):
+    assert problem(note="[[x {a}]][[; b {b}]]")(**facts).note == said
+
+
+def test_of_several_templates_the_first_with_all_facts_is_taken():
+    kind = problem(help=("{kept:?}keep", "all {n}", "no facts"))
+    assert [kind(**facts).help for facts in ({"kept": 1, "n": 2}, {"n": 2}, {})] == ["keep", "all 2", "no facts"]
+
+
+def test_arguments_are_named_as_the_caller_knows_them():
+    assert python("give <timeout>, `<device=cpu>`") == 'give `timeout`, `device="cpu"`'
+    assert (
+        flags("give <timeout>, `<device=cpu>`, <keep_partial>, <n>")
+        == "give --timeout, `--device cpu`, --keep-partial, -n"
+    )
+    assert python("<phi={label}=0:0.1>", label="task") == 'phi={"task": (0, 0.1)}'
+    assert flags("<phi={label}=0:0.1>", label="task") == "--phi task=0:0.1"
+    assert (python("{a:argument} is 0", a="epochs"), flags("{a:argument} is 0", a="n")) == ("`epochs` is 0", "-n is 0")
+    typed = problem()(Span(Source("phi", "0.2:0.1", argument=True), 0, 3))
+    assert " --> phi:1:1" in render(typed) and " --> --phi:1:1" in render(typed, spell=flag)
+    assert (to_json(typed)["file"], to_json(typed, flag)["file"]) == ("phi", "--phi")
+
+
+def test_problems_keep_their_kind_between_processes():
+    one = at("one two", "two", help="do this").but(n=3)
+    again = pickle.loads(pickle.dumps(RequestError(one))).diagnostics[0]  # noqa: S301 - our own
+    assert again == one and again.kind == one.kind and again.facts == {"n": 3} and hash(again) == hash(one)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from experiments.cache import Cache, Request, canonical
 from experiments.curricula.cases import GAP, MODEL, RELATIONS, TASKS, Case
+from experiments.errors import CHANGED_RECORD
 from experiments.tabular.choose import LINES, memory
 from experiments.tabular.features import by_relations
 from experiments.tabular.grid import ORDER, GridTask, grid_task
@@ -25,9 +26,9 @@ from experiments.tabular.starts import Starts, of_scenes
 from experiments.trained import Training, ensure, find
 from scenegen.api.model import Model
 from scenegen.api.spec import Spec, parse
-from scenegen.curriculum.strategies.table import strategy
+from scenegen.curriculum.strategies.registry import strategy
 from scenegen.curriculum.tasks import PhiBox, Strategy
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
 from scenegen.training.config import make_config
 
 VERSION = 2  # of the learners and of the model's training: raise it when their numbers change
@@ -107,8 +108,7 @@ class Runner:
         ensure(self.cache, training)
         found = find(self.cache, training)
         if found is None:
-            title = f"{training.path(self.cache)} was changed while it was in use"
-            raise DataError(Diagnostic(title, help="run the experiment again"))
+            raise DataError(CHANGED_RECORD(path=training.path(self.cache)))
         return found.model
 
     def perform(self, case: Case) -> Record:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors import Diagnostic, RequestError
+from experiments.errors import needs
+from scenegen.errors import RequestError
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
@@ -27,8 +28,7 @@ def check_learner() -> None:
     """Refuse, before any work is done, to go on without the libraries. Raises RequestError."""
     for module, library in (("gymnasium", "gymnasium"), ("stable_baselines3", "stable-baselines3")):
         if importlib.util.find_spec(module) is None:
-            title = f"this experiment needs {library}, which is not installed"
-            raise RequestError(Diagnostic(title, help='pip install "scenegen[experiments]"'))
+            raise RequestError(needs(library, "for this experiment"))
 
 
 def make_learner(env: VectorEnv[Any, Any, Any], seed: int) -> PPO:

@@ -17,13 +17,14 @@ from experiments.deep.heldout import SEED, random_scenes, success
 from experiments.deep.learner import NETWORK, SETTINGS, make_learner
 from experiments.deep.lessons import LESSONS, MODEL, Lesson
 from experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
+from experiments.errors import CHANGED_RECORD
 from experiments.trained import Training, find
 from scenegen.api.model import Model
 from scenegen.curriculum.library import forget
 from scenegen.curriculum.vector import TableTopVector
 from scenegen.curriculum.wrapper import VectorCurriculum
-from scenegen.engine.threads import one_thread
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.processes.threads import one_thread
 from scenegen.training.config import make_config
 
 KIND = "energy"  # of model
@@ -134,8 +135,7 @@ def _model(job: Job) -> Model | None:
         return None
     found = find(job.cache, training)
     if found is None:
-        title = f"{training.path(job.cache)} is missing or was changed while it was in use"
-        raise DataError(Diagnostic(title, help="run the experiment again"))
+        raise DataError(CHANGED_RECORD(path=training.path(job.cache)))
     return found.model
 
 
@@ -160,11 +160,11 @@ def _learn(job: Job) -> Record:
     space = library.timed(lambda: tables.space)()
     meter = _Meter()
     plan = job.how.make(space, job.seed, phi.tolist())
-    # a strategy and a dealer may be any objects; only their methods are wrapped
+    # a strategy and a resets may be any objects; only their methods are wrapped
     setattr(plan, "next_task", meter.timed(plan.next_task))  # noqa: B010
     setattr(plan, "report", meter.timed(plan.report, count=True))  # noqa: B010
-    dealer = tables._one.dealer
-    setattr(dealer, "deal", meter.timed(dealer.deal))  # noqa: B010
+    resets = tables._one.resets
+    setattr(resets, "draw", meter.timed(resets.draw))  # noqa: B010
     learner = make_learner(VectorCurriculum(tables, plan), job.seed)
 
     def examined() -> float:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
 from scenegen.api.spec import Spec
-from scenegen.errors import Diagnostic, RequestError, quoted
+from scenegen.errors import RequestError, quoted
 from scenegen.lang.interpret import phi as score
 from scenegen.primitives import NUMPY
 
@@ -18,8 +19,8 @@ def by_relations(task: GridTask, relations: Spec) -> tuple[Cells, int]:
     Raises RequestError where the objects differ.
     """
     if relations.objects != task.spec.objects:
-        title = f"relations of {quoted(relations.objects)} for a task of {quoted(task.spec.objects)}"
-        raise RequestError(Diagnostic(title, help="name the same objects, in the same order"))
+        problem = f"relations of {quoted(relations.objects)} for a task of {quoted(task.spec.objects)}"
+        raise RequestError(GRID_TASK(problem=problem, remedy="name the same objects, in the same order"))
     inside = np.flatnonzero(~np.isnan(task.phi))
     rows = [np.full(len(inside), value) for value in task.held.ravel()]
     rows[3 * task.moved : 3 * task.moved + 2] = task.place_of(inside).T

@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from experiments.errors import GRID_TASK
 from scenegen.api.spec import Spec
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.errors import RequestError, quoted
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_OBJECT
 from scenegen.lang.interpret import phi as score
 from scenegen.primitives import NUMPY
 
@@ -87,16 +89,17 @@ def grid_task(
     or every cell satisfies the spec.
     """
     if sorted(order) != sorted(MOVES):
-        raise RequestError(Diagnostic(f"the moves {quoted(order)}", help=f"name {quoted(MOVES)}, each once"))
+        wanted = f"{quoted(MOVES)}, each once"
+        raise RequestError(GRID_TASK(problem=f"the moves {quoted(order)}", remedy=f"name {wanted}"))
     poses, number = _standing(spec, moved, dict(held or {}))
     (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
     if across < 2:
-        raise RequestError(Diagnostic(f"a grid of {across} columns", help="ask for 2 or more"))
+        raise RequestError(OUT_OF_RANGE(argument="across", value=across, wanted="2 or more columns"))
     edge = (right - left) / across
     deep = round((top - bottom) / edge)
     if deep < 1 or across * deep > MOST:
-        title = f"a grid of {across} by {deep} cells"
-        raise RequestError(Diagnostic(title, help=f"ask for columns that make 1 to {MOST:,} cells"))
+        remedy = f"ask for columns that make 1 to {MOST:,} cells"
+        raise RequestError(GRID_TASK(problem=f"a grid of {across} by {deep} cells", remedy=remedy))
     width = deep + 2
     inside = (np.arange(1, across + 1)[:, None] * width + np.arange(1, deep + 1)[None, :]).ravel()
     places = _places(spec, deep, edge, inside)
@@ -112,8 +115,9 @@ def grid_task(
     kind[inside] = np.where(level[inside] == 0, GOAL, FREE)
     for what, which in (("no", GOAL), ("every", FREE)):
         if not (kind == which).any():
-            title = f"{what} cell of a grid of {across} by {deep} satisfies {spec.checked.name}"
-            raise RequestError(Diagnostic(title, help="take more columns, or other places of the objects that stand"))
+            problem = f"{what} cell of a grid of {across} by {deep} satisfies {spec.checked.name}"
+            remedy = "take more columns, or other places of the objects that stand"
+            raise RequestError(GRID_TASK(problem=problem, remedy=remedy))
     moves = np.array([dx * width + dy for dx, dy in (MOVES[name] for name in order)], np.int64)
     return GridTask(spec, number, across, deep, edge, poses, Board(kind, moves), phi, level)
 
@@ -129,16 +133,16 @@ def _standing(spec: Spec, moved: str | None, held: dict[str, tuple[float, float]
     names, fixed = spec.objects, spec.checked.fixed
     for name in [*held, *([] if moved is None else [moved])]:
         if name not in names:
-            help_ = suggest(name, names, f"the objects are {quoted(names)}")
-            raise RequestError(Diagnostic(f"unknown object `{name}`", help=help_))
+            raise RequestError(UNKNOWN_OBJECT(name=name, known=names))
     if spec.checked.core.requirement is not None:
-        title = f"{spec.checked.name} requires something, which a grid cannot keep"
-        raise RequestError(Diagnostic(title, help="leave the requirement out, or make it a part of the formula"))
+        problem = f"{spec.checked.name} requires something, which a grid cannot keep"
+        remedy = "leave the requirement out, or make it a part of the formula"
+        raise RequestError(GRID_TASK(problem=problem, remedy=remedy))
     free = [name for number, name in enumerate(names) if name not in held and number not in fixed]
     if moved is None:
         if len(free) != 1:
-            title = f"{quoted(free)} could move" if free else "every object has its place"
-            raise RequestError(Diagnostic(title, help="name the one that moves, and places for the others"))
+            problem = f"{quoted(free)} could move" if free else "every object has its place"
+            raise RequestError(GRID_TASK(problem=problem, remedy="name the one that moves, and places for the others"))
         moved = free[0]
     poses = np.zeros((len(names), 3))
     for number, name in enumerate(names):
@@ -147,5 +151,5 @@ def _standing(spec: Spec, moved: str | None, held: dict[str, tuple[float, float]
         elif number in fixed:
             poses[number] = fixed[number]
         elif name != moved:
-            raise RequestError(Diagnostic(f"`{name}` has no place", help="place it: held={name: (x, y)}"))
+            raise RequestError(GRID_TASK(problem=f"`{name}` has no place", remedy="place it: held={name: (x, y)}"))
     return poses, names.index(moved)

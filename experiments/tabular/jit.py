@@ -10,7 +10,8 @@ import importlib
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from scenegen.errors import Diagnostic, RequestError
+from experiments.errors import needs
+from scenegen.errors import RequestError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -22,8 +23,7 @@ def compiled(function: Function) -> Function:
     except ModuleNotFoundError as error:
         if error.name != "numba":
             raise
-        title = "the tabular learners need numba, which is not installed"
-        raise RequestError(Diagnostic(title, help='pip install "scenegen[experiments]"')) from error
+        raise RequestError(needs("numba", "for the tabular learners")) from error
     try:
         found: Function = numba.njit(nogil=True, cache=True)(function)
     except RuntimeError:  # no folder that could be written to: compiled anew by every process

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.errors import GRID_TASK
 from experiments.tabular.grid import GOAL, Cells, GridTask
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
 
 
 class Lines(NamedTuple):
@@ -35,7 +36,8 @@ def corridors(task: GridTask, gap: int) -> Lines:
     """
     goals = np.flatnonzero(task.board.kind == GOAL)
     if len(goals) != 1:
-        raise RequestError(Diagnostic(f"{len(goals)} cells satisfy the spec", help="corridors lead to a single one"))
+        problem = f"{len(goals)} cells satisfy the spec"
+        raise RequestError(GRID_TASK(problem=problem, remedy="corridors lead to a single one"))
     middle, centre = divmod(int(goals[0]), task.deep + 2)
     groups = [
         [_line(task, [middle], range(centre + 1, task.deep + 1)), _line(task, [middle], range(centre - 1, 0, -1))]

@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from experiments.errors import GRID_TASK
 from experiments.tabular.check import ANY, FIRST, solved
 from experiments.tabular.grid import GOAL, OFF, Cells, GridTask
 from experiments.tabular.qlearning import NEVER, REWARD, Learner, Result, Stop, replayed, stepwise
 from experiments.tabular.rng import seeded
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
 
 
 class Scenes:
@@ -21,8 +22,8 @@ class Scenes:
         """`cells` may name a cell several times; it is drawn so much more often. Raises RequestError where the spec has
         several labels, which a box of phi of one label does not know."""
         if len(task.spec.labels) != 1:
-            help_ = "give the spec one label, a formula of the others"
-            raise RequestError(Diagnostic(f"a grid task of {len(task.spec.labels)} labels", help=help_))
+            problem = f"a grid task of {len(task.spec.labels)} labels"
+            raise RequestError(GRID_TASK(problem=problem, remedy="give the spec one label, a formula of the others"))
         order = np.argsort(task.phi[cells], kind="stable")
         self.cells, self.phi = cells[order], task.phi[cells][order]
         self.random = np.random.default_rng(seed)

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
 from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.errors import Diagnostic, RequestError, quoted
+from scenegen.errors import RequestError, quoted
 
 PATIENCE = 60.0  # seconds for the scenes of a level
 
@@ -39,8 +40,8 @@ def of_scenes(task: GridTask, source: Spec | Model, each: int = 12, seed: int = 
     sampler fails, and for a spec with several labels.
     """
     if len(task.spec.labels) > 1:
-        title = f"levels of phi are drawn of one label; the spec has {quoted(task.spec.labels)}"
-        raise RequestError(Diagnostic(title, help="join them with & under one label"))
+        problem = f"levels of phi are drawn of one label; the spec has {quoted(task.spec.labels)}"
+        raise RequestError(GRID_TASK(problem=problem, remedy="join them with & under one label"))
     edge, label = task.edge, task.spec.labels[0]
     counts = np.bincount(task.level[task.unsatisfied], minlength=task.levels + 1)
     found = []

@@ -13,9 +13,10 @@ import numpy.typing as npt
 
 from scenegen.lang.core import Atom, Core, Junction
 from scenegen.lang.interpret import evaluate
+from scenegen.pose import THETA, TWO_PI, along, object_count
 from scenegen.primitives import NUMPY
-from scenegen.sampling.frame import read_rows
-from scenegen.scene.workspace import TWO_PI, Workspace
+from scenegen.sampling.splitting.chain_state import read_rows
+from scenegen.scene.workspace import Workspace
 
 Array = npt.NDArray[np.float64]
 
@@ -36,9 +37,9 @@ def approach(
     Positions stay in the workspace. A scene that does not arrive is returned as it is: the caller verifies.
     """
     row = row.copy()
-    scale = np.tile([workspace.width, workspace.height, 1.0], len(row) // 3)
+    scale = np.tile(workspace.scales, object_count(len(row)))
     moving = np.array([index for index in sorted(read_rows(core)) if free[index]], dtype=np.intp)
-    lowest, highest = workspace.box(len(row) // 3)
+    lowest, highest = workspace.box(object_count(len(row)))
     for step in range(SOFT_STEPS + HARD_STEPS):
         soft = step < SOFT_STEPS
         values = evaluate(core, row.tolist())
@@ -51,8 +52,9 @@ def approach(
         jacobian = gradients(core, row, shares, moving, SHIFT * scale) * scale[moving]
         shift = _newton(jacobian, (target - phi)[off], SOFT_DAMPING if soft else HARD_DAMPING)
         row[moving] += scale[moving] * shift
-        row[2::3] %= TWO_PI
-        row[2::3][row[2::3] >= TWO_PI] = 0.0  # to which rounding can bring what is just below 0
+        theta = row[along(THETA)]
+        theta %= TWO_PI
+        theta[theta >= TWO_PI] = 0.0  # to which rounding can bring what is just below 0
         row[moving] = np.clip(row, lowest, highest)[moving]
     return row
 

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.formats.columns import columns
 from scenegen.needs import need
+from scenegen.pose import row_count
 
 if TYPE_CHECKING:
     import pandas
@@ -47,9 +49,10 @@ def to_pandas(scenes: SceneArrays) -> pandas.DataFrame:
     try:
         import pandas
     except ModuleNotFoundError as error:
-        title = "a data frame needs pandas, which is not installed"
-        raise RequestError(Diagnostic(title, help="pip install pandas")) from error
-    names = columns(scenes.objects, tuple(scenes.phi))
+        known = {"package": "pandas", "purpose": "for data frames", "command": "pip install pandas"}
+        raise RequestError(NOT_INSTALLED(**known)) from error
+    names = columns(scenes.header, tuple(scenes.phi))
     poses, phi = to_numpy(scenes)
-    table = np.concatenate([poses.reshape(len(scenes), 3 * len(scenes.objects)), phi], axis=1)
+    on = [] if scenes.on is None else [scenes.on]
+    table = np.concatenate([poses.reshape(len(scenes), row_count(len(scenes.objects))), *on, phi], axis=1)
     return pandas.DataFrame(table, columns=names)

@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, RequestError, suggest
-from scenegen.formats import simulators, table
+from scenegen.errors import RequestError
+from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
+from scenegen.errors.requests import UNKNOWN_CHOICE
+from scenegen.export import simulators
+from scenegen.formats import registry as table
 from scenegen.formats.blocks import Block, joined
 from scenegen.formats.files import check_writable
 
@@ -26,11 +29,9 @@ def chosen(to: str | None, out: Path) -> str:
             return table.ENDINGS[ending]
         if ending in table.FORMATS:
             return ending.removeprefix(".")
-        title = f"no format was asked for, and {out} does not tell it by its ending"
-        raise RequestError(Diagnostic(title, help=f"say which with --to: {', '.join(known)}"))
+        raise RequestError(NO_FORMAT(path=out, known=known, name=""))
     if to not in known:
-        help_ = suggest(to, known, f"the formats are {', '.join(known)}")
-        raise RequestError(Diagnostic(f"unknown format `{to}`", help=help_))
+        raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=known))
     return to
 
 
@@ -40,8 +41,8 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
         simulators.check_out(out, to, *inputs)
         return
     if out.suffix.lower() != NAMES[to]:
-        title = f"{out} does not end in {NAMES[to]}, and {to} was asked for"
-        raise RequestError(Diagnostic(title, help=f"name it {out.with_suffix(NAMES[to])}, or leave --to out"))
+        better = out.with_suffix(NAMES[to])
+        raise RequestError(WRONG_ENDING(path=out, ending=NAMES[to], format=to, better=better, leave="to"))
     table.format_of(out)
     check_writable(out, *inputs)
 
@@ -51,10 +52,8 @@ def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
     to = chosen(to, out)
     check_export(out, to)
     if to in simulators.SIMULATORS:
-        coordinates = 3 * len(scenes.objects)
-        return simulators.write_worlds(
-            out, to, scenes.header, joined(list(scenes.blocks()), coordinates, len(scenes.phi))
-        )
+        whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
+        return simulators.write_worlds(out, to, scenes.header, whole)
     return (scenes.save(out),)
 
 
@@ -75,7 +74,7 @@ def convert(source: Path, out: Path, to: str | None = None) -> tuple[int, tuple[
 
 
 def _counted(blocks: Iterator[Block], counts: list[int]) -> Iterator[Block]:
-    """The same blocks; `counts` is told how many scenes each has."""
+    """The same blocks; `counts` is called with the number of scenes of each."""
     for block in blocks:
         counts.append(block.count)
         yield block

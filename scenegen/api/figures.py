@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenegen import given
 from scenegen.api.labels import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, rows_of
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.errors import RequestError, quoted
+from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import as_poses, flat
 from scenegen.scene.data import SceneFile
+from scenegen.validation import as_path, as_words
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -89,7 +91,7 @@ class Job:
     def moving(self) -> Moving:
         """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
         from scenegen.api.sweep import sweep
-        from scenegen.render.stage import overlaps_of
+        from scenegen.scene.stage import overlaps_of
 
         frames, chosen = sweep(self.scenes, self.label, FRAMES)
         phi = [float(value) for value in frames.phi[chosen]]
@@ -126,21 +128,19 @@ def figures(
     """
     from scenegen.render.request import check_request, usual_size
 
-    folder = given.path("out", out)
-    known = f"the figures are {quoted(FIGURES)}"
-    kinds = given.words("kinds", kinds, '("sheet", "gif")')
+    folder = as_path("out", out)
+    kinds = as_words("kinds", kinds, '("sheet", "gif")')
     if not kinds:
-        help_ = f'name the folder first, then what to draw: figures("pictures", "sheet"); {known}'
-        raise RequestError(Diagnostic("no figure was asked for", help=help_))
+        wanted = f'something to draw, after the folder: figures("pictures", "sheet"); there are {quoted(FIGURES)}'
+        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
     for kind in kinds:
         if kind not in FIGURES:
-            help_ = suggest(kind, FIGURES, known)
-            raise RequestError(Diagnostic(f"unknown figure `{kind}`", help=help_))
+            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=FIGURES))
     size = usual_size(scenes.header) if size is None else size
     check_request((view,), size, workers)
     look = Look(view, size, distinct, workers, progress)
     if not len(scenes):
-        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+        raise RequestError(NO_SCENES())
     job = Job(scenes, kinds, label, look)
     made: dict[str, bytes] = {}
     for kind, path in FIGURES.items():
@@ -157,8 +157,8 @@ def sheet(job: Job) -> dict[str, bytes]:
     """All scenes with their phi."""
     from PIL import Image
 
-    from scenegen.render.sheet import SHOWN as MOST
-    from scenegen.render.sheet import contact_sheet, thumbnail_size
+    from scenegen.figures.sheet import SHOWN as MOST
+    from scenegen.figures.sheet import contact_sheet, thumbnail_size
 
     file = job.scenes.file()
     first = file.model_copy(update={"scenes": file.scenes[:MOST]})
@@ -172,7 +172,7 @@ def sweep_strip(job: Job) -> dict[str, bytes]:
     """One layout from hard to solved, as a strip of pictures."""
     from PIL import Image
 
-    from scenegen.render.strip import strip
+    from scenegen.figures.strip import strip
 
     moving = job.moving
     small = round(job.look.size[0] * 0.5), round(job.look.size[1] * 0.5)
@@ -183,22 +183,24 @@ def sweep_strip(job: Job) -> dict[str, bytes]:
 
 def sweep_gif(job: Job) -> dict[str, bytes]:
     """The same, animated."""
-    from scenegen.render.strip import animation
+    from scenegen.figures.strip import animation
 
     return {"sweep.gif": animation(job.moving.drawn, job.moving.phi, job.moving.label, job.moving.notes)}
 
 
 def heatmap(job: Job) -> dict[str, bytes]:
     """Where each object goes."""
-    from scenegen.render import heatmap as drawing
+    from scenegen.figures import heatmap as drawing
 
     return {"heatmap.png": drawing.heatmap(job.scenes.file(), distinct=job.look.distinct)}
 
 
 def topviews(job: Job) -> dict[str, bytes]:
     """Every scene from above, with what decides phi as a dimension."""
-    from scenegen.render.dimensions import dimensions, short
-    from scenegen.render.topview import Thing, View, topview
+    from scenegen.assets.surfaces import cells_of
+    from scenegen.figures.dimensions import dimensions, short
+    from scenegen.figures.drawing import Thing, View
+    from scenegen.figures.topview import topview
 
     spec, scenes = job.spec, job.scenes
     chosen = chosen_label(spec.labels, job.label)
@@ -211,8 +213,8 @@ def topviews(job: Job) -> dict[str, bytes]:
         assert isinstance(atom, Atom)
         phi = values[spec.core.labels[chosen]]
         things = [
-            Thing(name, shape.footprint, (float(x), float(y), float(theta)))
-            for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, rows.reshape(-1, 3), strict=True)
+            Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
+            for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=True)
         ]
         view = View(
             [*zones, *things],

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_LABEL
 
 
 def chosen_label(labels: Sequence[str], label: str | None) -> str:
@@ -12,6 +13,5 @@ def chosen_label(labels: Sequence[str], label: str | None) -> str:
     if label is None:
         return labels[0]
     if label not in labels:
-        help_ = suggest(label, labels, f"the labels are {quoted(labels)}")
-        raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=help_))
+        raise RequestError(UNKNOWN_LABEL(name=label, known=labels))
     return label

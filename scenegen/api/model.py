@@ -7,13 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen import given
 from scenegen.api.spec import Spec, check_spec
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.errors.models import MODEL_CONTRADICTS_ITSELF
 from scenegen.lang.check import check_text
 from scenegen.needs import need
+from scenegen.scene.workspace import Workspace
+from scenegen.validation import as_path
 
 if TYPE_CHECKING:
+    from scenegen.models.proposer import ModelProposer
     from scenegen.models.trained import TrainedModel
 
 
@@ -26,6 +29,11 @@ class Model:
         # the canonical text has no comments, so the title comes from the card
         self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
         self._refuse_contradictions()
+        if self.spec.workspace.own:  # the card has the table alone
+            from scenegen.models.codec import Codec
+
+            self.trained = replace(trained, codec=Codec(self.spec.workspace, len(self.spec.objects)))
+        self.trained = self.trained.corrected(self.spec.checked)
 
     def __repr__(self) -> str:
         card = self.trained.card
@@ -38,17 +46,29 @@ class Model:
         pairs = {
             "objects": (tuple(card.objects), self.spec.objects),
             "labels": (tuple(label.name for label in card.labels), self.spec.labels),
-            "workspace": (card.area, area),
+            "workspace": (card.area, Workspace(area.x, area.y)),
         }
         for what, (told, true) in pairs.items():
             if told != true:
-                title = f"the model file contradicts itself: its {what} are not those of the spec in it"
-                raise DataError(Diagnostic(title, help="train anew"))
+                raise DataError(MODEL_CONTRADICTS_ITSELF(what=what))
 
     @property
     def name(self) -> str:
         """What kind of model it is, e.g. "gan"."""
         return self.trained.name
+
+    @property
+    def proposer(self) -> ModelProposer:
+        """What draws its scenes: it holds the bytes of the model file, and goes to other processes."""
+        from scenegen.models.proposer import make_proposer
+
+        return make_proposer(self.trained)
+
+    def with_spec(self, spec: Spec) -> Model:
+        """The same model, to draw scenes of its spec with labels added after its own."""
+        other = copy.copy(self)
+        other.spec = spec
+        return other
 
     def in_steps(self, steps: int) -> Model:
         """The same model, taking `steps` evaluations of its network for a scene: for a flow, which is trained once and
@@ -65,4 +85,4 @@ def load_model(path: str | Path, spec: Spec | None = None) -> Model:
 
     if spec is not None:
         check_spec(spec)
-    return Model(load(given.path("path", path), None if spec is None else spec.checked))
+    return Model(load(as_path("path", path), None if spec is None else spec.checked))

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenegen.api.spec import Spec, check_spec
-from scenegen.errors import Diagnostic, RequestError, suggest
-from scenegen.given import whole
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
+from scenegen.errors.requests import ALL_HELD, OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_LABEL
 from scenegen.sampling.rarity import Estimate, OutOfReach, Rarity, Reach, measure
 from scenegen.sampling.request import MAX_SEED
 from scenegen.sampling.vast import measure_vast, vast
+from scenegen.validation import as_int
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
 BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
@@ -83,21 +85,20 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
     where no scene is found that meets the requirement.
     """
     check_spec(spec)
-    seed = whole("seed", seed)
+    seed = as_int("seed", seed)
     if label is not None and label not in spec.labels:
-        otherwise = f"the spec has {', '.join(spec.labels[:8])}"
-        raise RequestError(Diagnostic(f"the spec has no label `{label}`", help=suggest(label, spec.labels, otherwise)))
+        raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
     if not 0 <= seed <= MAX_SEED:
-        raise RequestError(Diagnostic(f"{seed} is no seed", help=f"a seed lies between 0 and {MAX_SEED}"))
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
     lowest, highest = spec.checked.box()
     if not (lowest < highest).any():
-        raise RequestError(Diagnostic("every object is held in place: phi has one value", help="free an object"))
+        raise RequestError(ALL_HELD(consequence="phi has one value"))
     labels = spec.labels if label is None else (label,)
     bounds = spec.bounds()
     found = _measure(spec, labels, bounds, seed)
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     never = {one.label for one in reports if one.reached[1] < 0.0}
-    warnings = tuple(_hopeless(spec, never)) if never else ()
+    warnings = tuple(_clashes(spec, never)) if never else ()
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
 
@@ -128,28 +129,22 @@ def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed
 
 def _clash(spec: Spec) -> RequestError | None:
     """Which parts of what the spec requires clash, where that is known."""
-    for one in spec.hopeless():
-        if one.title.startswith("what the spec requires"):
-            return RequestError(Diagnostic(one.title, one.span, one.label, one.help, note=one.note))
+    for one in spec.infeasible():
+        if one.kind in (REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET):
+            return RequestError(replace(one, severity="error"))
     return None
 
 
 def _out_of_reach(found: OutOfReach) -> RequestError:
     """No scene meets what the spec requires, as far as splitting and growth can tell."""
-    title = f"no scene was found that meets what the spec requires, in {found.evaluations:,} evaluations"
-    note = f"the best one misses it by {-found.best:.4g}" if math.isfinite(found.best) else ""
-    return RequestError(Diagnostic(title, help="require less, or make the workspace larger", note=note))
+    misses = -found.best if math.isfinite(found.best) else None
+    return RequestError(REQUIREMENT_NOT_FOUND(evaluations=found.evaluations, misses=misses))
 
 
-def _hopeless(spec: Spec, labels: set[str]) -> list[Diagnostic]:
+def _clashes(spec: Spec, labels: set[str]) -> list[Diagnostic]:
     """A warning for each label that was never satisfied: with the clash, where one is found."""
-    clashes = {one.title.split("`")[1]: one for one in spec.hopeless() if one.title.startswith("`")}
-    plain = "no scene that satisfies `{}` was found; where phi reaches, `scenegen check` shows part by part"
-    return [
-        clashes.get(name) or Diagnostic(plain.format(name), help="change one of its parts", severity="warning")
-        for name in spec.labels
-        if name in labels
-    ]
+    clashes = {one.facts["name"]: one for one in spec.infeasible() if "name" in one.facts}
+    return [clashes.get(name) or NEVER_SATISFIED(name=name) for name in spec.labels if name in labels]
 
 
 def _report(label: str, bounds: Ends, reach: Reach) -> LabelRarity:

@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from scenegen.api.ask import Ask, Wanted, ask
 from scenegen.api.model import Model
-from scenegen.api.scene_arrays import make_header
+from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
+from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
-from scenegen.api.settled import blamed, check_settle, refuse_model, settling, told
 from scenegen.api.spec import Spec
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
+from scenegen.pose import as_poses, row_count
+from scenegen.sampling.request import MAX_SCENES, FixedPose, SampleRequest
 
 if TYPE_CHECKING:
-    import torch
-    from torch import Tensor
-
     from scenegen.engine.stream import Progress
-    from scenegen.sampling.auto import Choice
-    from scenegen.sampling.collect import Sampled
-    from scenegen.sampling.held import Held
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
-
-Note = Callable[[str], None]
 
 
 def sample(
     source: Spec | Model,
-    phi: Wanted | None = None,
+    phi: Phi | None = None,
     n: int = 16,
     *,
     seed: int = 0,
@@ -39,7 +33,7 @@ def sample(
     timeout: float = 60.0,
     raw: bool = False,
     keep_partial: bool = False,
-    fix: Mapping[str, Held | tuple[float, ...]] | None = None,
+    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
     settle: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -63,78 +57,55 @@ def sample(
     RequestError for a request that is wrong or out of reach, where fewer than n scenes were found in time, unless
     `keep_partial`, and for more scenes than go into memory: see `sample_to`.
     """
-    asked = ask(source, phi, n, seed=seed, method=method, spread=spread, timeout=timeout, raw=raw, fix=fix)
-    check_size(asked)
-    if isinstance(source, Model) and asked.method == "model":
-        if settle:
-            raise refuse_model()
-        sampled = _from_model(asked, source, raw, progress)
-    else:
-        from scenegen.engine.exact import in_memory
-
-        check_settle(settle)
-        choice = chosen(asked, on_note)
-        with settling(asked, choice, workers, settle) as (choice, crew, refusals):
-            sampled = in_memory(choice, asked.budget, workers=crew, progress=progress)
-        warnings, shortfall = told(sampled.warnings, refusals), blamed(sampled.shortfall, refusals)
-        sampled = dataclasses.replace(sampled, warnings=warnings, shortfall=shortfall)
-    return _hand_out(asked, sampled, keep_partial)
+    request = SampleRequest(
+        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
+        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
+    )  # fmt: skip
+    return draw_scenes(source, request, progress=progress, on_note=on_note)
 
 
-def chosen(asked: Ask, on_note: Note | None = None) -> Choice:
-    """The plan of a request to a spec; a choice by `auto` is told."""
-    from scenegen.sampling.auto import choose
+def draw_scenes(
+    source: Spec | Model,
+    request: SampleRequest,
+    *,
+    progress: Progress | None = None,
+    on_note: Note | None = None,
+) -> SceneSet:
+    """The scenes of a request, in memory. Raises what `sample` raises."""
+    from scenegen.engine.run import in_memory
+    from scenegen.sampling.problem import Budget
 
-    choice = choose(asked.problem, asked.method, asked.budget)
-    if choice.reason is not None and on_note is not None:
-        on_note(f"{choice.plan.name}: {choice.reason}")
-    return choice
+    request = check_request(source, request)
+    _check_size(source, request.n)
+    budget = Budget(request.timeout)
+    plan = plan_of(source, request, budget, on_note)
+    sampled = in_memory(plan, budget, progress)
+    warnings = list(sampled.warnings)
+    if isinstance(source, Model) and request.method == "model":
+        from scenegen.api.advice import advice
+
+        warnings += advice(source, request.phi, sampled.rows, request.raw)
+    if sampled.shortfall is not None:
+        if not (request.keep_partial and sampled.count):
+            raise RequestError(sampled.shortfall)
+        warnings.append(partial(sampled.shortfall))
+    spec = plan.problem.spec
+    header = make_header(spec, sampled.info, request_data(plan.problem.request))
+    # a view of (3N, n) storage, in which each coordinate is contiguous
+    rows = sampled.rows[: row_count(len(spec.objects))]
+    on = stored_rows(spec, sampled.rows)[len(rows) :].T if spec.choices else None
+    phi = dict(zip(spec.labels, sampled.phi, strict=False))
+    return SceneSet(as_poses(rows), phi, header, tuple(warnings), on=on)
 
 
-def check_size(asked: Ask) -> None:
+def _check_size(source: Spec | Model, n: int) -> None:
     """Refuse more scenes than go into memory. Raises RequestError."""
-    problem = asked.problem
-    each = len(problem.lowest) + len(problem.spec.labels)
-    most = IN_MEMORY // each
-    if problem.request.n > most:
-        title = f"{problem.request.n:,} scenes of {len(problem.spec.objects)} objects are too many for memory"
-        help_ = f"write them to a file with --out scenes.parquet (in Python, sample_to), or ask for at most {most:,}"
-        raise RequestError(Diagnostic(title, help=help_))
+    spec = (source.spec if isinstance(source, Model) else source).checked
+    most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
+    if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
+        raise RequestError(TOO_MANY_FOR_MEMORY(n=n, objects=len(spec.objects), most=most))
 
 
 def partial(shortfall: Diagnostic) -> Diagnostic:
     """The warning that goes with fewer scenes than wanted."""
-    return dataclasses.replace(shortfall, title=f"{shortfall.title}; these are kept", severity="warning")
-
-
-def _from_model(asked: Ask, model: Model, raw: bool, progress: Progress | None) -> Sampled:
-    from scenegen.sampling.guided import guided, unrefined
-    from scenegen.sampling.verify import verify
-
-    def propose(phi: Tensor, generator: torch.Generator) -> Tensor:
-        # a model knows the labels, not the requirement that may stand after them
-        return model.trained.propose(phi[: len(model.spec.labels)], generator)
-
-    if raw:
-        sampled = unrefined(asked.problem, propose, model.name)
-    else:
-        sampled = guided(asked.problem, propose, model.name, asked.budget, progress)
-        verify(asked.problem, sampled.rows, sampled.phi)
-    if model.trained.steps is None:
-        return sampled
-    return dataclasses.replace(sampled, info={**sampled.info, "steps": model.trained.steps})
-
-
-def _hand_out(asked: Ask, sampled: Sampled, keep_partial: bool) -> SceneSet:
-    """The scene set of what a sampler found. Raises RequestError where that is too little."""
-    problem = asked.problem
-    warnings = list(sampled.warnings)
-    if sampled.shortfall is not None:
-        if not (keep_partial and sampled.count):
-            raise RequestError(sampled.shortfall)
-        warnings.append(partial(sampled.shortfall))
-    header = make_header(problem.spec, sampled.info, asked.data)
-    # a view of (3N, n) storage, in which each coordinate is contiguous
-    poses = sampled.rows.T.reshape(sampled.count, len(problem.spec.objects), 3)
-    phi = dict(zip(problem.spec.labels, sampled.phi, strict=False))
-    return SceneSet(poses, phi, header, tuple(warnings))
+    return dataclasses.replace(shortfall.but(kept="these are kept"), severity="warning")

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen import given
 from scenegen.assets import Shape
-from scenegen.data.arrange import arranged, check_held, order_of
-from scenegen.errors import Diagnostic
-from scenegen.formats import table
+from scenegen.errors import DataError, Diagnostic
+from scenegen.errors.files import NO_SURFACE_GIVEN
+from scenegen.formats import registry as table
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import X, as_rows, row_count, row_of
 from scenegen.scene.data import (
+    RAISED,
+    VERSION,
     ObjectData,
     Pose,
     RegionData,
@@ -25,10 +27,15 @@ from scenegen.scene.data import (
     SceneFile,
     ShapeData,
     SpecRef,
+    SupportData,
+    SurfaceData,
     WorkspaceData,
     footprint_data,
 )
+from scenegen.scene.standing import pose_of
 from scenegen.scene.workspace import turned
+from scenegen.training.datasets.arrange import arranged, check_held, order_of
+from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
 
@@ -40,13 +47,15 @@ class SceneArrays:
     """Scenes of one spec.
 
     `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
-    to (n,) values in float64. `header` is the scene file without its scenes.
+    to (n,) values in float64. `header` is the scene file without its scenes. `on` (n, M) says for each of the M objects
+    that stand on one of several surfaces (`header.choosers`) on which, counted from 1; None where there are none.
     """
 
     poses: Array
     phi: Mapping[str, Array]
     header: SceneFile
     warnings: tuple[Diagnostic, ...] = field(default=())
+    on: Array | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return int(self.poses.shape[0])
@@ -62,9 +71,11 @@ class SceneArrays:
 
     def places(self, index: int) -> tuple[dict[str, Pose], dict[str, float]]:
         """The poses of one scene by object, and its phi by label. Raises IndexError."""
+        choosers = {} if self.on is None else {one.name: one for one in self.header.choosers}
+        on = {} if self.on is None else dict(zip(choosers, self.on[index].tolist(), strict=True))
         poses = {
-            name: Pose(x=float(x), y=float(y), theta=float(theta))
-            for name, (x, y, theta) in zip(self.objects, self.poses[index], strict=True)
+            name: pose_of(choosers.get(name), tuple(pose), on.get(name, 0.0))
+            for name, pose in zip(self.objects, self.poses[index].tolist(), strict=True)
         }
         return poses, {name: float(values[index]) for name, values in self.phi.items()}
 
@@ -77,7 +88,7 @@ class SceneArrays:
 
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
-        path = given.path("path", path)
+        path = as_path("path", path)
         table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
 
@@ -85,7 +96,9 @@ class SceneArrays:
         """The scenes as file formats take them."""
         for start in range(0, len(self), BLOCK):
             part = slice(start, start + BLOCK)
-            rows = self.poses[part].reshape(-1, 3 * len(self.objects)).T
+            rows = as_rows(self.poses[part])
+            if self.on is not None:
+                rows = np.concatenate([rows, self.on[part].T])
             phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), rows.shape[1])
             yield Block(rows, phi)
 
@@ -95,15 +108,17 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     return SceneFile(
         spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
         workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
+        version=RAISED if spec.declares_heights else VERSION,
         objects=[
-            ObjectData(name=name, shape=_shape_data(shape))
-            for name, shape in zip(spec.objects, spec.shapes, strict=True)
+            ObjectData(name=name, shape=_shape_data(shape), support=_support_data(spec, which))
+            for which, (name, shape) in enumerate(zip(spec.objects, spec.shapes, strict=True))
         ],
         regions=[
             RegionData(
                 name=region.name,
                 footprint=footprint_data(region.footprint),
                 pose=Pose(x=region.pose[0], y=region.pose[1], theta=region.pose[2]),
+                height=region.height,
             )
             for region in spec.regions
         ],
@@ -113,8 +128,29 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     )
 
 
+def _support_data(spec: CheckedSpec, which: int) -> SupportData | None:
+    if not spec.declares_heights:
+        return None
+    height, under = spec.heights[which], spec.supports.get(which)
+    options = spec.choices[which].options if which in spec.choices else () if under is None else (under,)
+    if height is not None and len(options) < 2:
+        return SupportData(z=height, on="" if under is None else under.name)
+    return SupportData(
+        any=[
+            SurfaceData(on=one.name, rise=one.height, carrier="" if one.carrier is None else spec.objects[one.carrier])
+            for one in options
+        ]
+    )
+
+
 def _shape_data(shape: Shape) -> ShapeData:
-    return ShapeData(asset=shape.asset, footprint=footprint_data(shape.footprint), height=shape.height, path=shape.path)
+    return ShapeData(
+        asset=shape.asset,
+        footprint=footprint_data(shape.footprint),
+        height=shape.height,
+        path=shape.path,
+        open=list(shape.open),
+    )
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
@@ -122,7 +158,42 @@ def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
     """
-    stored = scenes.poses.reshape(len(scenes), 3 * len(scenes.objects)).T
+    stored = as_rows(scenes.poses)
     rows = turned(arranged(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
-    return rows
+    return with_switches(spec, rows, scenes)
+
+
+def with_switches(spec: CheckedSpec, rows: Array, scenes: SceneArrays) -> Array:
+    """Rows (3N, n) and below them those of the switches of the spec's choices. Raises DataError for scenes that do not
+    say what an object stands on, or name a surface that the spec does not have."""
+    if not spec.choices:
+        return rows
+    found = np.zeros((row_count(len(spec.core.objects)), rows.shape[1]))
+    found[: len(rows)] = rows
+    choosers = {one.name: number for number, one in enumerate(scenes.header.choosers)}
+    for which, choice in spec.choices.items():
+        name = spec.objects[which]
+        if scenes.on is None or name not in choosers:
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        support = scenes.header.choosers[choosers[name]].support
+        assert support is not None
+        middles = dict(zip((one.name for one in choice.options), choice.middles, strict=True))
+        values = np.array([middles.get(one.on, np.nan) for one in support.any])
+        chosen = values[scenes.on[:, choosers[name]].astype(np.intp) - 1]
+        if np.isnan(chosen).any():
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        found[row_of(choice.switch, X)] = chosen
+    return found
+
+
+def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
+    """Rows of the core as files hold them: those of the objects, and for each choice the number of the surface."""
+    if not spec.choices:
+        return rows
+    count = row_count(len(spec.objects))
+    on = [
+        np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right") + 1.0
+        for choice in spec.choices.values()
+    ]
+    return np.concatenate([rows[:count], on])

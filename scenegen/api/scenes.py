@@ -7,29 +7,32 @@ import reprlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen import given
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
 from scenegen.api.scene_arrays import Array, SceneArrays, rows_of
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.formats import table
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, OUT_OF_RANGE
+from scenegen.formats import registry as table
 from scenegen.formats.blocks import Block
 from scenegen.formats.lines import block_of
+from scenegen.formats.locations import as_location, is_set
 from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import as_poses, row_count
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import (
     SceneFile,
 )
 from scenegen.scene.workspace import turned
+from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
     import pandas
@@ -68,7 +71,7 @@ class SceneSet(SceneArrays):
         if isinstance(index, bool) or not isinstance(index, int | np.integer):
             index = _picked(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
-            return SceneSet(self.poses[index], phi, self.header)
+            return SceneSet(self.poses[index], phi, self.header, on=None if self.on is None else self.on[index])
         return Scene(*self.places(index), self.header)
 
     def __iter__(self) -> Iterator[Scene]:
@@ -83,6 +86,17 @@ class SceneSet(SceneArrays):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """The same as tensors, what `spec.robustness()` takes and gives; float64 unless `dtype` says otherwise."""
         return arrays.to_torch(self, dtype, device)
+
+    def poses7(self, *, tensor: bool = False, dtype: str = "float64") -> Any:
+        """(n, N, 7): x, y, z of each object's lowest point under the middle of its footprint, in metres, and its
+        attitude as a quaternion qw, qx, qy, qz. Heights are those of pictures and of files for simulators.
+
+        A numpy array, or a torch `tensor`, in float32 or float64. Raises RequestError for another dtype, and where
+        torch is not installed.
+        """
+        from scenegen.api.poses7 import poses7
+
+        return poses7(self.header, self.poses, self.on, tensor=tensor, dtype=dtype)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A data frame with one row per scene and the columns of a Parquet file: `mug.x`, ..., `phi.task`.
@@ -110,7 +124,7 @@ class SceneSet(SceneArrays):
         """
         from scenegen.api import export
 
-        return export.export(self, given.path("out", out), to)
+        return export.export(self, as_path("out", out), to)
 
     def render(
         self,
@@ -139,7 +153,7 @@ class SceneSet(SceneArrays):
 
         return render_scenes(
             self.file(),
-            given.path("out", out),
+            as_path("out", out),
             views=views,
             size=size,
             distinct=distinct,
@@ -180,32 +194,39 @@ def _picked(index: object, count: int) -> Picked:
             mask = chosen.dtype == np.bool_ and len(chosen) == count
             if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
                 return chosen
-    help_ = f"pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values"
-    raise RequestError(Diagnostic(f"{reprlib.repr(index)} does not pick scenes", help=help_))
+    raise RequestError(NOT_AN_INDEX(value=reprlib.repr(index), count=count))
 
 
 def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None) -> SceneSet:
-    """Read a scene file of any format, or its scenes from `start` up to, not including, `stop` (counted from 0).
+    """Read a scene file of any format, or a set by its folder or URL; or only scenes from `start` up to, not including,
+    `stop` (counted from 0).
 
     Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has.
     """
-    ends = [given.whole(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
-    if min(ends) < 0:
-        raise RequestError(Diagnostic("`start` and `stop` count scenes from 0", help="leave them out to read all"))
-    reading = table.read_scenes(given.path("path", path))
-    return _scene_set(reading.header, reading.labels, reading.whole(start, stop))
+    for name, value in (("start", start), ("stop", stop)):
+        if value is not None and as_int(name, value) < 0:
+            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted="0 or more"))
+    if is_set(path):
+        from scenegen.formats.opening import open_store
+        from scenegen.formats.sets import read_set
+
+        reading = read_set(open_store(as_location(path)))
+    else:
+        reading = table.read_scenes(as_path("path", path))
+    return scene_set(reading.header, reading.labels, reading.whole(start, stop))
 
 
 def from_file(file: SceneFile) -> SceneSet:
     """The arrays of a scene file."""
-    names = [one.name for one in file.objects]
     labels = file.label_names
-    return _scene_set(file.without_scenes(), labels, block_of(file.scenes, names, labels))
+    return scene_set(file.without_scenes(), labels, block_of(file.scenes, file, labels))
 
 
-def _scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
-    poses = np.ascontiguousarray(turned(scenes.rows).T).reshape(scenes.count, len(header.objects), 3)
-    return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header)
+def scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
+    placed = scenes.rows[: row_count(len(header.objects))]
+    poses = np.ascontiguousarray(as_poses(turned(placed)))
+    on = np.ascontiguousarray(scenes.rows[len(placed) :].T) if header.choosers else None
+    return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header, on=on)
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
@@ -243,4 +264,4 @@ def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:
 def check_count(scenes: SceneSet) -> None:
     """Refuse an empty set where there is nothing to do with it. Raises RequestError."""
     if not len(scenes):
-        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+        raise RequestError(NO_SCENES())

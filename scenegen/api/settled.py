@@ -1,61 +1,115 @@
-"""`settle=True`: scenes that stay put for a simulated second, put between a plan and its run."""
+"""Settled scenes as arrays, and in words."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
-from scenegen.api.ask import Ask
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.needs import need
+import numpy as np
+import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from scenegen.render.settle import Refusals
-    from scenegen.sampling.auto import Choice
+from scenegen.formats.settled import write_settled
+from scenegen.formats.settled_blocks import MM, SettledBlock, Touch
+from scenegen.scene.settled import SettledHeader
+from scenegen.validation import as_path
 
-
-def check_settle(wanted: bool) -> None:
-    """Before any work is done: raises RequestError where scenes are to settle and pybullet is not installed."""
-    if wanted:
-        need("pybullet", "to settle scenes")
+Array = npt.NDArray[np.float64]
 
 
-@contextmanager
-def settling(
-    asked: Ask, choice: Choice, workers: int | None, wanted: bool
-) -> Iterator[tuple[Choice, int | None, Refusals | None]]:
-    """The choice to run, on how many processes, and what will count the scenes that did not settle.
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledScenes:
+    """Where n scenes of N objects came to rest.
 
-    Where settling is wanted, the processes do the dropping: drawing scenes takes a thousandth of that time.
+    `poses` (n, N, 7) are x, y, z of each object's lowest point under the middle of its footprint, in metres, and its
+    attitude as a quaternion qw, qx, qy, qz. Against the plan, `shift` (n, N) is how far that point moved, in metres,
+    and `turn` (n, N) the angle by which the object turned, about any axis, in degrees; `moved` (n, N) says which
+    objects moved farther than allowed. `phi` has by label the values (n,) at the settled poses, each object read as x,
+    y and the heading of the nearest upright attitude. `contacts` are by scene the pairs of objects that touched before,
+    None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged. `header` says
+    the rest.
     """
-    if not wanted or not choice.plan.reached:
-        yield choice, workers, None
-        return
-    from scenegen.render.settle import Refusals, Settler
-    from scenegen.render.settling import Settling
 
-    spec = asked.problem.spec
-    refusals = Refusals(spec.objects)
-    with Settler(spec.shapes, fixed=tuple(spec.fixed), workers=workers) as settler:
-        yield dataclasses.replace(choice, plan=Settling(choice.plan, settler, refusals)), 1, refusals
+    poses: Array
+    shift: Array
+    turn: Array
+    moved: npt.NDArray[np.bool_]
+    phi: Mapping[str, Array]
+    contacts: tuple[tuple[Touch, ...], ...]
+    header: SettledHeader
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        return f"<SettledScenes: {Summary.of(self.header, self._block()).last_line}>"
+
+    @property
+    def settled(self) -> npt.NDArray[np.bool_]:
+        """(n,): which scenes settled: none of their objects moved farther than allowed."""
+        return np.asarray(~self.moved.any(axis=1))
+
+    @property
+    def deepest(self) -> Array:
+        """(n,): the depth of each scene's deepest contact before it was simulated, in metres."""
+        return self._block().deepest
+
+    def save(self, path: str | Path) -> Path:
+        """Write them as .json, .jsonl or .parquet; the file appears whole or not at all. Raises RequestError,
+        OutputError."""
+        path = as_path("path", path)
+        write_settled(path, self.header, [self._block()])
+        return path
+
+    def _block(self) -> SettledBlock:
+        phi = np.array(list(self.phi.values())).reshape(len(self.phi), len(self))
+        return SettledBlock(self.poses, self.shift, self.turn, self.moved, phi, self.contacts)
 
 
-def told(warnings: tuple[Diagnostic, ...], refusals: Refusals | None) -> tuple[Diagnostic, ...]:
-    """The warnings of a run and of its settling."""
-    refused = None if refusals is None else refusals.diagnostic()
-    return warnings if refused is None else (*warnings, refused)
+@dataclass(slots=True)
+class Summary:
+    """What became of the scenes of a run so far, in words."""
 
+    header: SettledHeader
+    scenes: int = 0
+    far: int = 0
+    shift: float = 0.0
+    turn: float = 0.0
+    depth: float = 0.0
+    moved: Array | None = None
 
-def blamed(shortfall: Diagnostic | None, refusals: Refusals | None) -> Diagnostic | None:
-    """A shortfall that also says how many scenes did not settle."""
-    if shortfall is None or refusals is None or not refusals.refused:
-        return shortfall
-    note = f"{shortfall.note}; {refusals.summary()}" if shortfall.note else refusals.summary()
-    return dataclasses.replace(shortfall, note=note)
+    @staticmethod
+    def of(header: SettledHeader, block: SettledBlock) -> Summary:
+        summary = Summary(header)
+        summary.add(block)
+        return summary
 
+    def add(self, block: SettledBlock) -> None:
+        """Count a block's scenes."""
+        far = block.moved.any(axis=1)
+        self.scenes += block.count
+        self.far += int(far.sum())
+        self.shift = max(self.shift, float(block.shift[~far].max(initial=0.0)))
+        self.turn = max(self.turn, float(block.turn[~far].max(initial=0.0)))
+        self.depth = max(self.depth, float(block.deepest.max(initial=0.0)))
+        self.moved = block.moved.sum(axis=0) + (0 if self.moved is None else self.moved)
 
-def refuse_model() -> RequestError:
-    title = "scenes of a model cannot be settled"
-    return RequestError(Diagnostic(title, help="sample from the spec, or leave --settle out"))
+    @property
+    def first_line(self) -> str:
+        """How far objects moved where scenes settled, and how deep they were in each other before."""
+        return (
+            f"where scenes settled, objects moved by at most {MM * self.shift:.2f} mm and {self.turn:.2f} degrees; "
+            f"before, no contact was deeper than {MM * self.depth:.2f} mm"
+        )
+
+    @property
+    def last_line(self) -> str:
+        """How many scenes settled, and which objects moved too far in the others."""
+        name, seconds = self.header.simulator.name, self.header.simulator.seconds
+        text = f"{self.scenes - self.far:,} of {self.scenes:,} scenes settled ({name}, {seconds:g} s)"
+        if not self.far or self.moved is None:
+            return text
+        order = [int(k) for k in np.argsort(-self.moved, kind="stable") if self.moved[k]]
+        shown = ", ".join(f"`{self.header.objects[k]}` in {int(self.moved[k]):,}" for k in order[:5])
+        more = f" and {len(order) - 5} more objects" if len(order) > 5 else ""
+        return f"{text}; in {self.far:,} an object moved too far: {shown}{more}"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NOT_A_SCENE
+from scenegen.export.setting import world_of
 from scenegen.formats.lines import block_of
-from scenegen.formats.setting import world_of
 from scenegen.needs import need
 
 if TYPE_CHECKING:
@@ -31,11 +32,9 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
     from scenegen.api.scene import Scene
 
     need("pybullet", "for `load_pybullet()`")
-    from scenegen.render.load import load
+    from scenegen.physics.load import load
 
     if not isinstance(scene, Scene):
-        title = f"one scene is wanted here, not {scene!r}"
-        raise RequestError(Diagnostic(title, help="pick one of a set: scenes[0]"))
-    names = [one.name for one in scene.header.objects]
-    world = world_of(scene.header, block_of([scene.data()], names, tuple(scene.phi)))
+        raise RequestError(NOT_A_SCENE(value=repr(scene)))
+    world = world_of(scene.header, block_of([scene.data()], scene.header, tuple(scene.phi)))
     return load(world, getattr(client, "_client", client), table=table)

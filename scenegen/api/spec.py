@@ -6,16 +6,22 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen import given
 from scenegen.errors import Diagnostic, RequestError, SpecError
+from scenegen.errors.language import PHI_TOO_LARGE
+from scenegen.errors.requests import BOARDS_NOT_SETTLED, CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
+from scenegen.validation import as_path
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from scenegen.lang.spec import Region
     from scenegen.robustness import Robustness
+    from scenegen.scene.data import RegionData
 
 MAX_BYTES = 64_000_000
 
@@ -45,10 +51,7 @@ class Spec:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
         for label, bounds in self.bounds().items():
             if not all(map(math.isfinite, bounds)):
-                title = f"phi of `{label}` can be larger than a computer's numbers"
-                raise SpecError(
-                    Diagnostic(f"{self.checked.name}: {title}", help="use smaller constants or fewer products")
-                )
+                raise SpecError(PHI_TOO_LARGE(file=self.checked.name, label=label))
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -80,6 +83,7 @@ class Spec:
         `compiled` makes machine code of it (seconds, at the first call in each dtype): worth it for millions of scenes
         stored as (3N, B). See Robustness. Raises RequestError where torch is not installed.
         """
+        refuse_choices(self, "`robustness()`")
         need("torch", "for `robustness()`")
         from scenegen.robustness import Robustness
 
@@ -91,28 +95,40 @@ class Spec:
 
         return spec_bounds(self.checked)
 
-    def hopeless(self) -> list[Diagnostic]:
+    def infeasible(self) -> list[Diagnostic]:
         """A warning for each label that no scene seems to satisfy, and for a requirement that no scene meets.
 
         Each names the smallest set of conjuncts that clash, and says whether bounds prove it or a short search failed.
         """
-        from scenegen.api.hopeless import hopeless
+        from scenegen.api.feasibility import infeasible
 
-        return hopeless(self.checked)
+        return infeasible(self.checked)
+
+
+def refuse_choices(spec: Spec, what: str) -> None:
+    """Raises RequestError for a spec in which an object stands on one of several surfaces: `what` has no place for the
+    surface chosen."""
+    for which in spec.checked.choices:
+        raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
+
+
+def refuse_boards(regions: Iterable[Region | RegionData]) -> None:
+    """Raises RequestError if one of the regions is at a height: settling has no boards."""
+    for region in regions:
+        if region.height:
+            raise RequestError(BOARDS_NOT_SETTLED(name=region.name))
 
 
 def check_spec(spec: object, what: str = "a Spec") -> None:
     """Raises RequestError for what is no Spec: most often the path of one."""
     if not isinstance(spec, Spec):
-        help_ = "load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model, which has a `spec`"
-        raise RequestError(Diagnostic(f"{what} is wanted here, not {spec!r}", help=help_))
+        raise RequestError(NOT_A_SPEC(what=what, value=repr(spec)))
 
 
 def parse(text: str, name: str = "<spec>") -> Spec:
     """Check a spec's text. Raises SpecError; `name` is what its diagnostics call the text."""
     if not isinstance(text, str):
-        help_ = "write the spec itself; scenegen.load(FILE) reads a file"
-        raise RequestError(Diagnostic(f"the text of a spec is wanted here, not {text!r}", help=help_))
+        raise RequestError(NOT_A_TEXT(value=repr(text)))
     return Spec(check_text(text, name))
 
 
@@ -121,6 +137,6 @@ def load(path: str | Path, root: str | Path | None = None) -> Spec:
 
     What it imports must lie in its own folder, or in the folder `root`.
     """
-    path = given.path("path", path)
-    folder = None if root is None else given.path("root", root)
+    path = as_path("path", path)
+    folder = None if root is None else as_path("root", root)
     return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))

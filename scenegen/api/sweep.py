@@ -7,10 +7,12 @@ import numpy as np
 from scenegen.api.approach import approach
 from scenegen.api.labels import chosen_label
 from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of
-from scenegen.api.spec import Spec, parse
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.api.spec import Spec, parse, refuse_choices
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_SCENES
 from scenegen.lang.core import REQUIRE, gated, part
 from scenegen.lang.interpret import phi as score
+from scenegen.pose import as_poses, span_of
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import RequestData
 
@@ -31,8 +33,9 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     without scenes.
     """
     if not len(scenes):
-        raise RequestError(Diagnostic("there are no scenes in this file", help="sample some first"))
+        raise RequestError(NO_SCENES())
     spec = parse(scenes.header.spec.source, "the spec of these scenes")
+    refuse_choices(spec, "a sweep")
     chosen = chosen_label(spec.labels, label)
     core = gated(spec.checked.core)
     start = _start(spec, rows_of(spec.checked, scenes), chosen)
@@ -45,7 +48,7 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     header = make_header(
         spec.checked, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
     )
-    poses = np.ascontiguousarray(rows.T).reshape(rows.shape[1], -1, 3)
+    poses = np.ascontiguousarray(as_poses(rows))
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
     return SceneArrays(poses, values, header), chosen
 
@@ -56,7 +59,7 @@ def _start(spec: Spec, rows: Array, label: str) -> Array:
     low, high = spec.workspace.box(len(spec.objects))
     drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
     for index, pose in spec.checked.fixed.items():
-        drawn[3 * index : 3 * index + 3] = np.array(pose)[:, None]
+        drawn[span_of(index, len(pose))] = np.array(pose)[:, None]
     for some in (rows, drawn):
         phi = {name: np.broadcast_to(value, some.shape[1]) for name, value in score(core, list(some), NUMPY).items()}
         allowed = phi.get(REQUIRE, np.zeros(some.shape[1])) >= 0.0
@@ -76,7 +79,7 @@ def _walk(spec: Spec, start: Array, label: str, targets: Array) -> list[Array]:
     low[1:], aim[1:] = 0.0, MARGIN  # the requirement, if there is one
     free = np.ones(len(start), dtype=bool)
     for index in spec.checked.fixed:
-        free[3 * index : 3 * index + 3] = False
+        free[span_of(index)] = False
     found: list[Array] = []
     row = start[:, 0]
     for target in map(float, targets):

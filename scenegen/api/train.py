@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen import given
 from scenegen.api.model import Model
-from scenegen.api.spec import Spec, check_spec
+from scenegen.api.spec import Spec, check_spec, refuse_choices
+from scenegen.errors import Diagnostic
 from scenegen.needs import need
+from scenegen.validation import as_path, as_seconds
 
 if TYPE_CHECKING:
     from scenegen.training.report import EpochReport
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 def train(
     spec: Spec,
-    model: str = "energy",
+    model: str = "flow",
     *,
     recipe: str = "default",
     out: str | Path,
@@ -28,7 +29,7 @@ def train(
     card: bool = False,
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_step: Callable[[int, int], None] | None = None,
-    on_note: Callable[[str], None] | None = None,
+    on_note: Callable[[Diagnostic], None] | None = None,
     on_gather: Callable[[str, int, int], None] | None = None,
     timeout: float | None = None,
     **options: Any,
@@ -40,7 +41,11 @@ def train(
     recipe's own where they are left out. `resume` goes on from the state that an earlier run left in `out`.train, to
     the same result as one run without a break. `log_dir` gets TensorBoard event files. `card` writes the model card,
     `out`.md and `out`.png, when training is done. `on_epoch` gets an EpochReport, `on_step` the steps that are done and
-    planned, `on_gather`, before the first epoch, what is being done and how many of how many training scenes are there.
+    planned, `on_note` a Diagnostic with what is worth knowing, `on_gather`, before the first epoch, what is being done
+    and how many of how many training scenes are there.
+
+    A label that no scene satisfies, or that has the same phi in every scene, is refused before any work is done, where
+    bounds prove it (unless the scenes come from a file).
 
     After `timeout` seconds the gathering of scenes is given up: RequestError, and nothing is written. Training stops
     there after the step under way: the model is what it has come to, `resume` goes on, and no card is written.
@@ -48,18 +53,23 @@ def train(
     Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM, KeyboardInterrupt while scenes are
     gathered.
     """
+    from scenegen.api.feasibility import refuse_infeasible
     from scenegen.training.config import make_config
+    from scenegen.training.datasets.registry import is_file
 
     check_spec(spec)
-    path = given.path("out", out)
+    refuse_choices(spec, "training")
+    path = as_path("out", out)
     config = make_config(model, recipe, **options)
-    seconds = math.inf if timeout is None else given.seconds("timeout", timeout)
+    seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
     need("torch", "to train a model")
     from scenegen.training.loop import train as run
 
+    if not is_file(config.data):
+        refuse_infeasible(spec.checked)
     if card:
-        from scenegen.api.card import check_card, write_card
+        from scenegen.evaluation.card import check_card, write_card
 
         check_card(path)
     done = Model(
@@ -68,7 +78,7 @@ def train(
             config,
             path,
             resume=resume,
-            log_dir=None if log_dir is None else given.path("log_dir", log_dir),
+            log_dir=None if log_dir is None else as_path("log_dir", log_dir),
             on_epoch=on_epoch,
             on_step=on_step,
             on_note=on_note,

@@ -13,13 +13,14 @@ from scenegen.assets.parts import CREAM, DARK, STEEL, WHITE, Part
 from scenegen.assets.solids import HOLLOWS
 
 
-def _crate(name: str) -> Crate:
+def crate_of(name: str) -> Crate:
+    """The library's crate of that name."""
     found = HOLLOWS[name]
     assert isinstance(found, Crate)
     return found
 
 
-def _frame(crate: Crate, inset: float, low: float, high: float, thick: float) -> Mesh:
+def frame(crate: Crate, inset: float, low: float, high: float, thick: float) -> Mesh:
     """A rectangular ring of four bars inside the outline of a crate."""
     long, wide = crate.length - 2.0 * inset, crate.width - 2.0 * inset
     side, end = box(long, thick, high - low), box(thick, wide - 2.0 * thick, high - low)
@@ -29,7 +30,7 @@ def _frame(crate: Crate, inset: float, low: float, high: float, thick: float) ->
 
 
 def tray(color: RGB) -> tuple[Part, ...]:
-    crate = _crate("tray")
+    crate = crate_of("tray")
     floor = box(crate.length - 0.004, crate.width - 0.004, crate.floor)
     inlay = box(crate.length - 0.05, crate.width - 0.05, 0.0006).moved(z=crate.floor)
     stripes = [
@@ -38,7 +39,7 @@ def tray(color: RGB) -> tuple[Part, ...]:
     slots = [box(0.0125, 0.090, 0.012).moved(x=s * 0.19365, z=0.024) for s in (-1.0, 1.0)]
     return (
         Part(floor, mix(color, WHITE, 0.12)),
-        Part(_frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
+        Part(frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
         Part(inlay, mix(color, WHITE, 0.30)),
         Part(joined(slots), mix(color, DARK, 0.65)),
         Part(joined(stripes), mix(color, WHITE, 0.75)),
@@ -46,10 +47,10 @@ def tray(color: RGB) -> tuple[Part, ...]:
 
 
 def carton(color: RGB) -> tuple[Part, ...]:
-    crate = _crate("carton")
-    outside = _frame(crate, 0.0, 0.0, crate.height, crate.wall)
+    crate = crate_of("carton")
+    outside = frame(crate, 0.0, 0.0, crate.height, crate.wall)
     floor = box(crate.length - 0.002, crate.width - 0.002, crate.floor)
-    lining = _frame(crate, crate.wall, crate.floor, crate.height - 0.002, 0.0006)
+    lining = frame(crate, crate.wall, crate.floor, crate.height - 0.002, 0.0006)
     tape = box(0.0010, 0.050, 0.062).moved(x=crate.length / 2.0 - 0.0005, z=crate.height - 0.064)
     arrows = [_upright_arrow(y).moved(x=crate.length / 2.0 - 0.0011) for y in (-0.055, 0.055)]
     seam = box(crate.length - 0.02, 0.046, 0.0006).moved(z=crate.floor)

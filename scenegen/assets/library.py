@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from scenegen.assets.cabinet import WIDTH, Cabinet
 from scenegen.assets.palette import RGB, shade, stable
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 
@@ -45,7 +46,7 @@ class Asset:
 
     def parts(self, color: RGB | None = None) -> tuple[Part, ...]:
         """Coloured closed meshes in the object's frame: centre of the footprint at the origin, z = 0 the table, heading
-        along +x. `color` takes the place of the main colour. Made anew on every call."""
+        along +x. `color` takes the place of the main colour. Every call makes new meshes."""
         module, _, function = self.build.partition(":")
         made: tuple[Part, ...] = getattr(import_module(f"scenegen.assets.{module}"), function)(color or self.color)
         return made
@@ -54,12 +55,14 @@ class Asset:
 @dataclass(frozen=True, slots=True)
 class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
-    `prism`, `urdf` and `mesh` with sizes of its own. Footprint and height in metres; `path` is the last two's file."""
+    `prism`, `urdf` and `mesh` with sizes of its own. Footprint and height in metres; `path` is the last two's file,
+    `open` the shares by which the drawers of a `cabinet(...)` are open, the lowest first."""
 
     asset: str
     footprint: Footprint
     height: float
     path: str = ""
+    open: tuple[float, ...] = ()
 
 
 UNKNOWN = "block"
@@ -98,6 +101,15 @@ ASSETS: dict[str, Asset] = {
         Asset("pen", Box(0.145, 0.013), 0.014, 0.012, 0.4, (0.16, 0.30, 0.62), "desk:pen"),
         Asset("marker", Box(0.135, 0.020), 0.020, 0.018, 0.4, (0.22, 0.60, 0.35), "desk:marker"),
         Asset("scissors", Box(0.180, 0.084), 0.0125, 0.080, 0.4, (0.85, 0.40, 0.14), "desk:scissors"),
+        Asset("shelfunit", Box(0.260, 0.640), 0.640, 7.50, 0.5, (0.72, 0.55, 0.36), "furniture:shelfunit"),
+        Asset("basket", Circle(0.150), 0.080, 0.60, 0.5, (0.70, 0.50, 0.28), "furniture:basket"),
+        Asset("pot", Circle(0.110), 0.110, 1.20, 0.4, (0.36, 0.38, 0.42), "furniture:pot"),
+        Asset("cabinet", Box(0.360, 0.440), 0.350, 7.80, 0.5, (0.36, 0.47, 0.50), "storage:cabinet"),
+        Asset("drawer", Box(0.334, 0.434), 0.094, 1.60, 0.5, (0.74, 0.60, 0.42), "storage:drawer"),
+        Asset("rack", Box(0.234, 0.322), 0.290, 1.10, 0.5, (0.70, 0.50, 0.30), "storage:rack"),
+        Asset("bin", Box(0.240, 0.200), 0.130, 0.35, 0.4, (0.20, 0.46, 0.66), "storage:bin"),
+        Asset("stand", Circle(0.115), 0.140, 0.90, 0.5, (0.90, 0.86, 0.78), "furniture:stand"),
+        Asset("lid", Circle(0.112), 0.048, 0.40, 0.4, (0.42, 0.44, 0.48), "furniture:lid"),
         Asset("block", Box(0.050, 0.050), 0.050, 0.08, 0.5, (0.88, 0.38, 0.16), "flat:block"),
     )
 }
@@ -145,9 +157,29 @@ def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
 
         return plain(footprint, shape.height, color)
     asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
-    (length, width), (own_length, own_width) = footprint.extent, asset.footprint.extent
-    scale = length / own_length, width / own_width, shape.height / asset.height
-    return tuple(replace(part, mesh=part.mesh.scaled(*scale)) for part in asset.parts(color))
+    (length, width), (own_length, own_width, own_height) = footprint.extent, own_size(shape)
+    scale = length / own_length, width / own_width, shape.height / own_height
+    parts = asset.parts(color)
+    if shape.open:
+        from scenegen.assets.storage import cabinet
+
+        parts = cabinet(color, shape.open)
+    return tuple(replace(part, mesh=part.mesh.scaled(*scale)) for part in parts)
+
+
+def own_size(shape: Shape) -> tuple[float, float, float]:
+    """Length, width and height of the library's object that a shape is, before it is stretched; metres."""
+    if shape.open:
+        made = Cabinet(shape.open)
+        return made.length, WIDTH, made.height
+    asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
+    return *asset.footprint.extent, asset.height
+
+
+def cabinet_shape(open: tuple[float, ...]) -> Shape:
+    """A cabinet with one drawer for each share, the lowest first."""
+    made = Cabinet(open)
+    return Shape("cabinet", Box(made.length, WIDTH), made.height, open=open)
 
 
 def _family(name: str, asset: str) -> str | None:
@@ -185,8 +217,8 @@ def colors_of(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> 
 
 
 def _natural(asset: str) -> bool:
-    """Whether a colour belongs to what the asset is: apples are red, whereas blocks come in all colours."""
-    return asset not in PLAIN and asset != UNKNOWN
+    """Whether a colour belongs to what the asset is: apples are red, whereas blocks and bins come in all colours."""
+    return asset not in (*PLAIN, UNKNOWN, "bin")
 
 
 def _all_different(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -11,14 +10,18 @@ import numpy.typing as npt
 
 from scenegen.assets.library import Shape
 from scenegen.assets.support import base_heights, carrier_first, carries
-from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Footprint
+from scenegen.assets.surfaces import reach_of, slabs_of
+from scenegen.pose import flat, places
+from scenegen.primitives import NUMPY, PRIMITIVES, Footprint
 
 Floats = npt.NDArray[np.float64]
 
 SEEN = 1e-3  # metres that two objects share at least, sideways and upwards
 
 
-def overlapping(shapes: Sequence[Shape], poses: Floats) -> list[list[tuple[int, int]]]:
+def overlapping(
+    shapes: Sequence[Shape], poses: Floats, declared: Sequence[float] | Floats | None = None
+) -> list[list[tuple[int, int]]]:
     """For each scene the pairs of objects whose footprints overlap at one height, by more than a millimetre.
 
     `poses` is (scenes, objects, 3). What stands on another object, or inside it, does not overlap it.
@@ -26,31 +29,39 @@ def overlapping(shapes: Sequence[Shape], poses: Floats) -> list[list[tuple[int, 
     found: list[list[tuple[int, int]]] = [[] for _ in poses]
     if not len(poses):
         return found
-    gap = PRIMITIVES["gap"].evaluate
-    bottoms = base_heights(shapes, poses)
+    poses = flat(poses)
+    bottoms = base_heights(shapes, poses, declared=declared)
     tops = bottoms + np.array([shape.height for shape in shapes])
-    reach = [_radius(shape.footprint) for shape in shapes]
+    reach = [reach_of(shape.footprint) for shape in shapes]
     with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
         for a, b in combinations(range(len(shapes)), 2):
-            near = np.hypot(*(poses[:, a, :2] - poses[:, b, :2]).T) < reach[a] + reach[b]
+            near = np.hypot(*(places(poses[:, a]) - places(poses[:, b])).T) < reach[a] + reach[b]
             near &= np.minimum(tops[:, a], tops[:, b]) - np.maximum(bottoms[:, a], bottoms[:, b]) > SEEN
             if not near.any():
                 continue
             some = np.flatnonzero(near)
             lower, upper = carrier_first(shapes, a, b)
-            apart = gap(NUMPY, shapes[a].footprint, shapes[b].footprint, *poses[some, a].T, *poses[some, b].T)
+            apart = _apart(shapes[a], shapes[b], poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
             carried = carries(shapes[lower], shapes[upper], poses[some, lower], poses[some, upper])
             for scene in some[(apart < -SEEN) & ~carried]:
                 found[scene].append((a, b))
     return found
 
 
-def _radius(footprint: Footprint) -> float:
-    """Of a circle round the origin that holds all of it, in metres."""
-    match footprint:
-        case Circle(radius):
-            return radius
-        case Box(length, width):
-            return math.hypot(length, width) / 2.0
-        case _:
-            return max(math.hypot(x, y) for x, y in footprint.vertices)
+def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
+    """(P,): the clearance of two objects' footprints at poses (P, 3); of furniture, of its pieces at that height."""
+    gap = PRIMITIVES["gap"].evaluate
+    found = np.full(len(first), np.inf)
+    for a, start, stop in _upright(one):
+        for b, begin, end in _upright(other):
+            apart = gap(NUMPY, a, b, *first.T, *second.T)
+            shared = np.minimum(low + stop, lowest + end) - np.maximum(low + start, lowest + begin)
+            found = np.where(shared > SEEN, np.minimum(found, apart), found)
+    return found
+
+
+def _upright(shape: Shape) -> list[tuple[Footprint, float, float]]:
+    """What an object consists of, as upright prisms with the heights of their ends."""
+    pieces: list[tuple[Footprint, float, float]]
+    pieces = [(one.footprint, one.low, one.high) for one in slabs_of(shape)]
+    return pieces or [(shape.footprint, 0.0, shape.height)]

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 
-from scenegen.assets.hollow import Rooms
-from scenegen.assets.library import ASSETS, PLAIN, Asset, Shape
+from scenegen.assets.library import Shape, own_size
 from scenegen.assets.mesh import Mesh, prism
 from scenegen.assets.outline import simplified
-from scenegen.assets.solids import HOLLOWS, SOLIDS
+from scenegen.assets.rooms import asset_of, stretch_of
+from scenegen.assets.solids import SOLIDS, slab_mesh
+from scenegen.assets.surfaces import slabs_of
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.primitives.hull import Point, signed_area
 
@@ -23,16 +24,16 @@ CORNERS = 64  # of a prism at most
 
 def mass_of(shape: Shape) -> float:
     """Kilograms: the library's, in proportion where the shape is stretched, else of wood that fills its prism."""
-    asset = _asset(shape)
+    asset = asset_of(shape)
     if asset is not None:
-        x, y, z = _stretch(shape, asset)
-        return asset.mass * x * y * z
+        x, y, z = stretch_of(shape)
+        return asset.mass * x * y * z * (own_size(shape)[2] / asset.height if shape.open else 1.0)
     return DENSITY * signed_area(_corners(shape)) * shape.height
 
 
 def friction_of(shape: Shape) -> float:
     """The coefficient of sliding friction against a table of wood."""
-    asset = _asset(shape)
+    asset = asset_of(shape)
     return FRICTION if asset is None else asset.friction
 
 
@@ -41,36 +42,12 @@ def collision_of(shape: Shape) -> tuple[Mesh, ...]:
 
     Of a shape with sizes of its own, the prism over its footprint.
     """
-    asset = _asset(shape)
+    asset = asset_of(shape)
     if asset is None or asset.name not in SOLIDS:
         return (prism(_corners(shape), 0.0, shape.height),)
-    return tuple(piece.scaled(*_stretch(shape, asset)) for piece in SOLIDS[asset.name]())
-
-
-def rooms_of(shape: Shape) -> Rooms:
-    """(footprint, height): what fits inside the object, and how high it then stands; the deepest first, of solid
-    things none."""
-    asset = _asset(shape)
-    if asset is None or asset.name not in HOLLOWS:
-        return ()
-    x, y, z = _stretch(shape, asset)
-    rooms: list[tuple[Circle | Box, float]] = []
-    for room, height in HOLLOWS[asset.name].rooms():
-        scaled = Circle(room.radius * min(x, y)) if isinstance(room, Circle) else Box(room.length * x, room.width * y)
-        rooms.append((scaled, height * z))
-    return tuple(rooms)
-
-
-def _asset(shape: Shape) -> Asset | None:
-    """The entry of the library that a shape is, perhaps stretched; None for shapes with sizes of their own."""
-    if shape.asset in PLAIN or isinstance(shape.footprint, Polygon):
-        return None
-    return ASSETS.get(shape.asset)
-
-
-def _stretch(shape: Shape, asset: Asset) -> tuple[float, float, float]:
-    (length, width), (own_length, own_width) = shape.footprint.extent, asset.footprint.extent
-    return length / own_length, width / own_width, shape.height / asset.height
+    if shape.open:
+        return tuple(map(slab_mesh, slabs_of(shape)))
+    return tuple(piece.scaled(*stretch_of(shape)) for piece in SOLIDS[asset.name]())
 
 
 def _corners(shape: Shape) -> list[Point]:

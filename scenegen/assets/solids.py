@@ -10,8 +10,11 @@ import math
 from collections.abc import Callable
 from itertools import pairwise
 
+from scenegen.assets.boards import UNITS, Slab
+from scenegen.assets.cabinet import Cabinet, Drawer
 from scenegen.assets.hollow import Crate, Hollow, Vessel
 from scenegen.assets.mesh import Mesh, box, loft
+from scenegen.assets.rack import Rack
 
 SIDES = 20  # of solid round pieces
 DOME = ((0.0, 0.95), (0.18, 1.0), (0.6, 0.85), (1.0, 0.35))  # a mouse, in half its length, width and height
@@ -41,6 +44,9 @@ HOLLOWS: dict[str, Hollow] = {
     ),
     "tray": Crate(0.400, 0.300, 0.045, 0.011, 0.010),
     "carton": Crate(0.300, 0.220, 0.160, 0.005, 0.005),
+    "bin": Crate(0.240, 0.200, 0.130, 0.008, 0.008),
+    "basket": Vessel(((0.0, 0.150, 0.0), (0.012, 0.150, 0.0), (0.012, 0.150, 0.144), (0.080, 0.150, 0.144))),
+    "pot": Vessel(((0.0, 0.110, 0.0), (0.008, 0.110, 0.0), (0.008, 0.110, 0.104), (0.110, 0.110, 0.104))),
     "glass": Vessel(((0.0, 0.0275, 0.0), (0.008, 0.029, 0.0), (0.008, 0.029, 0.026), (0.125, 0.035, 0.032))),
 }
 
@@ -75,12 +81,32 @@ def _laptop() -> tuple[Mesh, ...]:
     return box(0.234, 0.330, 0.0195).moved(x=0.039), loft(lid)
 
 
+def slab_mesh(one: Slab) -> Mesh:
+    """An upright piece as a box."""
+    x0, y0, x1, y1 = one.box
+    middle = {"x": (x0 + x1) / 2.0, "y": (y0 + y1) / 2.0, "z": one.low}
+    return box(x1 - x0, y1 - y0, one.high - one.low).moved(**middle)
+
+
 SOLIDS: dict[str, Callable[[], tuple[Mesh, ...]]] = {
     "plate": HOLLOWS["plate"].pieces,
     "bowl": HOLLOWS["bowl"].pieces,
     "mug": lambda: (*HOLLOWS["mug"].pieces(), *_handle(0.037, 0.0615, 0.020, 0.078)),
     "cup": lambda: (*HOLLOWS["cup"].pieces(), *_handle(0.036, 0.0595, 0.026, 0.064)),
     "glass": HOLLOWS["glass"].pieces,
+    "basket": HOLLOWS["basket"].pieces,
+    "pot": HOLLOWS["pot"].pieces,
+    "cabinet": lambda: tuple(map(slab_mesh, Cabinet().slabs())),
+    "drawer": lambda: tuple(map(slab_mesh, Drawer().slabs())),
+    "rack": lambda: tuple(map(slab_mesh, Rack().slabs())),
+    "bin": HOLLOWS["bin"].pieces,
+    "stand": lambda: (
+        *_round((0.0, 0.075), (0.012, 0.070)),
+        *_round((0.012, 0.022), (0.122, 0.022)),
+        *_round((0.122, 0.085), (0.130, 0.115), (0.140, 0.115)),
+    ),
+    "lid": lambda: _round((0.0, 0.112), (0.008, 0.112), (0.022, 0.060), (0.048, 0.018)),
+    "shelfunit": lambda: tuple(map(slab_mesh, UNITS["shelfunit"].slabs())),
     "tray": HOLLOWS["tray"].pieces,
     "carton": HOLLOWS["carton"].pieces,
     "bottle": lambda: _round((0.0, 0.032), (0.004, 0.036), (0.130, 0.036), (0.168, 0.0155), (0.230, 0.0145)),

@@ -1,7 +1,7 @@
 """What objects stand on: the table, or another object that carries their middle.
 
-Heights are no part of a scene (its poses are x, y, theta); this is how they are read from it, for pictures, for files
-of simulators and for settling alike.
+Where a spec does not declare heights (docs/adr/0011-supports.md), this is how they are read from the poses
+(x, y, theta), for pictures, for files of simulators and for settling alike.
 """
 
 from __future__ import annotations
@@ -13,24 +13,31 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.assets.library import Shape
-from scenegen.assets.physics import rooms_of
+from scenegen.assets.rooms import rooms_of
+from scenegen.assets.surfaces import pocketed, rim_of, surfaces_of
+from scenegen.pose import flat
 from scenegen.primitives import NUMPY, POINT, PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import area, centroid
 
 Floats = npt.NDArray[np.float64]
 
 
-def base_heights(shapes: Sequence[Shape], poses: Floats, *, solid: bool = False) -> Floats:
+def base_heights(
+    shapes: Sequence[Shape], poses: Floats, *, solid: bool = False, declared: Sequence[float] | Floats | None = None
+) -> Floats:
     """(scenes, objects): how high above the table the lowest point of each object is, in metres.
 
     `poses` is (scenes, objects, 3). An object is carried where the middle of its footprint lies inside the footprint of
     another, so that it does not tip over an edge; it then stands on the highest of those. Of two objects the one with
     the larger footprint carries, of two equal ones the one that comes first: nothing stands on itself, and towers are
     allowed. In a hollow (see `physics.rooms_of`) an object stands as deep as its footprint fits; `solid` fills hollows
-    up, for bodies that have none.
+    up, for bodies that have none. `declared` is what a spec says of the heights, if it does: (objects,), or
+    (scenes, objects).
     """
+    if declared is not None and len(declared):
+        return np.broadcast_to(np.array(declared), poses.shape[:2]).copy()
     with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
-        return _heights(shapes, poses, solid)
+        return _heights(shapes, flat(poses), solid)
 
 
 def carrier_first(shapes: Sequence[Shape], a: int, b: int) -> tuple[int, int]:
@@ -40,9 +47,9 @@ def carrier_first(shapes: Sequence[Shape], a: int, b: int) -> tuple[int, int]:
 
 def carries(lower: Shape, upper: Shape, lower_poses: Floats, upper_poses: Floats) -> npt.NDArray[np.bool_]:
     """(P,): whether the middle of one object is above another at poses (P, 3) each."""
-    middle = _middle(upper.footprint, upper_poses)
+    middle = _middle(upper.footprint, flat(upper_poses))
     inside = PRIMITIVES["room"].evaluate
-    return np.asarray(inside(NUMPY, POINT, lower.footprint, *middle, *lower_poses.T) > 0.0)
+    return np.asarray(inside(NUMPY, POINT, lower.footprint, *middle, *flat(lower_poses).T) > 0.0)
 
 
 def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
@@ -57,10 +64,15 @@ def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
             carried = carries(shapes[lower], shapes[upper], poses[:, lower], poses[:, upper])
             if not carried.any():
                 continue
-            floor = np.full(len(poses), shapes[lower].height)
-            for room, height in () if solid else reversed(rooms_of(shapes[lower])):  # from the rim downwards
+            pockets = None if solid else pocketed(shapes[lower])
+            floor = np.full(len(poses), shapes[lower].height if pockets is None else rim_of(shapes[lower]))
+            rooms = rooms_of(shapes[lower]) if pockets is None else ()
+            for room, height in () if solid else reversed(rooms):  # from the rim downwards
                 held = inside(NUMPY, footprint, room, *pose, *below) >= 0.0
                 floor = np.where(held, height, floor)
+            for surface in () if pockets is None else surfaces_of(shapes[lower]):
+                held = inside(NUMPY, footprint if surface.walled else POINT, surface.outline, *pose, *below) >= 0.0
+                floor = np.where(held, surface.height, floor)
             top = np.where(carried, heights[:, lower] + floor, 0.0)
             heights[:, upper] = np.maximum(heights[:, upper], top)
     return heights

@@ -1,7 +1,8 @@
 """Nodes of a tape in batches: all that have one primitive and the same footprints, and only refer to earlier batches.
 
 On small arrays a call of numpy costs far more than the arithmetic. Forty boxes that do not overlap are 780 gaps of one
-kind: as one batch, their rule is called once, with the nodes as a further axis before that of the boxes.
+kind: as one batch, their rule is called once, with the nodes as a further axis before that of the boxes. That is why
+large tapes are not walked with `lang.fold`, which takes one node after another.
 """
 
 from __future__ import annotations

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, impose, size_of, start
+from scenegen.bounds.coupling import open_nodes
 from scenegen.bounds.effort import PYTHON, Effort, scoring
-from scenegen.bounds.proposal import open_nodes
+from scenegen.bounds.requirements import EVERYTHING, Ends, alternatives, both, push_down
 from scenegen.bounds.search import Reach, find
 from scenegen.bounds.tape import Tape, make_tape, weight
-from scenegen.bounds.wanted import EVERYTHING, Ends, alternatives, both, push_down
-from scenegen.errors import Diagnostic, Span
+from scenegen.errors import Diagnostic, Kind, Span
 from scenegen.lang.core import Atom, Coord, Core, Junction
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
@@ -93,13 +94,11 @@ def take_apart(core: Core, wanted: Mapping[int, Ends]) -> list[Conjunct]:
     return found
 
 
-def explain(core: Core, found: Clash, title: str, help_: str = "", severity: str = "error") -> Diagnostic:
+def explain(core: Core, found: Clash, kind: Kind, **facts: Any) -> Diagnostic:
     """The diagnostic of a clash: the caret under the first atom, the others below with their file and line."""
     texts = [_text(core, conjunct) for conjunct in found.conjuncts]
     spans = [_span(core, node) for node, _, _ in found.conjuncts]
-    label = texts[0] if len(texts) == 1 else f"{texts[0]} clashes with what is noted below"
-    if len(texts) == 1:
-        label += " cannot be met"
+    more = "cannot be met" if len(texts) == 1 else "clashes with what is noted below"
     lines = [
         f"{text}  ({span.place})" if span is not None else text
         for text, span in list(zip(texts, spans, strict=True))[1 : SHOWN + 1]
@@ -107,8 +106,7 @@ def explain(core: Core, found: Clash, title: str, help_: str = "", severity: str
     if len(texts) > SHOWN + 1:
         lines.append(f"and {len(texts) - SHOWN - 1} more")
     lines.append("bounds prove it" if found.proved else "no proof: a short search found no scene")
-    level = "warning" if severity == "warning" else "error"
-    return Diagnostic(title, spans[0], label, help_, level, "\n".join(lines))  # type: ignore[arg-type]
+    return kind(spans[0], clash=f"{texts[0]} {more}", others="\n".join(lines), **facts)
 
 
 def _text(core: Core, conjunct: Conjunct) -> str:

@@ -15,23 +15,23 @@ import numpy.typing as npt
 
 from scenegen.bounds.batches import Batches
 from scenegen.bounds.effort import Effort, bounding
+from scenegen.bounds.requirements import Ends
 from scenegen.bounds.tape import Tape
 from scenegen.lang.core import Apply, Const, Coord, Junction, Node
+from scenegen.lang.fold import Algebra, fold
 from scenegen.primitives import PRIMITIVES, Interval
 from scenegen.primitives import interval as iv
 from scenegen.primitives.backward import maximum as back_maximum
 from scenegen.primitives.backward import minimum as back_minimum
 
 Array = npt.NDArray[np.float64]
-Wanted = Mapping[int, tuple[float, float]]
-"""Core node of a formula -> lowest and highest wanted value."""
 
 ROUNDS = 4
 LEAST = 0.02  # a sweep that takes less than this share off every box is the last
 SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
 
 
-def start(tape: Tape, wanted: Sequence[Wanted], lowest: Array, highest: Array) -> tuple[Array, Array]:
+def start(tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array) -> tuple[Array, Array]:
     """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes."""
     lo, hi = np.full((len(tape.nodes), len(wanted)), -np.inf), np.full((len(tape.nodes), len(wanted)), np.inf)
     for row, node in tape.rows.items():
@@ -49,7 +49,7 @@ def size_of(lowest: Array, highest: Array) -> float:
     return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
 
 
-def impose(tape: Tape, wanted: Wanted, lo: Array, hi: Array, size: float) -> None:
+def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float) -> None:
     """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
     for node, (low, high) in wanted.items():
         at = tape.where[node]
@@ -79,7 +79,7 @@ def contract(
         before = hi[leaves] - lo[leaves]
         for _ in range(rounds):
             if batches is None:
-                _up(nodes, lo, hi, effort)
+                fold(nodes, _Forward(lo, hi, effort))
             else:
                 batches.meet_up(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
@@ -117,30 +117,51 @@ def forward(
             batches.bounds(out_lo, out_hi, effort, known)
         return out_lo, out_hi
     with np.errstate(all="ignore"):
-        for index, node in enumerate(nodes):
-            effort.spend(bounding(node, lo.shape[1]))
-            value = _value(node, out_lo, out_hi)
-            if value is None:
-                continue
-            out_lo[index], out_hi[index] = value
-            if known[index]:
-                np.fmax(out_lo[index], lo[index], out=out_lo[index])
-                np.fmin(out_hi[index], hi[index], out=out_hi[index])
+        fold(nodes, _Forward(out_lo, out_hi, effort, known))
     return out_lo, out_hi
 
 
-def _up(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
-    """Meet every node's interval with the bounds of its children, one after another."""
-    for index, node in enumerate(nodes):
-        effort.spend(bounding(node, lo.shape[1]))
-        value = _value(node, lo, hi)
-        if value is not None:
-            np.fmax(lo[index], value.lo, out=lo[index])
-            np.fmin(hi[index], value.hi, out=hi[index])
+class _Forward(Algebra[Interval]):
+    """Nodes as the rows of lo and hi, (T, K), which are met with, or where not `known` (T,) replaced by, the bounds of
+    their children, in place. Without `known`, all are met."""
+
+    def __init__(self, lo: Array, hi: Array, effort: Effort, known: npt.NDArray[np.bool_] | None = None) -> None:
+        self._lo, self._hi, self._effort, self._known = lo, hi, effort, known
+
+    def constant(self, index: int, node: Const) -> Interval:
+        return self._put(index, iv.point(node.value))
+
+    def coordinate(self, index: int, node: Coord) -> Interval:
+        return Interval(self._lo[index], self._hi[index])
+
+    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._lo.shape[1]))
+        return self._put(index, PRIMITIVES[node.primitive].interval(*node.shapes, *args))
+
+    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._lo.shape[1]))
+        # All rows at a time: conjunctions have hundreds of parts.
+        columns = self._lo[list(node.args)], self._hi[list(node.args)]
+        if node.kind == "min":
+            return self._put(index, Interval(columns[0].min(axis=0), columns[1].min(axis=0)))
+        return self._put(index, Interval(columns[0].max(axis=0), columns[1].max(axis=0)))
+
+    def _put(self, index: int, value: Interval) -> Interval:
+        mine = Interval(self._lo[index], self._hi[index])
+        if self._known is None:
+            np.fmax(mine.lo, value.lo, out=mine.lo)
+            np.fmin(mine.hi, value.hi, out=mine.hi)
+        elif self._known[index]:  # in this order, which tells where one is 0.0 and the other -0.0
+            np.fmax(value.lo, mine.lo, out=mine.lo)
+            np.fmin(value.hi, mine.hi, out=mine.hi)
+        else:
+            mine.lo[...], mine.hi[...] = value
+        return mine
 
 
 def _down(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
-    """Meet every child's interval with what its parents leave, from the last node on."""
+    """Meet every child's interval with what its parents leave, from the last node on: not a fold, for it goes from
+    parents to children."""
     for index in range(len(nodes) - 1, -1, -1):
         node = nodes[index]
         if isinstance(node, Apply | Junction):
@@ -153,20 +174,6 @@ def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
     if isinstance(node, Apply):
         return node.primitive == "sub" and all(isinstance(nodes[arg], Coord) for arg in node.args)
     return isinstance(node, Coord)
-
-
-def _value(node: Node, lo: Array, hi: Array) -> Interval | None:
-    match node:
-        case Const(value):
-            return iv.point(value)
-        case Apply(primitive, args, shapes):
-            return PRIMITIVES[primitive].interval(*shapes, *(Interval(lo[arg], hi[arg]) for arg in args))
-        case Junction(kind, args):
-            columns = lo[list(args)], hi[list(args)]
-            if kind == "min":
-                return Interval(columns[0].min(axis=0), columns[1].min(axis=0))
-            return Interval(columns[0].max(axis=0), columns[1].max(axis=0))
-    return None
 
 
 def _revise(node: Apply | Junction, result: Interval, lo: Array, hi: Array) -> None:

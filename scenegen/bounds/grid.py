@@ -87,7 +87,7 @@ def make_grid(
     """Cover what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
 
     `dims` are the positions to cover (called `names` in the result), `given` those whose intervals are kept when bounds
-    are worked out anew, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
+    are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
     not split further. At most `budget` boxes. An empty grid proves that there is no solution. Raises what `effort`
     raises.
     """

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scenegen.bounds.batches import Batches, make_batches
 from scenegen.bounds.effort import Effort, bounding
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.fold import Algebra, fold
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import PRIMITIVES, Interval
 from scenegen.primitives import interval as iv
@@ -30,22 +31,33 @@ def node_bounds(core: Core, lowest: Array, highest: Array, effort: Effort | None
     batches = make_batches(core.nodes)
     if batches is not None:
         return _in_batches(core, batches, lowest, highest, effort)
-    values: list[Interval] = []
-    boxes = math.prod(lowest.shape[1:])
-    for node in core.nodes:
-        effort.spend(bounding(node, boxes))
-        match node:
-            case Const(value):
-                values.append(iv.point(value))
-            case Coord():
-                values.append(Interval(lowest[node.row], highest[node.row]))
-            case Apply(primitive, args, shapes):
-                values.append(PRIMITIVES[primitive].interval(*shapes, *(values[arg] for arg in args)))
-            case Atom(margin):
-                values.append(values[margin])
-            case Junction(kind, args):
-                values.append((iv.minimum if kind == "min" else iv.maximum)(*(values[arg] for arg in args)))
-    return values
+    return fold(core.nodes, _Bounds(lowest, highest, effort))
+
+
+class _Bounds(Algebra[Interval]):
+    """Nodes as intervals over the boxes lowest..highest."""
+
+    def __init__(self, lowest: Array, highest: Array, effort: Effort) -> None:
+        self._lowest, self._highest, self._effort = lowest, highest, effort
+        self._boxes = math.prod(lowest.shape[1:])
+
+    def constant(self, index: int, node: Const) -> Interval:
+        return iv.point(node.value)
+
+    def coordinate(self, index: int, node: Coord) -> Interval:
+        return Interval(self._lowest[node.row], self._highest[node.row])
+
+    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return PRIMITIVES[node.primitive].interval(*node.shapes, *args)
+
+    def atom(self, index: int, node: Atom, margin: Interval) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return margin
+
+    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return (iv.minimum if node.kind == "min" else iv.maximum)(*args)
 
 
 def _in_batches(core: Core, batches: Batches, lowest: Array, highest: Array, effort: Effort) -> list[Interval]:

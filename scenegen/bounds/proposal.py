@@ -8,25 +8,23 @@ covered and drawn then is where they lie relative to each other, a change of var
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.chain import Chain, Edge, make_chain
-from scenegen.bounds.contract import SLACK, forward
+from scenegen.bounds.chain import Chain, make_chain
+from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_at, trees, variables
 from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.bounds.grid import Grid, make_grid
 from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.tape import Tape
-from scenegen.bounds.wanted import Ends
 from scenegen.lang.core import Coord, Junction
 
 Array = npt.NDArray[np.float64]
 
 MOST_DIMS = 6  # coupled coordinates that a grid may have; more cannot be covered well by boxes
-BELOW_TURN = float(np.nextafter(2.0 * math.pi, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,49 +85,6 @@ class Proposal:
         return inside
 
 
-@dataclass(slots=True)
-class _Frame:
-    """A forest over rows along differences: `up[row]` is (parent row, difference node)."""
-
-    up: dict[int, tuple[int, int]] = field(default_factory=dict)
-    order: list[int] = field(default_factory=list)  # children, parents before them
-
-    def path(self, row: int) -> tuple[int, list[int]]:
-        """The root above a row and the differences on the way."""
-        way = []
-        while row in self.up:
-            row, node = self.up[row]
-            way.append(node)
-        return row, way
-
-
-@dataclass(frozen=True, slots=True)
-class Open:
-    """A formula node of the tape whose demand its box does not settle."""
-
-    core: int
-    node: int
-    low: float
-    high: float
-    support: frozenset[int]
-
-
-def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array, effort: Effort) -> list[Open]:
-    """The demands (by core node) that do not hold everywhere in one contracted box, lo and hi (T,)."""
-    low, high = forward(
-        tape.nodes, lo[:, None], hi[:, None], tuple(tape.differences), batches=tape.batches, effort=effort
-    )
-    found = []
-    for index, (least, most) in demand.items():
-        node = tape.where[index]
-        room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
-        if low[node, 0] < least - room or high[node, 0] > most + room:
-            support = tape.support(node)
-            effort.spend(PYTHON * (1 + len(support)))
-            found.append(Open(index, node, least, most, support))
-    return found
-
-
 def propose(
     tape: Tape,
     lowest: Array,
@@ -148,8 +103,8 @@ def propose(
     `relative`: objects that they couple hang from one another. Raises what `effort` raises.
     """
     mine = [one for one in pending if one.core in coupling and not isinstance(tape.nodes[one.node], Junction)]
-    frame = _hang(tape, lo, hi, mine) if relative else _Frame()
-    groups = _groups(tape, frame, mine, effort)
+    forest = make_forest(tape, lo, hi, mine) if relative else Forest()
+    groups = groups_of(tape, forest, mine, effort)
     grids: list[Grid] = []
     rows_of: list[tuple[int, ...]] = []
     slot: dict[int, tuple[int, int]] = {}
@@ -160,24 +115,24 @@ def propose(
         few = len(names) <= MOST_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):
             continue
-        grid = _grid(tape, frame, lo, hi, names, pending, budget if few else 1, effort)
+        grid = _grid(tape, forest, lo, hi, names, pending, budget if few else 1, effort)
         if grid.volume <= 0.0:
             return None
         for position, name in enumerate(names):
             slot[name] = len(grids), position
-        rows = tuple(_row(tape, name) for name in names)
+        rows = tuple(row_at(tape, name) for name in names)
         taken.update(row for row in rows if row >= 0)
         grids.append(grid)
         rows_of.append(rows)
         log_volume += math.log(grid.volume)
     hangs = []
-    for child in frame.order:
-        parent, node = frame.up[child]
+    for child in forest.order:
+        parent, node = forest.up[child]
         sign = 1.0 if tape.differences[node][0] == child else -1.0
         hangs.append(Hang(child, parent, *slot[node], sign))
         taken.add(child)
     chains, orders, loose = [], [], []
-    for edges in _trees(tape, lo, hi, taken):
+    for edges in trees(tape, lo, hi, taken):
         rows_in = [edges[0].parent, *(edge.child for edge in edges)]
         intervals = {row: (float(lo[tape.rows[row]]), float(hi[tape.rows[row]])) for row in rows_in}
         taken.update(rows_in)
@@ -221,78 +176,9 @@ def propose(
     )
 
 
-def _row(tape: Tape, node: int) -> int:
-    at = tape.nodes[node]
-    return at.row if isinstance(at, Coord) else -1
-
-
-def _hang(tape: Tape, lo: Array, hi: Array, mine: Iterable[Open]) -> _Frame:
-    """Let coupled rows hang from one another along the narrowest differences; roots are the rows that are held best."""
-    nodes = sorted({node for one in mine for node in one.support if node in tape.differences})
-    width = {row: float(hi[node] - lo[node]) for row, node in tape.rows.items()}
-    joined: dict[int, int] = {}
-    near: dict[int, list[tuple[int, int]]] = {}
-    for node in sorted(nodes, key=lambda node: (float(hi[node] - lo[node]), node)):
-        a, b = tape.differences[node]
-        if _find(joined, a) != _find(joined, b):
-            joined[_find(joined, a)] = _find(joined, b)
-            near.setdefault(a, []).append((b, node))
-            near.setdefault(b, []).append((a, node))
-    frame = _Frame()
-    seen: set[int] = set()
-    for root in sorted(near, key=lambda row: (width[row], row)):
-        if root in seen:
-            continue
-        seen.add(root)
-        waiting = [root]
-        while waiting:
-            row = waiting.pop(0)
-            for other, node in near[row]:
-                if other not in seen:
-                    seen.add(other)
-                    frame.up[other] = row, node
-                    frame.order.append(other)
-                    waiting.append(other)
-    return frame
-
-
-def _find(joined: dict[int, int], item: int) -> int:
-    while item in joined:
-        item = joined[item]
-    return item
-
-
-def _variables(tape: Tape, frame: _Frame, support: Iterable[int]) -> set[int]:
-    """The drawn nodes, coordinates of roots and differences to parents, that a set of leaves depends on."""
-    found: set[int] = set()
-    for node in support:
-        pair = tape.differences.get(node)
-        if pair is None:
-            root, way = frame.path(_row(tape, node))
-            found.update((tape.rows[root], *way))
-            continue
-        (root_a, way_a), (root_b, way_b) = (frame.path(row) for row in pair)
-        if root_a == root_b:
-            found.update(set(way_a) ^ set(way_b))
-        else:
-            found.update((tape.rows[root_a], *way_a, tape.rows[root_b], *way_b))
-    return found
-
-
-def _groups(tape: Tape, frame: _Frame, mine: Iterable[Open], effort: Effort) -> list[set[int]]:
-    """The drawn nodes that the demands tie together; every difference of the frame is in one of them."""
-    groups: list[set[int]] = []
-    for part in (*(_variables(tape, frame, one.support) for one in mine), *({node} for _, node in frame.up.values())):
-        effort.spend(PYTHON * (1 + len(part)) + 5 * len(groups))
-        touching = [group for group in groups if group & part]
-        groups = [group for group in groups if not group & part]
-        groups.append(part.union(*touching))
-    return sorted((group for group in groups if group), key=min)
-
-
 def _grid(
     tape: Tape,
-    frame: _Frame,
+    forest: Forest,
     lo: Array,
     hi: Array,
     names: list[int],
@@ -303,9 +189,9 @@ def _grid(
     """The cover of one group by boxes, from the demands that depend on nothing else."""
     effort.spend(PYTHON * sum(len(one.support) for one in pending) + 50 * len(tape.nodes))
     inside = set(names)
-    demands = [one for one in pending if _variables(tape, frame, one.support) <= inside]
-    # rows that are sums along the frame keep within the workspace, so they are part of what is contracted
-    hanging = [tape.rows[row] for row in frame.up if {frame.up[row][1]} & inside]
+    demands = [one for one in pending if variables(tape, forest, one.support) <= inside]
+    # rows that are sums along the forest keep within the workspace, so they are part of what is contracted
+    hanging = [tape.rows[row] for row in forest.up if {forest.up[row][1]} & inside]
     wanted = [*names, *(one.node for one in demands), *hanging]
     nodes, number = tape.restrict(wanted)
     loops = [loop for loop in tape.loops if tape.support(loop) <= number.keys()]
@@ -316,41 +202,3 @@ def _grid(
     given = [number[index] for index in old if index in tape.differences]
     ends = [(number[one.node], one.low, one.high) for one in demands]
     return make_grid(nodes, names, lo[old], hi[old], dims, given, ends, budget, effort)
-
-
-def _trees(tape: Tape, lo: Array, hi: Array, taken: Collection[int]) -> list[list[Edge]]:
-    """Trees of differences that say more than the rows' own intervals, among the rows that are not taken."""
-    edges = []
-    for node, (a, b) in tape.differences.items():
-        if a in taken or b in taken:
-            continue
-        at_a, at_b = tape.rows[a], tape.rows[b]
-        least, most = lo[at_a] - hi[at_b], hi[at_a] - lo[at_b]
-        low, high = max(float(lo[node]), float(least)), min(float(hi[node]), float(most))
-        full = float(most - least)
-        if full > 0.0 and high - low < (1.0 - 1e-6) * full:
-            edges.append(((high - low) / full, a, b, low, high))
-    joined: dict[int, int] = {}
-    near: dict[int, list[tuple[int, float, float]]] = {}
-    for _, a, b, low, high in sorted(edges):
-        if _find(joined, a) != _find(joined, b):
-            joined[_find(joined, a)] = _find(joined, b)
-            near.setdefault(b, []).append((a, low, high))
-            near.setdefault(a, []).append((b, -high, -low))
-    trees: list[list[Edge]] = []
-    seen: set[int] = set()
-    for root in sorted(near):
-        if root in seen:
-            continue
-        seen.add(root)
-        tree: list[Edge] = []
-        waiting = [root]
-        while waiting:
-            row = waiting.pop(0)
-            for other, low, high in near[row]:
-                if other not in seen:
-                    seen.add(other)
-                    tree.append(Edge(row, other, low, high))
-                    waiting.append(other)
-        trees.append(tree)
-    return trees

@@ -1,8 +1,8 @@
 """Branch and prune: a disjoint cover of the scenes that meet a demand, each part with a way to draw from it.
 
-The demand is split into alternatives (see wanted.py), boxes are contracted, and what is left of each alternative gets a
-proposal. A short pilot draw from each tells where volume is wasted; the worst is split or covered more finely, until
-half of what is drawn is expected to be kept or nothing helps any more.
+The demand is split into alternatives (see requirements.py), boxes are contracted, and what is left of each alternative
+gets a proposal. A short pilot draw from each shows where volume is wasted; the worst is split or covered more finely,
+until half of what is drawn is expected to be kept, or until nothing helps any more.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS, contract, start
+from scenegen.bounds.coupling import Open, open_nodes
 from scenegen.bounds.effort import PYTHON, Effort, scoring
-from scenegen.bounds.proposal import Open, Proposal, open_nodes, propose
+from scenegen.bounds.proposal import Proposal, propose
+from scenegen.bounds.requirements import Ends, alternatives, push_down
 from scenegen.bounds.tape import Tape, make_tape
-from scenegen.bounds.wanted import Ends, alternatives, push_down
 from scenegen.lang.core import Core, Junction
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
@@ -51,12 +52,14 @@ class Part:
     final: bool = False
 
     def owns(self, values: Sequence[Array], span: slice) -> Bool | None:
-        """Which of the scenes whose node values are given belong to this part; None for all."""
+        """Which of the scenes whose node values are given belong to this part, (B,) or () where that is the same for
+        all; None for all."""
         mine: Bool | None = None
         for node, low, high in self.apart:
-            value = values[node][span]
+            value = values[node]
+            value = value[span] if np.ndim(value) else value  # an alternative may be the same for all scenes
             held = (value >= low) & (value <= high)
-            mine = held if mine is None else np.logical_and(mine, held, out=mine)
+            mine = held if mine is None else mine & held
         return mine
 
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, start
 from scenegen.bounds.effort import Effort, scoring
+from scenegen.bounds.requirements import Ends, push_down
 from scenegen.bounds.tape import make_tape, weight
-from scenegen.bounds.wanted import Ends, push_down
 from scenegen.lang.core import Core
 from scenegen.lang.interpret import evaluate
 from scenegen.primitives import NUMPY
@@ -41,13 +41,6 @@ class Reach:
     best: float = -np.inf
     nearest: Array | None = None
     short: bool = False
-
-
-def can_reach(
-    core: Core, node: int, lowest: Array, highest: Array, *, work: int = WORK, effort: Effort | None = None
-) -> Reach:
-    """Whether the formula `node` can be satisfied (>= 0) anywhere in the box lowest..highest (3N,)."""
-    return find(core, lowest, highest, {node: (0.0, np.inf)}, work=work, effort=effort)
 
 
 def find(

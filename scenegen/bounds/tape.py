@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.batches import Batches, make_batches
 from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.lang.fold import Algebra, fold
 from scenegen.primitives.footprint import Circle
 
 Array = npt.NDArray[np.float64]
@@ -183,33 +184,56 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     Raises what `effort` raises.
     """
     effort = Effort() if effort is None else effort
-    writer = _Writer()
-    forms: list[Form] = []
-    where: list[int] = []
-    rows: dict[int, int] = {}
-    for node in core.nodes:
-        effort.spend(PYTHON * (1 + len(children(node))))
-        match node:
-            case Const(value):
-                form = Form(value)
-            case Coord() if lowest[node.row] == highest[node.row]:
-                form = Form(float(lowest[node.row]))
-            case Coord():
-                rows[node.row] = writer.add(Coord(node.object, node.axis))
-                form = Form(0.0, ((rows[node.row], 1.0),))
-            case Apply():
-                form = _apply(writer, node, [forms[arg] for arg in node.args])
-            case Atom(margin):
-                form = forms[margin]
-            case Junction(kind, args, text):
-                form = Form(0.0, ((writer.add(Junction(kind, tuple(where[arg] for arg in args), text)), 1.0),))
-        if len(form.terms) > LONGEST:
-            form = Form(0.0, ((writer.write(form), 1.0),))
-        forms.append(form)
-        where.append(writer.write(form) if isinstance(node, Atom) else form.terms[0][0] if _is_formula(node) else -1)
+    algebra = _Forms(lowest, highest, effort)
+    fold(core.nodes, algebra)
+    writer = algebra.writer
     loops = _loops(writer, effort)
     nodes = tuple(writer.nodes)
-    return Tape(nodes, tuple(where), rows, writer.differences, writer.affine, loops, make_batches(nodes))
+    where = tuple(algebra.where)
+    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, make_batches(nodes))
+
+
+class _Forms(Algebra[Form]):
+    """Nodes as forms of what `writer` has written; `where` and `rows` are the tape's."""
+
+    def __init__(self, lowest: Array, highest: Array, effort: Effort) -> None:
+        self._lowest, self._highest, self._effort = lowest, highest, effort
+        self.writer = _Writer()
+        self.where: list[int] = []
+        self.rows: dict[int, int] = {}
+
+    def constant(self, index: int, node: Const) -> Form:
+        return self._done(node, Form(node.value))
+
+    def coordinate(self, index: int, node: Coord) -> Form:
+        if self._lowest[node.row] == self._highest[node.row]:
+            return self._done(node, Form(float(self._lowest[node.row])))
+        place = self.rows[node.row] = self.writer.add(Coord(node.object, node.axis))
+        return self._done(node, Form(0.0, ((place, 1.0),)))
+
+    def apply(self, index: int, node: Apply, args: list[Form]) -> Form:
+        return self._done(node, _apply(self.writer, node, args))
+
+    def atom(self, index: int, node: Atom, margin: Form) -> Form:
+        self._effort.spend(PYTHON * 2)
+        margin = self._short(margin)
+        self.where.append(self.writer.write(margin))
+        return margin
+
+    def junction(self, index: int, node: Junction, args: list[Form]) -> Form:
+        self._effort.spend(PYTHON * (1 + len(node.args)))
+        place = self.writer.add(Junction(node.kind, tuple([self.where[arg] for arg in node.args]), node.text))
+        self.where.append(place)
+        return Form(0.0, ((place, 1.0),))
+
+    def _done(self, node: Node, form: Form) -> Form:
+        """The form of a number, of which the tape has no place of its own."""
+        self._effort.spend(PYTHON * (1 + len(children(node))))
+        self.where.append(-1)
+        return self._short(form)
+
+    def _short(self, form: Form) -> Form:
+        return Form(0.0, ((self.writer.write(form), 1.0),)) if len(form.terms) > LONGEST else form
 
 
 def weight(nodes: Sequence[Node]) -> int:
@@ -235,10 +259,6 @@ def _loops(writer: _Writer, effort: Effort) -> tuple[int, ...]:
                 if len(found) >= MOST_LOOPS:
                     return tuple(found)
     return tuple(found)
-
-
-def _is_formula(node: Node) -> bool:
-    return isinstance(node, Junction)
 
 
 def _apply(writer: _Writer, node: Apply, args: list[Form]) -> Form:

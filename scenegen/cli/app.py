@@ -1,4 +1,4 @@
-"""The `scenegen` program: its commands, and what it does with everything that can go wrong.
+"""The `scenegen` program: its commands, and its handling of all errors.
 
 Exit status 0 done; 1 the spec, the data or the request is at fault; 2 an unknown option or a missing argument; 130
 after an interrupt. Data goes to standard output or --out, everything else to standard error.
@@ -19,11 +19,14 @@ from typing import Any
 import typer
 
 from scenegen.cli.options import Quiet, Verbose
-from scenegen.cli.output import Voice, complain, print_message, voice
+from scenegen.cli.output import Voice, complain, flag, print_message, voice
 from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
+from scenegen.errors.files import CANNOT_WRITE_OUTPUT
+from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS
 
-# click's exceptions, wherever they live: typer brought its own copy of click along from some version on
+# click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
 
 HELP = """Table-top scenes from a spatial specification, at the difficulty you ask for.
@@ -43,7 +46,7 @@ lower, the harder. `scenegen specs` lists the specs that ship with scenegen: whe
 of one will do, as in `scenegen check table_setting`.
 """
 
-# command -> the module and the function that does it; each module imports what it needs only when it runs
+# command -> its module and function; each module imports what it needs only when it runs
 COMMANDS: dict[str, str] = {
     "new": "scenegen.cli.new:new",
     "specs": "scenegen.cli.specs:specs",
@@ -56,10 +59,14 @@ COMMANDS: dict[str, str] = {
     "eval": "scenegen.cli.eval:evaluate",
     "render": "scenegen.cli.render:render",
     "export": "scenegen.cli.export:export",
+    "settle": "scenegen.cli.settle:settle",
     "assets": "scenegen.cli.assets:assets",
+    "data": "scenegen.cli.data:data",
+    "explain": "scenegen.cli.explain:explain",
+    "view": "scenegen.cli.view:view",
     "lsp": "scenegen.cli.lsp:lsp",
 }
-ALONE = ("assets", "lsp", "specs")  # commands that need no argument; any other shows its help instead
+ALONE = ("assets", "explain", "lsp", "specs", "view")  # that need no argument; any other shows its help instead
 
 
 COMPLETE = "_SCENEGEN_COMPLETE"  # set by the shell's function that typer installs
@@ -75,21 +82,21 @@ def _global_options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
     version: bool = typer.Option(False, "--version", help="Print the version.", callback=_version, is_eager=True),
 ) -> None:
-    del debug, version  # --debug is looked up where errors end up, --version has done its work
+    del debug, version  # --debug is read where errors are handled, --version was handled before
 
 
 def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with -q and -v, and with an interrupt that gets past typer."""
+    """The command with -q and -v, and with interrupts that typer does not swallow."""
 
     @functools.wraps(command)
     def run_command(*args: Any, quiet: bool, verbose: bool, **options: Any) -> Any:
         if quiet and verbose:
-            raise RequestError(Diagnostic("-q and -v contradict each other", help="give one of them"))
+            raise RequestError(CONFLICTING_ARGUMENTS(one="quiet", other="verbose"))
         before = voice.set(Voice(quiet, verbose))
         try:
             return command(*args, **options)
         except KeyboardInterrupt as error:
-            raise _Interrupted(str(error)) from error
+            raise _Interrupted(*error.args) from error
         except BrokenPipeError as error:
             raise _NobodyReads from error
         finally:
@@ -129,11 +136,11 @@ def _paragraphs(text: str) -> str:
 
 
 class _Interrupted(Exception):  # noqa: N818 - no error
-    """Ctrl-C on its way past typer, which would swallow what it says."""
+    """Carries Ctrl-C through typer, which would drop its message."""
 
 
 class _NobodyReads(Exception):  # noqa: N818 - no error
-    """A broken pipe on its way past typer, which would exit with status 1."""
+    """Carries a broken pipe through typer, which would exit with status 1."""
 
 
 def run(words: list[str]) -> int:
@@ -142,11 +149,11 @@ def run(words: list[str]) -> int:
     if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it
         build()([], prog_name="scenegen", standalone_mode=False)
     debug = "--debug" in words
-    # --debug may stand anywhere: whoever sees an error adds it at the end of the line
+    # --debug may be anywhere: users who see an error add it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
     words = _behind_command(words)
     if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
-        with contextlib.redirect_stdout(sys.stderr):  # help that nobody asked for is no output
+        with contextlib.redirect_stdout(sys.stderr):  # help that was not requested is not data
             build()([*words, "--help"], prog_name="scenegen", standalone_mode=False)
         return 2
     try:
@@ -160,12 +167,13 @@ def run(words: list[str]) -> int:
     except exceptions.UsageError as error:
         return _usage(error)
     except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
-        print_message(str(error) or "interrupted")
+        said = error.args[0] if error.args else INTERRUPTED()
+        print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
         return 130
     except (_NobodyReads, BrokenPipeError):
-        # `scenegen check x.spec | head -1`: whoever reads the data has had enough. That is no failure, as it is none
-        # for ripgrep; with `set -o pipefail`, 1 (or 141, a death by SIGPIPE) would make it one. A run whose *messages*
-        # nobody reads any more was cut short before its work was done, and fails.
+        # `scenegen check x.spec | head -1`: the reader of the data needs no more. This is not a failure (nor is it for
+        # ripgrep); with `set -o pipefail`, 1 (or 141, the status after SIGPIPE) would make it one. If the reader of the
+        # *messages* has gone, the run ended before its work was done, and fails.
         status = 0 if reader_left() else 1
         give_up(sys.stdout)
         give_up(sys.stderr)
@@ -173,7 +181,7 @@ def run(words: list[str]) -> int:
     except MemoryError:
         if debug:
             raise
-        complain(Diagnostic("there is not enough memory for this", help="ask for fewer scenes at a time"))
+        complain(OUT_OF_MEMORY())
         return 1
     except Exception as error:
         if debug:
@@ -181,10 +189,9 @@ def run(words: list[str]) -> int:
         if isinstance(error, OSError) and error.filename is None:
             give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()
-            complain(Diagnostic(f"cannot write to standard output: {reason}", help="name a file with --out"))
+            complain(CANNOT_WRITE_OUTPUT(reason=reason))
             return 1
-        title = f"scenegen itself failed: {type(error).__name__}: {error}"
-        complain(Diagnostic(title, help="this is a bug; please report it with the traceback that --debug shows"))
+        complain(INTERNAL_ERROR(error=f"{type(error).__name__}: {error}"))
         return 1
     return result if isinstance(result, int) else 0
 
@@ -201,5 +208,5 @@ def _usage(error: Any) -> int:
     bad_value = isinstance(error, exceptions.BadParameter) and not isinstance(error, exceptions.MissingParameter)
     command = error.ctx.command_path if error.ctx is not None else "scenegen"
     message = error.format_message().rstrip(".")
-    complain(Diagnostic(message[:1].lower() + message[1:], help=f"see `{command} --help`"))
+    complain(COMMAND_LINE(message=message[:1].lower() + message[1:], command=command))
     return 1 if bad_value else 2

@@ -1,4 +1,4 @@
-"""`scenegen assets`: what there is in the library, as a table and as pictures."""
+"""`scenegen assets`: the objects of the library, as a table and as pictures."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ def assets(
 
 
 def _found(names: list[str]) -> list[Asset]:
-    """The assets that these names pick. Raises RequestError for one that the library does not know."""
+    """The assets of these names. Raises RequestError for one that is not in the library."""
     from scenegen.assets import ASSETS, asset_of, has_picture
-    from scenegen.errors import Diagnostic, RequestError, suggest
+    from scenegen.errors import RequestError
+    from scenegen.errors.declarations import UNKNOWN_ASSET
 
     for name in names:
         if not has_picture(name):
-            help_ = suggest(name, ASSETS, f"the library has {', '.join(sorted(ASSETS))}")
-            raise RequestError(Diagnostic(f"the library has no `{name}`", help=help_))
+            raise RequestError(UNKNOWN_ASSET(name=name, known=sorted(ASSETS)))
     return list(dict.fromkeys(map(asset_of, names))) if names else sorted(ASSETS.values(), key=lambda one: one.name)
 
 
 def _row(asset: Asset) -> dict[str, Any]:
     from scenegen.assets.library import shape_of
-    from scenegen.assets.physics import rooms_of
+    from scenegen.assets.rooms import rooms_of
     from scenegen.scene.data import footprint_data
 
     return {

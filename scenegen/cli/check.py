@@ -11,7 +11,7 @@ import typer
 from scenegen.cli.options import Root, SpecFiles, named
 
 if TYPE_CHECKING:
-    from scenegen.api.hopeless import Doubt
+    from scenegen.api.feasibility import Doubt
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
 
@@ -50,7 +50,7 @@ def check(
     A spec with mistakes gets one message per mistake, with the place and what to do; the exit status is then 1. The
     same goes for a label that no scene satisfies and a requirement that none meets, where bounds prove it.
     """
-    from scenegen.api.hopeless import doubts
+    from scenegen.api.feasibility import doubts
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail
     from scenegen.errors import ScenegenError
@@ -89,9 +89,9 @@ def check(
 
 
 def _problems(found: list[Doubt], allowed: bool) -> list[Diagnostic]:
-    """What is proved is an error, unless it is allowed."""
+    """Proved findings are errors, unless they are allowed."""
     return [
-        replace(one.problem, severity="error", help=MEANT) if one.proved and not allowed else one.problem
+        replace(one.problem.but(meant=MEANT), severity="error") if one.proved and not allowed else one.problem
         for one in found
         if one.problem is not None
     ]
@@ -126,6 +126,8 @@ def _facts(spec: Spec) -> dict[str, Any]:
 
 def _as_json(problem: Diagnostic) -> dict[str, Any]:
     """A diagnostic as data; `title` is what `message` was called at first."""
+    from scenegen.cli.output import flag
     from scenegen.errors import to_json
 
-    return {"title": problem.title, **to_json(problem)}
+    found = to_json(problem, flag)
+    return {"title": found["message"], **found}

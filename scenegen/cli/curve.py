@@ -1,4 +1,4 @@
-"""Curves on the terminal: dots of braille where a terminal shows them, plain characters in a pipe."""
+"""Curves on the terminal: braille dots if the terminal shows them, plain characters in a pipe."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _trace(line: Sequence[Point], ends: Point, floor: float, width: int, height:
 
 
 def _axis(ends: Point, width: int) -> str:
-    """The numbers below the axis: both ends, and 0 where there is room for it."""
+    """The numbers below the axis: both ends, and 0 if there is space for it."""
     left, right = f"{ends[0]:.4g}", f"{ends[1]:.4g}"
     line = [" "] * width
     if ends[0] < 0.0 < ends[1]:

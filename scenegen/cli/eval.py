@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.options import Root, SpecFile
+from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
+from scenegen.errors.program import PHI_NOT_COMPARED
+from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 
 if TYPE_CHECKING:
     from scenegen.api.outline import Line
@@ -54,18 +57,16 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.errors import RequestError
     from scenegen.lang.core import REQUIRE
 
     checked = load(spec, root)
     found = read_scenes(scenes)
     check_count(found)
     if scene is not None and not explain:
-        raise RequestError(Diagnostic("--scene shows one scene of --explain", help="add --explain"))
+        raise RequestError(OUT_OF_PLACE(option="--scene", rule="shows one scene of --explain", remedy="add --explain"))
     if scene is not None and not 1 <= scene <= len(found):
-        raise RequestError(
-            Diagnostic(f"there is no scene {scene}", help=f"{scenes} holds the scenes 1 to {len(found)}")
-        )
+        raise RequestError(NO_SUCH_SCENE_NUMBER(number=scene, file=scenes, count=len(found)))
     one = (scene or 1) if explain and (scene is not None or len(found) == 1) else None
     if json:
         from json import dumps
@@ -167,26 +168,24 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     import numpy as np
 
     from scenegen.api.scenes import evaluate as score
-    from scenegen.cli.output import complain, print_error
-    from scenegen.errors import Diagnostic
+    from scenegen.cli.output import complain, note
 
     if scenes.header.spec.sha256 != spec.checked.sha256:
-        print_error(f"note: {path} was made from another spec; its stored phi was not compared")
+        note(PHI_NOT_COMPARED(file=path))
         return 0
     phi = score(spec.checked, scenes)
     unknown = sorted(set(scenes.phi) - set(phi))
     if unknown:
-        complain(Diagnostic(f"{path} stores phi of `{unknown[0]}`, a label that its spec does not have"))
+        complain(LABEL_WITHOUT_SPEC(file=path, label=unknown[0]))
         return 1
     for label, values in phi.items():
         if label not in scenes.phi:
-            complain(Diagnostic(f"{path} stores no phi of `{label}`", help="sample the scenes anew"))
+            complain(PHI_NOT_STORED(file=path, label=label))
             return 1
         apart = np.abs(values - scenes.phi[label])
         worst = int(apart.argmax())
         if apart[worst] > TOLERANCE:
-            stored, computed = scenes.phi[label][worst], values[worst]
-            title = f"scene {worst + 1} of {path} stores phi of `{label}` as {stored:.9g}; it is {computed:.9g}"
-            complain(Diagnostic(title, help=f"{int((apart > TOLERANCE).sum())} scenes are off; sample them anew"))
+            facts = {"scene": worst + 1, "file": path, "label": label, "count": int((apart > TOLERANCE).sum())}
+            complain(PHI_DIFFERS(**facts, stored=scenes.phi[label][worst], computed=values[worst]))
             return 1
     return 0

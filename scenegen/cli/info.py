@@ -24,8 +24,8 @@ def info(
     model card FILE.md, which `scenegen train` writes beside the model, compares it with exact scenes, too. The speed is
     that of the network on one core of this machine; refining and verifying come to that.
     """
-    from scenegen.api.describe import as_json, describe, speed
     from scenegen.api.model import load_model
+    from scenegen.evaluation.describe import as_json, describe, speed
 
     found = load_model(model)
     if json:

@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from scenegen.errors.files import NOT_A_FOLDER
+from scenegen.errors.requests import NOT_INSTALLED
+
 
 def lsp(
     stdio: Annotated[
@@ -27,7 +30,7 @@ def lsp(
     It speaks the Language Server Protocol over standard input and output, and ends when the editor says so. How to set
     up an editor is told in editors/README.md. Needs the extra `lsp`: pip install "scenegen\\[lsp]".
     """
-    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.errors import RequestError
 
     del stdio  # editors that know several ways say which one they use
     try:
@@ -35,8 +38,9 @@ def lsp(
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in ("pygls", "lsprotocol"):
             raise
-        problem = Diagnostic("the language server needs pygls", help='pip install "scenegen[lsp]"')
+        command = 'pip install "scenegen[lsp]"'
+        problem = NOT_INSTALLED(package="pygls", purpose="for the language server", command=command)
         raise RequestError(problem) from None
     if root is not None and not root.is_dir():
-        raise RequestError(Diagnostic(f"{root} is not a folder", help="--root names the folder that specs may read"))
+        raise RequestError(NOT_A_FOLDER(path=root, remedy="name the folder that specs may read"))
     return serve(root)

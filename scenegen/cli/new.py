@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from scenegen.errors.files import FILE_EXISTS
+
 STARTER = """\
 # One line about the task: what should the table look like?
 workspace [0, 1] x [0, 1]  # metres: x to the right, y away from you
@@ -51,11 +53,11 @@ def new(
     import shlex
 
     from scenegen.cli.output import print_error
-    from scenegen.errors import Diagnostic, OutputError
+    from scenegen.errors import OutputError
     from scenegen.formats.files import write_whole
 
     path = name if name.suffix == ".spec" else name.with_name(f"{name.name}.spec")
     if path.exists() or path.is_symlink():
-        raise OutputError(Diagnostic(f"{path} is there already", help="choose another name; nothing is overwritten"))
+        raise OutputError(FILE_EXISTS(path=path))
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")

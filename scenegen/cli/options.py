@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from scenegen.errors.files import SPEC_NOT_FOUND
+
 Root = Annotated[
     Path | None,
     typer.Option("--root", help="The folder that imports may read from; the spec's own if left out.", metavar="DIR"),
@@ -29,9 +31,9 @@ def spec_names(incomplete: str) -> list[str]:
 def find_spec(path: Path) -> Path:
     """The file that a spec's name stands for: the file of that name, NAME.spec, or else the shipped spec NAME.
 
-    Raises DataError where there is none.
+    Raises DataError if there is none.
     """
-    from scenegen.errors import DataError, Diagnostic, nearest
+    from scenegen.errors import DataError
     from scenegen.resources import shipped_specs
 
     try:
@@ -40,7 +42,7 @@ def find_spec(path: Path) -> Path:
         own = path.with_name(f"{path.name}.spec")
         if own.is_file():
             return own
-    except (OSError, ValueError):  # no name of a file: whoever opens it says so
+    except (OSError, ValueError):  # not a valid file name: opening it gives the error
         return path
     shipped = shipped_specs()
     if path.name != str(path):
@@ -49,10 +51,8 @@ def find_spec(path: Path) -> Path:
         return shipped[path.name]
     from scenegen.formats.files import missing_help
 
-    close = nearest(path.name, shipped)
-    help_ = f"did you mean `{close}`, which ships with scenegen?" if close else missing_help(path, "a spec")
-    help_ += "" if help_.endswith("?") else "; `scenegen specs` lists those that ship with scenegen"
-    raise DataError(Diagnostic(f"cannot read {path}: there is no file {path}, nor {path}.spec", help=help_))
+    remedy = missing_help(path, "a spec")
+    raise DataError(SPEC_NOT_FOUND(path=path, name=path.name, known=shipped, remedy=remedy))
 
 
 def named(path: Path) -> str:
@@ -66,7 +66,7 @@ def _found(path: Path) -> Path:
     return find_spec(path)
 
 
-def _all_found(paths: list[Path]) -> list[Path]:
+def all_found(paths: list[Path]) -> list[Path]:
     return [find_spec(path) for path in paths]
 
 
@@ -86,7 +86,7 @@ SpecFiles = Annotated[
         help="Spec files, or names of shipped specs.",
         metavar="SPEC",
         show_default=False,
-        callback=_all_found,
+        callback=all_found,
         autocompletion=spec_names,
     ),
 ]

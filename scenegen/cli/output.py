@@ -1,4 +1,4 @@
-"""Words and tables for people: standard error, colours only on a terminal."""
+"""Messages and tables for people: standard error, colours only on a terminal."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 
 from scenegen.cli.streams import give_up
 from scenegen.errors import Diagnostic, render_all
+from scenegen.errors.program import OTHER_FILES
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
 
-NARROWEST = 72  # columns; a table cropped to fewer says nothing any more
+_FLAGS = {"n": "-n", "quiet": "-q", "verbose": "-v", "kinds": "--figure", "views": "--view"}
+NARROWEST = 72  # columns; a narrower table would be unreadable
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,8 @@ def elapsed() -> float:
 
 
 def use_color() -> bool:
-    """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or it is a dumb one; FORCE_COLOR
-    gives colours to pipes, too. Either variable counts unless it is empty, and NO_COLOR outdoes the other."""
+    """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or TERM is dumb; FORCE_COLOR gives
+    colours to pipes, too. Empty variables do not count, and NO_COLOR takes precedence."""
     if os.environ.get("NO_COLOR"):
         return False
     if os.environ.get("FORCE_COLOR"):
@@ -66,8 +68,7 @@ def detail(text: str) -> None:
 
 
 def print_message(text: str) -> None:
-    """Text on standard error, with -q too. Where nobody reads it any more it goes nowhere: the exit status says
-    enough."""
+    """Text on standard error, with -q too. If it is closed the text is dropped; the exit status is enough."""
     try:
         print(text, file=sys.stderr, flush=True)
     except BrokenPipeError:
@@ -75,20 +76,32 @@ def print_message(text: str) -> None:
 
 
 def note_others(folder: Path, total: int, ending: str) -> None:
-    """Say so where the files of `total` scenes lie among those of an earlier run with more of them."""
+    """A note if the folder also has files of an earlier run with more than `total` scenes."""
     from scenegen.formats.folder import others
 
     count = others(folder, total, ending)
     if count:
         files = "another file" if count == 1 else f"{count:,} other files"
         verb = "is" if count == 1 else "are"
-        print_error(f"note: {files} scene_*{ending} in {folder} {verb} not of these scenes")
+        note(OTHER_FILES(files=files, ending=ending, folder=folder, verb=verb))
 
 
 def complain(*diagnostics: Diagnostic) -> None:
     """Diagnostics on standard error, -q or not."""
     if diagnostics:
-        print_message(render_all(diagnostics, color=use_color()))
+        print_message(render_all(diagnostics, color=use_color(), spell=flag))
+
+
+def note(diagnostic: Diagnostic) -> None:
+    """Something worth knowing, unless -q was given."""
+    if not _voice().quiet:
+        complain(diagnostic)
+
+
+def flag(name: str, value: str | None = None) -> str:
+    """An argument as it is typed on the command line: --timeout, or --device cpu with a value."""
+    option = _FLAGS.get(name) or f"--{name.replace('_', '-')}"
+    return option if value in (None, "True") else f"{option} {value}"
 
 
 def console() -> Console:

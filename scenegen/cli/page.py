@@ -27,7 +27,7 @@ MOST = 100_000  # lines of `--full`: a formula whose definitions use each other 
 
 @dataclass(slots=True)
 class _Shown:
-    """A part on the page: what is shown below it, and how many parts are not."""
+    """A part on the page: the parts shown below it, and how many are left out."""
 
     part: Part
     depth: int
@@ -36,8 +36,8 @@ class _Shown:
 
 
 def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool, width: int) -> Iterator[str]:
-    """The lines of text. `rough` has a remark for labels whose bounds say too little; `depth` is how deep formulas are
-    shown, however many lines that takes; `full` folds and leaves out nothing."""
+    """The lines of text. `rough` has a remark for labels whose bounds are too loose; `depth` is how deep formulas are
+    shown, with any number of lines; `full` folds and leaves out nothing."""
     everything = full or depth is not None
     head = list(_head(spec, None if full else width))
     yield from head
@@ -85,7 +85,7 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
 
 
 def _wrapped(names: Sequence[str], width: int) -> list[str]:
-    """Names on at most NAMES lines; how many are left out stands at the end."""
+    """Names on at most NAMES lines; the last line says how many are left out."""
     for count in range(min(len(names), NAMES * width), 0, -1):
         rest = [] if count == len(names) else [f"... and {len(names) - count:,} more"]
         lines = wrap(", ".join([*names[:count], *rest]), width, break_on_hyphens=False)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.options import Root, SpecFile, named
+from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
     from scenegen.sampling.rarity import Estimate
 
 TOO_RARE = "too rare to tell"
-FLOOR = -1  # log10 that the axis of a plot reaches down to at least
+FLOOR = -1  # the axis of a plot extends at least down to this log10
 
 
 def range_(
@@ -62,7 +63,7 @@ def range_(
     complain(*found.warnings)
     if png is not None:
         from scenegen.cli.output import print_error
-        from scenegen.render.plot import Panel, plot
+        from scenegen.figures.plot import Panel, plot
 
         panels = [
             Panel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))
@@ -73,10 +74,10 @@ def range_(
 
 
 def _check_png(path: Path) -> None:
-    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.errors import RequestError
 
     if path.suffix.lower() != ".png":
-        raise RequestError(Diagnostic(f"{path} does not end in .png", help="name a file such as rarity.png"))
+        raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
 
 def _print(spec: Path, found: SpecRarity) -> None:

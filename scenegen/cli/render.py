@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenegen.errors.program import NO_PICTURE
+from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
+
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
 
@@ -111,12 +114,12 @@ def render(
 
 def parse_size(text: str) -> tuple[int, int]:
     """`640x480` -> (640, 480). Raises RequestError."""
-    from scenegen.errors import Diagnostic, RequestError, Source, Span
+    from scenegen.errors import RequestError, Source, Span
 
     match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text, re.ASCII)
     if match is None:
-        here = Span(Source("--size", text), 0, len(text))
-        raise RequestError(Diagnostic("a size is written WIDTHxHEIGHT", here, "", "for instance: --size 640x480"))
+        here = Span(Source("size", text, argument=True), 0, len(text))
+        raise RequestError(SIZE_SYNTAX(here))
     return int(match[1]), int(match[2])
 
 
@@ -194,15 +197,14 @@ def _figures(
 
 
 def _note_unknown(scenes: SceneSet) -> None:
-    """Names that the library does not know are drawn as blocks: say so, and what it does know."""
+    """A note about names that are not in the library and are drawn as blocks, with the names of the library."""
     from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
-    from scenegen.cli.output import print_error
-    from scenegen.errors import quoted
+    from scenegen.cli.output import note
 
     shown = {*ASSETS, *PLAIN} - {UNKNOWN}
     unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]
     if unknown:
-        print_error(f"note: no picture for {quoted(unknown)}: drawn as blocks; `scenegen assets` lists what there is")
+        note(NO_PICTURE(names=unknown))
 
 
 def _refuse_with_figures(
@@ -218,6 +220,6 @@ def _refuse_with_figures(
 
 
 def _only(option: str, rule: str) -> Exception:
-    from scenegen.errors import Diagnostic, RequestError
+    from scenegen.errors import RequestError
 
-    return RequestError(Diagnostic(f"{option} {rule}", help="see `scenegen render --help`"))
+    return RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="see `scenegen render --help`"))

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from scenegen.cli.options import spec_names
+from scenegen.errors.requests import UNKNOWN_SHIPPED_SPEC
 
 
 def specs(
@@ -28,14 +29,13 @@ def specs(
     A file NAME or NAME.spec in the current folder comes before the shipped spec NAME.
     """
     from scenegen.cli.streams import write_data
-    from scenegen.errors import Diagnostic, RequestError, suggest
+    from scenegen.errors import RequestError
     from scenegen.resources import shipped_specs
 
     shipped = shipped_specs()
     if name is not None:
         if name not in shipped:
-            help_ = suggest(name, shipped, "`scenegen specs` lists them")
-            raise RequestError(Diagnostic(f"no spec of this name ships with scenegen: {name}", help=help_))
+            raise RequestError(UNKNOWN_SHIPPED_SPEC(name=name, known=shipped))
         write_data(shipped[name].read_bytes())
         return
     wide = max(map(len, shipped))

@@ -1,5 +1,5 @@
-"""Standard streams and signals, made fit for a program: no stream is missing, no character cannot be written, and
-SIGTERM ends a command as cleanly as Ctrl-C does."""
+"""Setup of standard streams and signals: no stream is missing, every character can be written, and SIGTERM ends a
+command as cleanly as Ctrl-C."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ import threading
 from types import FrameType
 from typing import TextIO
 
-from scenegen.errors import Diagnostic, OutputError
+from scenegen.errors import OutputError
+from scenegen.errors.files import CANNOT_WRITE_OUTPUT
 
 
 def prepare() -> None:
     """Call once, before anything is printed."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is None:  # closed by whoever started us: the next file that is opened must not take its place
-            # What we say may go nowhere, data may not: the system refuses to write where it was opened for reading.
+        if stream is None:  # closed by the parent process: the next file that is opened must not take its place
+            # Messages may be lost, data may not: a file opened for reading makes writing fail.
             mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
             setattr(sys, name, io.TextIOWrapper(io.FileIO(os.open(os.devnull, mode), "wb"), encoding="utf-8"))
         elif isinstance(stream, io.TextIOWrapper):
@@ -51,13 +52,12 @@ def check_output() -> None:
     except io.UnsupportedOperation:  # a stand-in without a file, as in tests and notebooks
         return
     except OSError as error:
-        title = f"cannot write to standard output: {(error.strerror or str(error)).lower()}"
-        raise OutputError(Diagnostic(title, help="name a file with --out")) from error
+        raise OutputError(CANNOT_WRITE_OUTPUT(reason=(error.strerror or str(error)).lower())) from error
 
 
 def reader_left() -> bool:
-    """After a broken pipe: whether it is whoever read the data that left, as `| head` does, and not whoever read the
-    messages alone."""
+    """After a broken pipe: whether the reader of the data has gone, as with `| head`, and not only the reader of the
+    messages."""
     if not hasattr(select, "poll"):  # Windows, where pipes cannot be looked at
         return True
     look = select.poll()
@@ -69,6 +69,6 @@ def reader_left() -> bool:
 
 
 def give_up(stream: TextIO) -> None:
-    """The stream is gone or full; Python would complain once more when it closes it."""
+    """The stream is gone or full; without this Python would report an error again when it closes the stream."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +15,37 @@ from scenegen.cli.options import Root, SpecFile
 
 
 def _models(incomplete: str) -> list[str]:
-    from scenegen.models.table import MODELS
+    from scenegen.models.registry import MODELS
 
     return [name for name in MODELS if name.startswith(incomplete)]
+
+
+class Clock:
+    """Where the seconds of a run went."""
+
+    def __init__(self) -> None:
+        self._marks = [time.monotonic()]
+
+    def told(self, step: Callable[[int, int], None]) -> Callable[[int, int], None]:
+        """`step`, at whose first call the scenes are there."""
+
+        def first(done: int, total: int) -> None:
+            if len(self._marks) == 1:
+                self._marks.append(time.monotonic())
+            step(done, total)
+
+        return first
+
+    def trained(self) -> None:
+        """The model is done; the rest is its card."""
+        self._marks.append(time.monotonic())
+
+    def __str__(self) -> str:
+        *_, before, trained = marks = self._marks
+        now = time.monotonic()
+        parts = [("gathering", before - marks[0]), ("training", trained - before), ("card", now - trained)]
+        told = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in parts if seconds >= 0.5)
+        return f"{now - marks[0]:.0f} s in all" + (f" ({told})" if told else "")
 
 
 def train(
@@ -24,8 +53,8 @@ def train(
     out: Annotated[Path, typer.Option("--out", help="The model file.", metavar="FILE", show_default=False)],
     model: Annotated[
         str,
-        typer.Option("--model", help="energy, flow, gan or aae.", metavar="NAME", autocompletion=_models),
-    ] = "energy",
+        typer.Option("--model", help="flow, energy, gan or aae.", metavar="NAME", autocompletion=_models),
+    ] = "flow",
     recipe: Annotated[
         str, typer.Option("--recipe", help="default, or paper: the published networks and settings (gan, aae).")
     ] = "default",
@@ -92,22 +121,23 @@ def train(
       scenegen train my.spec --model flow --epochs 8 --out flow.safetensors
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
 
-    What is left out is the recipe's. Ctrl-C leaves a usable model; --resume then goes on to the very result of an
-    unbroken run (it reads FILE.train, which lies beside the model and may be deleted when you are done). With more
-    --epochs than at first, the learning rate follows the new plan from there on.
+    Unspecified options take the recipe's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
+    result as an uninterrupted run (it reads FILE.train beside the model, which you can delete afterwards). With more
+    --epochs than at first, the learning rate follows the new schedule from there on.
 
-    First the training scenes are gathered, which takes as long as such scenes are rare: how many there are is shown.
-    When --timeout is over by then, nothing is written and the exit status is 1. Later, training stops as on Ctrl-C, the
-    model is what it has come to, and no card is made.
+    First the training scenes are drawn, which takes long if they are rare; their number is shown. If --timeout ends
+    during this, nothing is written and the exit status is 1. Later, training stops as on Ctrl-C: the current model is
+    written, without a card.
 
-    Some scenes beside the training scenes are held out; after each epoch the model is asked for their phi, and how far
-    it is off is shown. The card, FILE.md, holds what the model is and how it compares with fresh exact scenes.
+    Some scenes are held out from training; after each epoch the model generates scenes for their phi, and the error is
+    shown. The card, FILE.md, describes the model and compares it with new exact scenes.
     """
-    from scenegen.cli.output import console, detail, print_error
+    from scenegen.cli.output import complain, console, detail, flag, print_error
+    from scenegen.errors import render
     from scenegen.formats.files import check_writable
-    from scenegen.given import seconds
     from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
+    from scenegen.validation import as_seconds
 
     options: dict[str, Any] = {
         "epochs": epochs,
@@ -122,23 +152,27 @@ def train(
     }
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
-    until = time.monotonic() + (math.inf if timeout is None else seconds("timeout", timeout))
+    until = time.monotonic() + (math.inf if timeout is None else as_seconds("timeout", timeout))
     check_writable(out, spec)
     need("torch", "to train a model")
-    from scenegen.api.card import check_card, write_card
     from scenegen.api.spec import load
     from scenegen.api.train import train as run
+    from scenegen.evaluation.card import check_card, write_card
+    from scenegen.evaluation.faults import faults
     from scenegen.training.progress import TrainingProgress
 
     if card:
         check_card(out, spec)
     checked = load(spec, root)
     detail(f"parsed and checked {spec}; training {config}")
+    clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
         train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir, timeout=timeout)
-        tell: dict[str, Any] = {"on_step": progress.step, "on_note": progress.note, "on_gather": progress.gather}
+        tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
+        tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
         done = train_on(on_epoch=progress, **tell, **options)
     detail("trained")
+    clock.trained()
     left = until - time.monotonic()
     if card and left > 0.0:
         try:
@@ -146,4 +180,5 @@ def train(
                 print_error(f"wrote {path}")
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
-    print_error(f"wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")
+    complain(*faults(done.trained.card.quality))
+    print_error(f"{clock}; wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")

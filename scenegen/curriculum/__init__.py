@@ -1,7 +1,7 @@
 """Learning with the scenes: environments, and strategies that choose the next task.
 
-Where gymnasium is installed, importing this makes `scenegen/TableTop-v0` known to it (gymnasium 1.0 gave up plugins, so
-nothing else could): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` imports it by itself.
+If gymnasium is installed, importing this registers `scenegen/TableTop-v0` (gymnasium 1.0 has no plugins, so an import
+is needed): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` does the import.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.curriculum.register import register_environments
 
-# name -> the module of this room that defines it
+# name -> the module of this package that defines it
 _PUBLIC = {
     "Curriculum": "wrapper",
     "CurriculumCallback": "sb3",

@@ -1,4 +1,4 @@
-"""`scenegen/TableTop-v0`: bring the objects of a table to where a spec wants them, from a start as hard as wanted."""
+"""`scenegen/TableTop-v0`: move the objects of a table until they satisfy a spec, from a start of chosen difficulty."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from gymnasium import error
 from scenegen.api.model import Model
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.curriculum.dealer import Dealer
-from scenegen.curriculum.feed import Feed
+from scenegen.curriculum.errors import refused
 from scenegen.curriculum.picture import Easel, check_render
+from scenegen.curriculum.reset import Resets
 from scenegen.curriculum.rules import Tables, load_spec, make_rules
+from scenegen.curriculum.scene_stream import SceneStream
 from scenegen.curriculum.tasks import PhiBox
+from scenegen.errors.learning import NO_EPISODE
 
 Array = npt.NDArray[np.float64]
 
@@ -26,42 +28,41 @@ Array = npt.NDArray[np.float64]
 class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
     """Move objects step by step until a spec is satisfied.
 
-    `spec` is a Spec, the path of a spec file (.spec) or its text; `goal` names the labels that have to be satisfied
-    (phi >= 0), by default all of them, whose least phi is then what counts.
+    `spec` is a Spec, the path of a spec file (.spec) or its text; `goal` names the labels to satisfy (phi >= 0), by
+    default all of them. phi of the goal is their minimum.
 
     `moves="grid"`: an action is a number; `env.unwrapped.moves.names` says which object it moves, by `step` metres
-    (left out: a twentieth of the table) along x or y, and where phi depends on its heading also by `turn` radians
-    (a sixteenth of a turn). `moves="continuous"`: an action is one number in [-1, 1] per object and coordinate, in
-    units of `step` and `turn`, and all objects move at once. `move` names the objects that are moved, by default all
-    that the spec does not hold in place. A move that would break what the spec requires (`require noOverlap()`) is not
-    made. An object that is moved off the table stays at its edge, and the episode is over.
+    (default: a twentieth of the table) along x or y, and if phi depends on its heading also by `turn` radians (a
+    sixteenth of a turn). `moves="continuous"`: an action is one number in [-1, 1] per object and coordinate, in units
+    of `step` and `turn`, and all objects move at once. `move` names the objects that are moved, by default all that the
+    spec does not fix. A move that would violate a requirement (`require noOverlap()`) is not made. An object that is
+    moved off the table stays at its edge, and the episode is over.
 
-    `reward="sparse"`: 10 when the goal is reached, -10 off the table, 0 otherwise; "dense" adds what phi of the goal
-    gained, in steps.
+    `reward="sparse"`: 10 when the goal is reached, -10 off the table, 0 otherwise; "dense" adds the increase of the
+    goal's phi, in steps.
 
     Observations are float32 in [-1, 1], see `env.unwrapped.views.names`: x and y from edge to edge of the table, and
-    where phi or a requirement depends on a heading its cosine and sine. Objects that the spec holds in place are left
-    out.
+    the cosine and sine of each heading that phi or a requirement depends on. Objects that the spec fixes are left out.
 
     `info` has `phi` (label -> value), `is_success`, `off_table`, `blocked` (the last move was not made), and `task`:
-    label -> [lowest, highest] phi that the start was asked for, infinite where an end is open.
+    label -> [lowest, highest] requested phi of the start, infinite for an open end.
 
     `reset(options={"phi": (lo, hi)})` begins with a verified scene whose phi of the goal lies in that range, evenly
-    spread over it; {"phi": {label: (lo, hi)}} and a PhiBox ask for labels of their own, None is an open end. `phi` of
-    the constructor is what is asked for where options say nothing: left out, all that does not satisfy the goal yet,
-    but for the hardest thousandth. {"scene": ...} begins with a given scene: a Scene, {object: (x, y, theta)}, or an
-    array (N, 3). {"nearest": True} takes the nearest scenes that there are where phi is out of reach, and where ranges
-    of several labels have few scenes ready, such as lie a sixteenth of their reach beside them.
+    spread over it; {"phi": {label: (lo, hi)}} and a PhiBox give ranges of single labels; None is an open end. `phi` of
+    the constructor is the range used if the options have none; its default is all scenes that do not satisfy the goal
+    yet, except the hardest thousandth. {"scene": ...} begins with a given scene: a Scene, {object: (x, y, theta)}, or
+    an array (N, 3). {"nearest": True} takes the nearest existing scenes if phi is out of reach; if ranges of several
+    labels have few scenes ready, also scenes outside of the ranges by up to a sixteenth of the labels' reach.
 
-    Scenes come from the exact sampler, or from `source`: a model trained on the spec, or scenes, or the path of either
-    one. From the same seed and the same requests follow the same scenes, each handed out once; those of a file come
-    again when all others of about the same phi were used, and with "nearest" those of phi that is hard to find. (A draw
-    has 20 seconds, with "nearest" 2: of a spec whose scenes take longer, a slower machine has others.)
+    Scenes come from the exact sampler, or from `source`: a model trained on the spec, or scenes, or the path of either.
+    The same seed and the same requests give the same scenes, each used once. Scenes of a file are used again when all
+    others of about the same phi were used; with "nearest", also scenes whose phi is hard to find. (A draw is limited to
+    20 seconds, with "nearest" to 2: if the scenes of a spec take longer, a slower machine gives others.)
 
     Episodes have no end of their own: gymnasium.make adds a limit of 100 steps (`max_episode_steps=`).
 
-    `render_mode="rgb_array"` draws with a process that stays until `close`; `view` and `size` (width, height) are those
-    of SceneSet.render.
+    `render_mode="rgb_array"` draws in a process that runs until `close`; `view` and `size` (width, height) are those of
+    SceneSet.render.
 
     Raises errors of `gymnasium.error`: InvalidBound for phi out of reach, InvalidAction for NaN and actions out of
     range, ResetNeeded, MissingArgument, UnsupportedMode, and Error for the rest, a spec with mistakes included.
@@ -92,40 +93,41 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         self.action_space = self.moves.space()
         self.observation_space = self.views.space()  # type: ignore[assignment]
         self.render_mode = render_mode
-        self.dealer = Dealer(self.scenes, self.rules, source, phi)
+        self.resets = Resets(self.scenes, self.rules, source, phi)
         self.easel = Easel(self.scenes.checked, view, size)
-        self._feed: Feed | None = None
+        self._feed: SceneStream | None = None
         self._tables: Tables | None = None
         self._over = False
 
     @property
     def space(self) -> PhiBox:
-        """What a curriculum goes through: phi of each label, from the hardest to where it is satisfied."""
-        return self.dealer.library.space
+        """The range of phi for a curriculum: of each label, from the hardest to where it is satisfied."""
+        return self.resets.library.space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
         """Begin an episode; see the class for options."""
-        ask = self.dealer.read(options)  # before the seed is used: a bad request changes nothing
+        request = self.resets.read(options)  # before the seed is used: a bad request changes nothing
         super().reset(seed=seed)
         if seed is not None:
             self._feed = None
-        if ask.scene is not None:
-            self._tables = ask.scene
+        if request.scene is not None:
+            self._tables = request.scene
         else:
             if self._feed is None:
-                self._feed = self.dealer.feed(self.np_random)
-            row, phi = self.dealer.deal(self._feed, ask)
+                self._feed = self.resets.stream(self.np_random)
+            row, phi = self.resets.draw(self._feed, request)
             self._tables = Tables(row[:, None], phi[:, None], np.zeros(1))
-        self._task = self.dealer.task(ask)
+        self._task = self.resets.task(request)
         self._over = False
         return self.views(self._tables.rows)[0], self._info(bool(self.rules.success(self._tables)[0]), False, False)
 
     def step(self, action: Any) -> tuple[npt.NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Do an action. Raises gymnasium.error.InvalidAction, and ResetNeeded where the episode is over."""
+        """Do an action. Raises gymnasium.error.InvalidAction, and ResetNeeded if the episode is over."""
         if self._tables is None or self._over:
-            raise error.ResetNeeded(f"{'the episode is over' if self._over else 'no episode has begun'}; call reset()")
+            state = "the episode is over" if self._over else "no episode has begun"
+            raise refused(NO_EPISODE(state=state, remedy="call reset()"), error.ResetNeeded)
         done = self.rules.step(self._tables, self.moves.checked(action, 1))
         self._tables = done.tables
         success, off = bool(done.success[0]), bool(done.off[0])
@@ -134,11 +136,11 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         return self.views(done.tables.rows)[0], float(done.reward[0]), self._over, False, info
 
     def render(self) -> npt.NDArray[np.uint8] | None:
-        """The scene as (height, width, 3), where `render_mode` is "rgb_array"."""
+        """The scene as (height, width, 3) if `render_mode` is "rgb_array"."""
         if self.render_mode is None:
             return None
         if self._tables is None:
-            raise error.ResetNeeded("there is nothing to draw yet; call reset()")
+            raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
         return self.easel.draw(self._tables.rows[:, 0])
 
     def close(self) -> None:
@@ -147,12 +149,12 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
 
     def _info(self, success: bool, off: bool, blocked: bool) -> dict[str, Any]:
         assert self._tables is not None
-        aim = self.rules.aim
+        target = self.rules.target
         phi = self._tables.phi[:, 0].tolist()
         return {
-            "phi": dict(zip(aim.names, phi, strict=True)),
+            "phi": dict(zip(target.names, phi, strict=True)),
             "is_success": success,
             "off_table": off,
             "blocked": blocked,
-            "task": dict(zip(aim.names, self._task.copy(), strict=True)),
+            "task": dict(zip(target.names, self._task.copy(), strict=True)),
         }

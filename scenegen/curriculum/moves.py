@@ -1,4 +1,4 @@
-"""What a learner can do: move objects step by step, in four directions on a grid, or continuously."""
+"""The actions: objects move step by step, in four directions on a grid, or continuously."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import Space, error, spaces
 
-from scenegen.curriculum.faults import names, number, one_of
-from scenegen.errors import quoted, suggest
+from scenegen.curriculum.errors import names, number, one_of, refused
+from scenegen.errors import quoted
+from scenegen.errors.learning import ACTION_OUT_OF_RANGE, NOTHING_TO_MOVE, UNKNOWN_ACTION, WRONG_ACTION
+from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.lang.core import Coord, Core, part
 from scenegen.lang.spec import CheckedSpec
-from scenegen.scene.workspace import AXES, TWO_PI
+from scenegen.pose import FLAT, NAMES, PLACE, THETA, TWO_PI, row_of
 
 Array = npt.NDArray[np.float64]
 Kind = Literal["grid", "continuous"]
 
 STEPS = 20  # from one edge of the workspace to the other, along its shorter side
 TURN = math.pi / 8.0  # radians; less than the prelude's tolerance for headings is wide, so that a grid has one in it
-LENIENT = 1e-6  # by which an action of float32 may be out of its range
+LENIENT = 1e-6  # tolerance of the range for float32 actions
 
 
 @dataclass(frozen=True, slots=True)
 class Moves:
     """`rows` are the rows of (3N, B) storage that the K actions (grid) or components of an action (continuous) move,
-    `amounts` by how much, in metres and radians, and `names` says so."""
+    `amounts` by how much, in metres and radians, and `names` describe them."""
 
     kind: Kind
     rows: npt.NDArray[np.intp]
@@ -50,23 +52,25 @@ class Moves:
         if self.kind == "grid":
             given = given.reshape(count) if given.size == count else given
             if given.shape != (count,) or given.dtype.kind not in "iu":
-                what = "an action is a whole number" if count == 1 else f"{count} actions are wanted, whole numbers"
-                raise error.InvalidAction(f"{what} from 0 to {len(self.rows) - 1}, not {actions}")
+                what = "an action is a whole number" if count == 1 else f"{count} actions are needed, whole numbers"
+                wanted = f"{what} from 0 to {len(self.rows) - 1}"
+                raise refused(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
             if ((given < 0) | (given >= len(self.rows))).any():
                 bad = given[(given < 0) | (given >= len(self.rows))][0]
-                raise error.InvalidAction(f"there is no action {bad}; they are numbered from 0 to {len(self.rows) - 1}")
+                raise refused(UNKNOWN_ACTION(number=bad, last=len(self.rows) - 1), error.InvalidAction)
             return given
         given = given.reshape(count, -1) if given.ndim == 1 and count == 1 else given
         if given.shape != (count, len(self.rows)) or given.dtype.kind not in "iuf":
-            what = "an action is" if count == 1 else f"{count} actions are wanted, each"
-            raise error.InvalidAction(f"{what} {len(self.rows)} numbers ({', '.join(self.names)}), not {actions}")
+            what = "an action is" if count == 1 else f"{count} actions are needed, each"
+            wanted = f"{what} {len(self.rows)} numbers ({', '.join(self.names)})"
+            raise refused(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
         wrong = ~(np.abs(given) <= 1.0 + LENIENT)
         if wrong.any():
             table, place = (int(index) for index in np.argwhere(wrong)[0])
             whose = "the action" if count == 1 else f"the action on table {table}"
             value = given[wrong][0]
-            what = "is not a number" if np.isnan(value) else f"is {value:g}; it has to be from -1 to 1"
-            raise error.InvalidAction(f"`{self.names[place]}` of {whose} {what}")
+            amount = None if np.isnan(value) else value
+            raise refused(ACTION_OUT_OF_RANGE(name=self.names[place], whose=whose, amount=amount), error.InvalidAction)
         return np.asarray(np.clip(given, -1.0, 1.0), dtype=np.float64)
 
     def apply(self, rows: Array, actions: npt.NDArray[Any]) -> Array:
@@ -82,13 +86,13 @@ class Moves:
 def headings(core: Core) -> set[int]:
     """The objects on whose heading a label depends."""
     nodes = part(core, tuple(core.labels)).nodes
-    return {node.object for node in nodes if isinstance(node, Coord) and node.axis == 2}
+    return {node.object for node in nodes if isinstance(node, Coord) and node.axis == THETA}
 
 
 def make_moves(
     spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
 ) -> tuple[Moves, float]:
-    """The moves, and the step in metres. Raises gymnasium.error.Error for what cannot be."""
+    """The moves, and the step in metres. Raises gymnasium.error.Error for invalid arguments."""
     one_of("moves", kind, get_args(Kind))
     shorter = min(spec.workspace.width, spec.workspace.height)
     step = shorter / STEPS if step is None else number("step", step, "metres")
@@ -96,17 +100,18 @@ def make_moves(
     for name, value, most in (("step", step, max(spec.workspace.width, spec.workspace.height)), ("turn", turn, TWO_PI)):
         if not 0.0 < value <= most:
             unit = "metres" if name == "step" else "radians"
-            raise error.Error(f"`{name}` is {value:g}; it has to be more than 0 and at most {most:g} {unit}")
+            wanted = f"more than 0 and at most {most:g} {unit}"
+            raise refused(OUT_OF_RANGE(argument=name, value=f"{value:g}", wanted=wanted))
     turned = headings(spec.core)
     rows, amounts, called = [], [], []
     for index in _movable(spec, move):
-        for axis in range(3 if index in turned else 2):
-            amount = turn if axis == 2 else step
+        for axis in FLAT if index in turned else PLACE:
+            amount = turn if axis == THETA else step
             for sign in (1.0, -1.0) if kind == "grid" else (1.0,):
-                rows.append(3 * index + axis)
+                rows.append(row_of(index, axis))
                 amounts.append(sign * amount)
                 way = "" if kind == "continuous" else " +" if sign > 0 else " -"
-                called.append(f"{spec.objects[index]} {AXES[axis]}{way}")
+                called.append(f"{spec.objects[index]} {NAMES[axis]}{way}")
     literal: Kind = "grid" if kind == "grid" else "continuous"
     return Moves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(called)), step
 
@@ -115,21 +120,16 @@ def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
     free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
     if not free:
         what = f"`at` holds {quoted(spec.objects)} in place" if spec.objects else "the spec has no objects"
-        raise error.Error(f"there is no object that can be moved: {what}; let one of them free")
+        raise refused(NOTHING_TO_MOVE(reason=what))
     if move is None:
         return free
     chosen = []
     for name in names("move", move, "an object"):
         if name not in spec.objects:
-            known = f"the objects are {quoted(spec.objects)}"
-            raise error.Error(
-                f"`move` names `{name}`, which is no object of the spec; {suggest(name, spec.objects, known)}"
-            )
+            raise refused(UNKNOWN_OBJECT(name=name, known=spec.objects))
         if spec.objects.index(name) not in free:
-            raise error.Error(
-                f"`move` names `{name}`, which the spec holds in place with `at`; free it, or leave it out"
-            )
+            raise refused(HELD_BY_SPEC(name=name))
         chosen.append(spec.objects.index(name))
     if not chosen:
-        raise error.Error("`move` names no object; leave it out to move all")
+        raise refused(WRONG_VALUE(argument="move", value="empty", wanted="an object, or leave it out to move all"))
     return chosen

@@ -1,16 +1,16 @@
-"""What makes the environment known to gymnasium."""
+"""Registers the environment with gymnasium."""
 
 from __future__ import annotations
 
 ID = "scenegen/TableTop-v0"
-MAX_STEPS = 100  # of an episode, unless `gymnasium.make(..., max_episode_steps=)` says otherwise
+MAX_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
 
 
 def register_environments() -> None:
-    """Make `scenegen/TableTop-v0` known to gymnasium, once; nothing happens where that is not installed."""
+    """Register `scenegen/TableTop-v0` with gymnasium, once; does nothing if gymnasium is not installed."""
     try:
         import gymnasium
-    except ImportError:  # strategies do without
+    except ImportError:  # strategies do not need gymnasium
         return
     if ID in gymnasium.registry:
         return

@@ -1,4 +1,4 @@
-"""What `reset` is asked for, as people write it: a range of phi, or a scene."""
+"""The options of `reset` as users write them: a range of phi, or a scene."""
 
 from __future__ import annotations
 
@@ -15,14 +15,27 @@ from gymnasium import error
 
 from scenegen.api.scene import Scene
 from scenegen.api.spec import Spec
-from scenegen.curriculum.aim import Aim
-from scenegen.curriculum.faults import as_gymnasium
+from scenegen.curriculum.errors import as_gymnasium, refused
+from scenegen.curriculum.goal import Goal
 from scenegen.curriculum.tasks import PhiBox
-from scenegen.data.arrange import check_scenes
-from scenegen.errors import quoted, suggest
-from scenegen.sampling.request import BAND
-from scenegen.scene.data import Pose, SceneData
-from scenegen.scene.workspace import AXES, TWO_PI
+from scenegen.errors import quoted
+from scenegen.errors.files import OTHER_OBJECTS, OTHER_SURFACE
+from scenegen.errors.learning import LABELS_OF_TASK, NOT_A_TASK, NOT_POSES
+from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
+    NOT_A_POSE,
+    RANGE_END,
+    RANGE_NOT_A_PAIR,
+    RANGE_REVERSED,
+    SINGLE_VALUE,
+    UNKNOWN_CHOICE,
+    UNKNOWN_LABEL,
+    WRONG_VALUE,
+)
+from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_of
+from scenegen.sampling.request import BAND, Range
+from scenegen.scene.data import Pose, RestingPose, SceneData
+from scenegen.training.datasets.arrange import check_scenes
 
 Array = npt.NDArray[np.float64]
 
@@ -30,96 +43,89 @@ OPTIONS = ("phi", "scene", "nearest")
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """phi that a scene is wanted with, of each of an aim's D labels: closed ranges, infinite where an end is open."""
+class PhiRanges:
+    """The requested phi of a scene, for each of a goal's D labels: closed ranges, infinite for an open end."""
 
     low: tuple[float, ...]
     high: tuple[float, ...]
 
     @cached_property
     def dims(self) -> tuple[int, ...]:
-        """The labels that something is wanted of."""
+        """The labels that have a range."""
         ends = zip(self.low, self.high, strict=True)
         return tuple(k for k, (low, high) in enumerate(ends) if low > -math.inf or high < math.inf)
 
-    def ranges(self, names: Sequence[str]) -> dict[str, tuple[float | None, float | None]]:
-        """As samplers are asked for it."""
-        return {
-            names[k]: (
-                self.low[k] if math.isfinite(self.low[k]) else None,
-                self.high[k] if math.isfinite(self.high[k]) else None,
-            )
-            for k in self.dims
-        }
+    def phi(self, names: Sequence[str]) -> dict[str, Range]:
+        """The ranges of a request to a sampler."""
+        low, high = ([end if math.isfinite(end) else None for end in side] for side in (self.low, self.high))
+        return {names[k]: Range(low[k], high[k]) for k in self.dims}
 
     def describe(self, names: Sequence[str]) -> str:
         """`phi of task in -0.2:-0.1`."""
         parts = []
-        for name, (low, high) in self.ranges(names).items():
+        for name, one in self.phi(names).items():
+            low, high = one.low, one.high
             parts.append(
                 f"phi of `{name}` in {'' if low is None else f'{low:.4g}'}:{'' if high is None else f'{high:.4g}'}"
             )
         return " and ".join(parts) or "any phi"
 
 
-def everything(aim: Aim) -> Wanted:
-    """No wish at all."""
-    count = len(aim.names)
-    return Wanted((-math.inf,) * count, (math.inf,) * count)
+def everything(target: Goal) -> PhiRanges:
+    """No range for any label."""
+    count = len(target.names)
+    return PhiRanges((-math.inf,) * count, (math.inf,) * count)
 
 
-def read_phi(aim: Aim, phi: object, *, points: bool = False) -> Wanted:
-    """(lowest, highest) is of the goal, a mapping of the labels it names, and a PhiBox of all labels of the spec. None
-    is an open end; single values are let pass with `points`. Raises gymnasium.error.Error for what is none of these and
-    for unknown labels, and gymnasium.error.InvalidBound for ends that are no numbers or the wrong way round."""
-    if isinstance(phi, Wanted):
+def read_phi(target: Goal, phi: object, *, points: bool = False) -> PhiRanges:
+    """(lowest, highest) is for the goal, a mapping for the labels it names, and a PhiBox for all labels of the spec.
+    None is an open end; single values are allowed with `points`. Raises gymnasium.error.Error for anything else and for
+    unknown labels, and gymnasium.error.InvalidBound for ends that are not numbers or are reversed."""
+    if isinstance(phi, PhiRanges):
         return phi
     given: Mapping[int, object]
     if isinstance(phi, PhiBox):
         if not all(isinstance(ends, tuple | list | np.ndarray) for ends in (phi.low, phi.high)):
-            raise error.InvalidBound(f"{phi} is no task; `low` and `high` have one number per label each")
+            raise refused(NOT_A_TASK(value=str(phi)), error.InvalidBound)
         for side in (phi.low, phi.high):
-            if len(side) != aim.labels:
-                known = quoted(aim.names[: aim.labels])
-                raise error.Error(f"the task has phi of {len(side)} labels; the spec has {known}")
+            if len(side) != target.labels:
+                known = target.names[: target.labels]
+                raise refused(LABELS_OF_TASK(count=len(side), labels=known))
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
-        given = {_label(aim, name): ends for name, ends in phi.items()}
+        given = {_label(target, name): ends for name, ends in phi.items()}
     else:
-        given = {aim.goal: phi}
-    low, high = ([end] * len(aim.names) for end in (-math.inf, math.inf))
+        given = {target.goal: phi}
+    low, high = ([end] * len(target.names) for end in (-math.inf, math.inf))
     for k, ends in given.items():
-        low[k], high[k] = _ends(aim.names[k], ends, points)
-    return Wanted(tuple(low), tuple(high))
+        low[k], high[k] = _ends(target.names[k], ends, points)
+    return PhiRanges(tuple(low), tuple(high))
 
 
-def _label(aim: Aim, name: object) -> int:
-    if name in aim.names:
-        return aim.names.index(str(name))
-    known = aim.names[: aim.labels]
-    raise error.Error(f"the spec has no label `{name}`; {suggest(str(name), known, f'it has {quoted(known)}')}")
+def _label(target: Goal, name: object) -> int:
+    if name in target.names:
+        return target.names.index(str(name))
+    raise refused(UNKNOWN_LABEL(name=str(name), known=target.names[: target.labels]))
 
 
 def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
     pair = list(ends) if isinstance(ends, tuple | list | np.ndarray) else []
     if len(pair) != 2 or not all(type(end) is float or end is None or _is_number(end) for end in pair):
-        raise error.InvalidBound(
-            f"phi of `{name}` is asked for as {ends!r}; write (lowest, highest), None for an open end"
-        )
+        raise refused(RANGE_NOT_A_PAIR(label=name, value=repr(ends)), error.InvalidBound)
     try:
         low = -math.inf if pair[0] is None else float(pair[0])
         high = math.inf if pair[1] is None else float(pair[1])
     except OverflowError:
-        raise error.InvalidBound(f"phi of `{name}` is asked for with an end too large; None is an open end") from None
+        raise refused(RANGE_END(end="a number that large", label=name), error.InvalidBound) from None
     if math.isnan(low) or math.isnan(high):
-        raise error.InvalidBound(f"phi of `{name}` is asked for as {ends!r}; NaN is no phi, None is an open end")
+        raise refused(RANGE_END(end="NaN", label=name), error.InvalidBound)
     if low > high:
-        raise error.InvalidBound(f"phi of `{name}` is asked for from {low:g} to {high:g}, which is reversed")
+        raise refused(RANGE_REVERSED(label=name, low=low, high=high), error.InvalidBound)
     if low == high and math.isinf(low):
-        raise error.InvalidBound(f"phi of `{name}` is asked for as {ends!r}; it is finite, None is an open end")
+        raise refused(RANGE_END(end=f"{low:g} at both sides", label=name), error.InvalidBound)
     if low == high and not points:
-        band = f"({low - BAND:g}, {low + BAND:g})"
-        raise error.InvalidBound(f"phi of `{name}` is exactly {low:g} with probability 0; ask for a band, say {band}")
+        band = f"{low - BAND:g}:{low + BAND:g}"
+        raise refused(SINGLE_VALUE(label=name, value=low, band=band), error.InvalidBound)
     return low, high
 
 
@@ -130,34 +136,46 @@ def _is_number(value: object) -> bool:
 def read_scene(spec: Spec, scene: object) -> Array:
     """(3N,) storage of a scene: a Scene or its data, a mapping from each object to its pose ((x, y, theta), or x, y and
     theta by name), or an array (N, 3) in metres and radians. Raises gymnasium.error.Error for other objects, and for a
-    scene that the spec does not allow."""
+    scene that violates the spec's requirement."""
     if isinstance(scene, Scene | SceneData):
         poses: Mapping[Any, Any] = scene.poses
     elif isinstance(scene, Mapping):
         poses = scene["poses"] if "poses" in scene and "poses" not in spec.objects else scene
         if not isinstance(poses, Mapping):
-            raise error.Error(f"the `poses` of the scene are a {type(poses).__name__}; write {{object: (x, y, theta)}}")
+            raise refused(NOT_POSES(found=f"`poses` is a {type(poses).__name__}", objects=len(spec.objects)))
     else:
         array = _array(scene) if isinstance(scene, np.ndarray | list | tuple) else np.empty(0)
-        if array.shape != (len(spec.objects), 3):
+        if array.shape != (len(spec.objects), SIZE):
             what = f"an array of shape {array.shape}" if array.size else f"a {type(scene).__name__}"
-            raise error.Error(
-                f"a scene is a Scene, a pose for each object, or an array ({len(spec.objects)}, 3), not {what}"
-            )
+            raise refused(NOT_POSES(found=f"this is {what}", objects=len(spec.objects)))
         poses = dict(zip(spec.objects, array, strict=True))
     missing = [name for name in spec.objects if name not in poses]
     extra = [str(name) for name in poses if name not in spec.objects]
     if missing or extra:
         what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
-        raise error.Error(f"the scene {what}; the spec is about {quoted(spec.objects)}")
+        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=spec.objects))
     rows = np.array([_pose(name, poses[name]) for name in spec.objects]).ravel()
-    rows[2::3] %= TWO_PI
-    rows[2::3][rows[2::3] >= TWO_PI] = 0.0
+    theta = rows[along(THETA)]
+    theta %= TWO_PI
+    theta[theta >= TWO_PI] = 0.0
     for index, pose in spec.checked.fixed.items():
-        if abs(math.remainder(rows[3 * index + 2] - pose[2], TWO_PI)) < 1e-9:
-            rows[3 * index + 2] = pose[2]
+        if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
+            rows[row_of(index, THETA)] = pose[THETA]
+    rows = np.concatenate([rows, *(_switch(spec, which, poses) for which in spec.checked.choices)])
     with as_gymnasium():
         check_scenes(spec.checked, rows[:, None])
+    return rows
+
+
+def _switch(spec: Spec, which: int, poses: Mapping[Any, Any]) -> Array:
+    """The rows of the switch of an object that stands on one of several surfaces."""
+    choice, name = spec.checked.choices[which], spec.objects[which]
+    pose, known = poses[name], [one.name for one in choice.options]
+    on = pose.on if isinstance(pose, RestingPose) else pose.get("on") if isinstance(pose, Mapping) else None
+    if on not in known:
+        raise refused(OTHER_SURFACE(scene="this scene", name=name, surface=on or "", known=known))
+    rows = np.zeros(SIZE)
+    rows[X] = choice.middles[known.index(on)]
     return rows
 
 
@@ -168,40 +186,41 @@ def _array(scene: Any) -> Array:
             return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise error.Error("the poses of the scene are not all numbers; write a row (x, y, theta) for each object")
+    raise refused(NOT_POSES(found="these are not all numbers"))
 
 
-def _pose(name: str, pose: object) -> tuple[float, float, float]:
+def _pose(name: str, pose: Any) -> tuple[float, float, float]:
     if isinstance(pose, Pose):
         return pose.x, pose.y, pose.theta
     if isinstance(pose, Mapping):
-        extra = [str(key) for key in pose if key not in AXES]
+        extra = [str(key) for key in pose if key not in (*NAMES, "on")]
         if extra:
-            raise error.Error(f"the pose of `{name}` has {quoted(extra)}; it has {quoted(AXES)}, in metres and radians")
+            raise refused(NOT_A_POSE(name=name, value=f"one with {quoted(extra)}"))
         pose = pose.get("x"), pose.get("y"), pose.get("theta", 0.0)
     if isinstance(pose, str | bytes):  # "123" would do
-        raise error.Error(f"the pose of `{name}` is {pose!r}; write (x, y, theta) in metres and radians")
+        raise refused(NOT_A_POSE(name=name, value=repr(pose)))
     try:
-        x, y, theta = (float(value) for value in pose)  # type: ignore[attr-defined]
+        x, y, theta = (float(value) for value in pose)
     except (TypeError, ValueError, OverflowError):
-        raise error.Error(f"the pose of `{name}` is {pose!r}; write (x, y, theta) in metres and radians") from None
+        raise refused(NOT_A_POSE(name=name, value=repr(pose))) from None
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
-        raise error.Error(f"the pose of `{name}` is ({x:g}, {y:g}, {theta:g}); it has to be finite")
+        raise refused(NOT_A_POSE(name=name, value=f"({x:g}, {y:g}, {theta:g})"))
     return x, y, theta
 
 
 def check_options(options: object) -> Mapping[str, Any]:
-    """Options as a mapping, empty for None. Raises gymnasium.error.Error for what is none, for an option that there is
-    not, and for phi and a scene at once."""
+    """Options as a mapping, empty for None. Raises gymnasium.error.Error for anything else, for an unknown option, and
+    for phi and a scene together."""
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise error.Error(f'`options` is {options!r}; write them by name, say {{"phi": (-0.2, -0.1)}}')
+        wanted = 'options by name, say {"phi": (-0.2, -0.1)}'
+        raise refused(WRONG_VALUE(argument="options", value=repr(options), wanted=wanted))
     for name in options:
         if name not in OPTIONS:
-            raise error.Error(f"unknown option `{name}`; {suggest(str(name), OPTIONS, f'there are {quoted(OPTIONS)}')}")
+            raise refused(UNKNOWN_CHOICE(what="option", name=str(name), known=OPTIONS))
     if options.get("phi") is not None and options.get("scene") is not None:
-        raise error.Error("`phi` and `scene` are both asked for; a given scene has the phi that it has: leave one out")
+        raise refused(CONFLICTING_ARGUMENTS(one="phi", other="scene"))
     if not isinstance(options.get("nearest", False), bool | np.bool_):
-        raise error.Error(f"`nearest` is {options['nearest']!r}; it is True or False")
+        raise refused(WRONG_VALUE(argument="nearest", value=repr(options["nearest"]), wanted="True or False"))
     return options

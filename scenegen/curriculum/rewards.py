@@ -1,4 +1,4 @@
-"""What a learner is paid."""
+"""The rewards."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.curriculum.faults import one_of
+from scenegen.curriculum.errors import one_of
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -17,11 +17,11 @@ SATISFIED, OFF = 10.0, -10.0  # the paper's, section V
 
 
 class Reward:
-    """`sparse`: 10 where the goal is satisfied, -10 where an object left the table, 0 otherwise, as in the paper.
-    `dense` adds what phi of the goal gained, in steps. Without discount these gains sum up to phi of the last scene
-    less that of the first (a potential in the sense of Ng, Harada and Russell, 1999, but for the last scene, whose
-    phi is paid, too: ending well inside the goal earns more than at its edge). Raises gymnasium.error.Error for
-    another kind."""
+    """`sparse`: 10 if the goal is satisfied, -10 if an object left the table, 0 otherwise, as in the paper. `dense`
+    adds the increase of the goal's phi, in steps. Without discount these increases sum up to phi of the last scene
+    minus that of the first. (This is a potential in the sense of Ng, Harada and Russell, 1999, except that the last
+    scene's phi is rewarded too: an end well inside the goal earns more than one at its edge.) Raises
+    gymnasium.error.Error for another kind."""
 
     def __init__(self, kind: str, step: float) -> None:
         one_of("reward", kind, get_args(Kind))

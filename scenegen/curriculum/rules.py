@@ -1,4 +1,4 @@
-"""The rules of the game, for any number of tables at once: what a step does, and when an episode ends."""
+"""The dynamics, for any number of tables at once: what a step does, and when an episode ends."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ import numpy.typing as npt
 from gymnasium import error
 
 from scenegen.api.spec import Spec, load, parse
-from scenegen.curriculum.aim import Aim, Scorer, make_aim
+from scenegen.curriculum.errors import refused
+from scenegen.curriculum.goal import Goal, Scorer, make_goal
 from scenegen.curriculum.moves import Moves, make_moves
 from scenegen.curriculum.rewards import Reward
 from scenegen.curriculum.views import Views, make_views
 from scenegen.errors import ScenegenError
-from scenegen.scene.workspace import TWO_PI
+from scenegen.errors.requests import MISSING_ARGUMENT, WRONG_VALUE
+from scenegen.pose import TWO_PI, is_angle
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-EDGE = 1e-9  # metres by which a centre may be over the edge: twenty steps of 5 cm are not quite a metre
+EDGE = 1e-9  # metres by which a centre may be over the edge, because twenty steps of 5 cm are not exactly a metre
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
-    """B scenes: `rows` (3N, B) and phi (D, B). `slack` (B,) is what the requirement's margin may fall to: 0, or a bit
-    less in a scene that was rounded."""
+    """B scenes: `rows` (3N, B) and phi (D, B). `slack` (B,) is the lowest allowed margin of the requirement: 0, or
+    slightly less in a scene that was rounded."""
 
     rows: Array
     phi: Array
@@ -37,7 +39,7 @@ class Tables:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepped:
-    """The tables after a step, and of each, (B,): the reward, and how it went."""
+    """The tables after a step, and for each, (B,): the reward and how the step ended."""
 
     tables: Tables
     reward: Array
@@ -49,9 +51,9 @@ class Stepped:
 @dataclass(frozen=True, slots=True, eq=False)
 class Rules:
     """What all environments of a spec share. `flat` are the rows of x and y that moves change, `low` and `high` (F, 1)
-    the edges of the table for them; `turning` are the rows of headings."""
+    their limits at the edges of the table; `turning` are the rows of headings."""
 
-    aim: Aim
+    target: Goal
     score: Scorer
     moves: Moves
     reward: Reward
@@ -63,11 +65,11 @@ class Rules:
 
     def success(self, tables: Tables) -> Mask:
         """Which scenes (B,) satisfy the goal."""
-        return np.asarray(tables.phi[self.aim.goal] >= 0.0)
+        return np.asarray(tables.phi[self.target.goal] >= 0.0)
 
     def step(self, tables: Tables, actions: npt.NDArray[Any]) -> Stepped:
         """Do checked actions. An object that leaves the table stays at its edge and ends the episode; a move that would
-        break what the spec requires is not made at all."""
+        violate the requirement is not made at all."""
         rows = self.moves.apply(tables.rows, actions)
         flat = rows[self.flat]
         kept = np.minimum(np.maximum(flat, self.low), self.high)
@@ -83,19 +85,18 @@ class Rules:
             blocked = np.asarray((margin < tables.slack) & ~off)
             if blocked.any():
                 rows, phi = np.where(blocked, tables.rows, rows), np.where(blocked, tables.phi, phi)
-        goal = self.aim.goal
+        goal = self.target.goal
         success = np.asarray((phi[goal] >= 0.0) & ~off)
         reward = self.reward(tables.phi[goal], phi[goal], success, off)
         return Stepped(Tables(rows, phi, tables.slack), reward, success, off, blocked)
 
 
 def load_spec(spec: Spec | str | Path | None) -> Spec:
-    """A spec as people give it: itself, the path of a file, or a text. Raises gymnasium.error.MissingArgument for none,
-    gymnasium.error.Error for one with mistakes, which it shows."""
+    """A spec as users give it: a Spec, the path of a file, or a text. Raises gymnasium.error.MissingArgument for None,
+    gymnasium.error.Error, with the diagnostics, for one with mistakes."""
     if spec is None:
-        raise error.MissingArgument(
-            'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
-        )
+        question = 'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
+        raise refused(MISSING_ARGUMENT(argument="spec", question=question), error.MissingArgument)
     if isinstance(spec, Spec):
         return spec
     try:
@@ -105,7 +106,8 @@ def load_spec(spec: Spec | str | Path | None) -> Spec:
             return parse(spec)
     except ScenegenError as problem:
         raise error.Error(str(problem)) from problem
-    raise error.Error(f"`spec` is a Spec, the path of a spec file or its text, not {type(spec).__name__}")
+    wanted = "a Spec, the path of a spec file or its text"
+    raise refused(WRONG_VALUE(argument="spec", value=f"of type {type(spec).__name__}", wanted=wanted))
 
 
 def make_rules(
@@ -118,11 +120,12 @@ def make_rules(
     turn: float | None,
     reward: str,
 ) -> Rules:
-    """See TableTop for the arguments. Raises gymnasium.error.Error for what cannot be."""
-    aim = make_aim(spec, goal)
+    """See TableTop for the arguments. Raises gymnasium.error.Error for invalid ones."""
+    target = make_goal(spec, goal)
     made, length = make_moves(spec.checked, moves, move, step, turn)
     changed = np.unique(made.rows)
-    flat, turning = changed[changed % 3 < 2], changed[changed % 3 == 2]
+    angles = np.array([is_angle(row) for row in changed], dtype=bool)
+    flat, turning = changed[~angles], changed[angles]
     low, high = (ends[flat][:, None] for ends in spec.checked.box())
     paid, seen = Reward(reward, length), make_views(spec.checked)
-    return Rules(aim, Scorer(aim), made, paid, seen, flat, low, high, turning)
+    return Rules(target, Scorer(target), made, paid, seen, flat, low, high, turning)

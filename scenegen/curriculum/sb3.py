@@ -1,4 +1,4 @@
-"""What Stable-Baselines3 logs of a curriculum. Importing this loads it, and torch."""
+"""A Stable-Baselines3 callback that logs a curriculum. Importing this loads Stable-Baselines3 and torch."""
 
 from __future__ import annotations
 
@@ -9,29 +9,31 @@ from typing import Any
 import numpy as np
 from gymnasium import error
 
-from scenegen.curriculum.faults import count
+from scenegen.curriculum.errors import count, refused
 from scenegen.curriculum.tasks import Strategy
+from scenegen.errors.learning import NOT_A_STRATEGY
+from scenegen.errors.requests import NOT_INSTALLED
 
 try:
     from stable_baselines3.common.callbacks import BaseCallback
 except ImportError as problem:
-    raise error.DependencyNotInstalled(
-        'the callback is for Stable-Baselines3, which is not installed; pip install "scenegen[experiments]"'
-    ) from problem
+    missing = NOT_INSTALLED(
+        package="stable-baselines3", purpose="for the callback", command='pip install "scenegen[experiments]"'
+    )
+    raise refused(missing, error.DependencyNotInstalled) from problem
 
-WINDOW = 100  # episodes that means are taken over
+WINDOW = 100  # episodes over which means are taken
 
 
 class CurriculumCallback(BaseCallback):
-    """Logs, of the last `window` episodes of environments in `Curriculum`: the rate of success, phi of the first scene
-    and of the tasks per label, steps and rewards, all under `curriculum/`; and what the `log()` of the strategy
-    says, if it is given and has one. Works with SB3Vector around a
-    `VectorCurriculum`, too. Outcomes arrive from environments in other processes as well, but there each process has a
-    strategy of its own, and `strategy` here hears nothing of them."""
+    """Logs, for the last `window` episodes of environments in `Curriculum`: the success rate, phi of the first scene
+    and of the tasks per label, steps and rewards, all under `curriculum/`; and the strategy's `log()`, if a strategy is
+    given and has one. Works with SB3Vector around a `VectorCurriculum`, too. Outcomes arrive from environments in other
+    processes as well, but there each process has its own strategy, and `strategy` here gets no outcomes from them."""
 
     def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
         if strategy is not None and not callable(getattr(strategy, "next_task", None)):
-            raise error.Error(f"{strategy!r} is no strategy; give the one that `Curriculum` was given, or none")
+            raise refused(NOT_A_STRATEGY(value=repr(strategy)))
         window = count("window", window)
         super().__init__(verbose)
         self.outcomes: deque[Mapping[str, Any]] = deque(maxlen=window)

@@ -2,37 +2,38 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import error
 
-from scenegen import given
 from scenegen.api.model import Model, load_model
-from scenegen.api.sample import sample
+from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import SceneSet, read_scenes
 from scenegen.api.spec import Spec
-from scenegen.curriculum.aim import Aim, Scorer
-from scenegen.data.arrange import check_scenes
-from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.curriculum.errors import refused
+from scenegen.curriculum.goal import Goal, Scorer
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.learning import DRAW_TOO_SLOW, SOURCE_OF_ANOTHER_SPEC
+from scenegen.errors.requests import NO_SCENES, OUT_OF_TIME, WRONG_VALUE
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.training.datasets.arrange import check_scenes
+from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
-Ends = tuple[float | None, float | None]
 
-SECONDS = 20.0  # after which a request counts as out of reach; what is found in time does not depend on it
-SHORTLY = 2.0  # the same, where the nearest that there is will do
+SECONDS = 20.0  # after this time a request counts as unreachable; scenes that are found earlier do not depend on it
+SHORTLY = 2.0  # the same, if the nearest scenes may be used instead
 
 
 @dataclass(frozen=True, eq=False)
 class Scenes:
-    """`poses` (n, 3N) in metres and radians, and `phi` (n, D) of an aim's labels."""
+    """`poses` (n, 3N) in metres and radians, and `phi` (n, D) of a goal's labels."""
 
     poses: Array
     phi: Array
@@ -42,7 +43,7 @@ class Scenes:
 
     @cached_property
     def columns(self) -> list[list[float]]:
-        """phi by label, as Python reads it fastest; made once, for many feeds."""
+        """phi by label as lists, which Python reads fastest; computed once for many streams."""
         found: list[list[float]] = self.phi.T.tolist()
         return found
 
@@ -50,78 +51,56 @@ class Scenes:
 class Sampler:
     """Draws from a spec, exactly, or from a model trained on it."""
 
-    def __init__(self, aim: Aim, model: Model | None = None) -> None:
-        self._from: Spec | Model = aim.spec if model is None else _aimed(aim, model)
+    def __init__(self, target: Goal, model: Model | None = None) -> None:
+        self._from: Spec | Model = target.spec if model is None else model.with_spec(target.spec)
 
     def draw(
-        self, ranges: Mapping[str, Ends], n: int, seed: int, spread: str = "flat", patience: float = SECONDS
+        self, phi: Mapping[str, Range], n: int, seed: int, spread: str = "flat", patience: float = SECONDS
     ) -> Scenes:
-        """Up to n scenes with phi in the ranges, at least one, as many as are found in `patience` seconds. Raises
+        """Up to n scenes with phi in the ranges, at least one: as many as are found in `patience` seconds. Raises
         RequestError."""
+        request = SampleRequest(phi, n, seed=seed, spread=spread, timeout=patience, keep_partial=True, workers=1)
         try:
-            found = sample(
-                self._from, ranges, n, seed=seed, spread=spread, timeout=patience, keep_partial=True, workers=1
-            )
+            found = draw_scenes(self._from, request)
         except RequestError as problem:
             first = problem.diagnostics[0]
-            if "--timeout" not in first.help:
+            if first.kind not in OUT_OF_TIME:
                 raise
-            help_ = (
-                f"a draw has {patience:g} s here; draw scenes with `scenegen sample` first, and give them as `source`"
-            )
-            raise RequestError(replace(first, help=help_)) from problem
-        return Scenes(found.poses.reshape(len(found), -1), np.stack(list(found.phi.values()), axis=1))
+            slow = DRAW_TOO_SLOW(first.span, problem=first.title, note=first.note, seconds=patience)
+            raise RequestError(slow) from problem
+        spec = (self._from.spec if isinstance(self._from, Model) else self._from).checked
+        rows = rows_of(spec, found) if spec.choices else found.poses.reshape(len(found), -1).T
+        return Scenes(rows.T, np.stack(list(found.phi.values()), axis=1))
 
 
-def stock(aim: Aim, scenes: SceneSet) -> Scenes:
+def stock(target: Goal, scenes: SceneSet) -> Scenes:
     """The scenes of a file, scored by the spec. Raises DataError for scenes that are not of it."""
     if not len(scenes):
-        raise DataError(Diagnostic("there are no scenes in the file", help="sample some first"))
-    rows = np.array(rows_of(aim.spec.checked, scenes))
-    check_scenes(aim.spec.checked, rows)
-    return Scenes(np.ascontiguousarray(rows.T), Scorer(aim)(rows)[: len(aim.names)].T.copy())
+        raise DataError(NO_SCENES())
+    rows = np.array(rows_of(target.spec.checked, scenes))
+    check_scenes(target.spec.checked, rows)
+    return Scenes(np.ascontiguousarray(rows.T), Scorer(target)(rows)[: len(target.names)].T.copy())
 
 
 def check_source(source: object) -> None:
-    """Raises gymnasium.error.Error for what scenes cannot come from."""
+    """Raises gymnasium.error.Error for an invalid source."""
     if source is not None and not isinstance(source, str | Path | SceneSet | Model):
-        raise error.Error(f"`source` is a model, scenes, or the path of either, not {type(source).__name__}")
+        wanted = "a model, scenes, or the path of either"
+        raise refused(WRONG_VALUE(argument="source", value=f"of type {type(source).__name__}", wanted=wanted))
 
 
-def open_source(aim: Aim, spec: Spec, source: Any) -> Sampler | Scenes:
-    """`source` as people give it: None for the exact sampler, a Model or a SceneSet, or the path of a model file
+def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
+    """`source` as users give it: None for the exact sampler, a Model or a SceneSet, or the path of a model file
     (.safetensors) or of a scene file. Raises DataError, RequestError, gymnasium.error.Error."""
     if source is None:
-        return Sampler(aim)
+        return Sampler(target)
     if isinstance(source, str | Path):
-        path = given.path("source", source)
+        path = as_path("source", source)
         source = load_model(path, spec) if path.suffix == ".safetensors" else read_scenes(path)
     if isinstance(source, SceneSet):
-        return stock(aim, source)
+        return stock(target, source)
     if isinstance(source, Model):
         if source.spec.checked.sha256 != spec.checked.sha256:
-            raise error.Error(
-                f"the model {source.name} was trained on another spec; make the environment from that one"
-            )
-        return Sampler(aim, source)
-    raise AssertionError(source)  # check_source was asked
-
-
-class _Narrowed:
-    """A trained model that is told of its own labels alone."""
-
-    def __init__(self, trained: Any, labels: int) -> None:
-        self._trained, self._labels = trained, labels
-        self.name, self.steps = trained.name, trained.steps
-
-    def propose(self, phi: Any, generator: Any) -> Any:
-        return self._trained.propose(phi[: self._labels], generator)
-
-
-def _aimed(aim: Aim, model: Model) -> Model:
-    """A model whose spec has the aim's labels."""
-    if aim.labels == len(aim.names):
-        return model
-    aimed = copy.copy(model)
-    aimed.spec, aimed.trained = aim.spec, cast(Any, _Narrowed(model.trained, aim.labels))
-    return aimed
+            raise refused(SOURCE_OF_ANOTHER_SPEC(model=source.name))
+        return Sampler(target, source)
+    raise AssertionError(source)  # see check_source

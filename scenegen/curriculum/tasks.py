@@ -1,4 +1,4 @@
-"""What a strategy chooses, and what it hears of it."""
+"""The input and output of a strategy: tasks and outcomes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class PhiBox:
     high: tuple[float, ...]
 
     def holds(self, phi: tuple[float, ...]) -> bool:
-        """Whether phi, one value per label, lies in the box, its faces included."""
+        """Whether phi, one value per label, lies in the closed box."""
         return all(low <= value <= high for low, value, high in zip(self.low, phi, self.high, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an episode went: the box it was asked for, phi of the scene it began with (one value per label), whether
-    the spec was satisfied at its end, the sum of its rewards, and its steps."""
+    """The outcome of an episode: its task, phi of its first scene (one value per label), whether the spec was satisfied
+    at its end, the sum of its rewards, and its number of steps."""
 
     task: PhiBox
     phi: tuple[float, ...]
@@ -31,12 +31,13 @@ class Outcome:
 
 
 class Strategy(Protocol):
-    """A curriculum, usable with any learner: ask for a task, play an episode, report it."""
+    """A strategy, usable with any learner: get a task, run an episode, report the outcome."""
 
     def next_task(self) -> PhiBox:
         """The phi of the next episode's first scene."""
         ...
 
     def report(self, outcome: Outcome) -> None:
-        """Hear how an episode went. Several may run at once, so outcomes need not come in the order of the tasks."""
+        """Takes the outcome of an episode. Several episodes may run at once, so outcomes need not come in the order of
+        the tasks."""
         ...

@@ -1,7 +1,7 @@
-"""Many tables at once: phi, moves and observations in one go for all of them.
+"""Many tables at once: phi, moves and observations are computed together.
 
-It does what `gymnasium.make_vec(..., vectorization_mode="sync")` does with as many `TableTop` and a time limit, scene
-by scene and step by step, at a fraction of the time.
+It behaves exactly like `gymnasium.make_vec(..., vectorization_mode="sync")` with as many `TableTop` and a time limit,
+at a fraction of the time.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenegen.curriculum.dealer import Ask
 from scenegen.curriculum.env import TableTop
-from scenegen.curriculum.faults import count
-from scenegen.curriculum.feed import Dealt, Feed
+from scenegen.curriculum.errors import count, refused
 from scenegen.curriculum.request import check_options
+from scenegen.curriculum.reset import StartRequest
 from scenegen.curriculum.rules import Tables
+from scenegen.curriculum.scene_stream import SceneStream, StartScene
 from scenegen.curriculum.tasks import PhiBox
+from scenegen.errors.learning import NO_EPISODE, NUMBER_OF_SEEDS
+from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.pose import row_count
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -35,12 +38,12 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
     """`num_envs` tables. `autoreset_mode` is gymnasium's: "NextStep", "SameStep" or "Disabled" (reset with
     `options={"reset_mask": mask}`). `max_episode_steps` truncates; the other arguments are those of TableTop.
 
-    `reset(seed=s)` seeds the tables with s, s + 1, ..., a list one by one. `chooser`, where it is set, is asked for
-    the options of table k's next scene whenever one begins without any. `listener`, where it is set, is told of every
-    step before any table begins anew: its rewards, which episodes it ended and which of these as a success, (num_envs,)
+    `reset(seed=s)` seeds the tables with s, s + 1, ..., a list one by one. `chooser`, if set, gives the options for
+    table k's next scene whenever an episode begins without options. `listener`, if set, is called after every step,
+    before tables are reset, with the rewards, which episodes ended, and which of these were successful, (num_envs,)
     each.
 
-    Raises what TableTop does; ResetNeeded also where a table that is not reset by itself is over.
+    Raises what TableTop does; ResetNeeded also if the episode of a table without autoreset is over.
     """
 
     def __init__(
@@ -58,9 +61,9 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
-            modes = ", ".join(f'"{mode.value}"' for mode in AutoresetMode)
-            raise error.Error(f"unknown autoreset mode {autoreset_mode!r}; it is one of {modes}") from None
-        one = TableTop(spec, **settings)  # its rules, scenes and pictures serve all
+            modes = [mode.value for mode in AutoresetMode]
+            raise refused(UNKNOWN_CHOICE(what="autoreset mode", name=str(autoreset_mode), known=modes)) from None
+        one = TableTop(spec, **settings)  # its rules, scenes and pictures are used for all tables
         self._one = one
         self.rules, self.moves, self.views, self.scenes = one.rules, one.moves, one.views, one.scenes
         self.metadata = {**TableTop.metadata, "autoreset_mode": self.autoreset_mode}
@@ -71,15 +74,15 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         self.chooser: Chooser | None = None
         self.listener: Listener | None = None
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
-        self._feeds: list[Feed | None] = [None] * num_envs
+        self._feeds: list[SceneStream | None] = [None] * num_envs
         self._tables: Tables | None = None
-        self._tasks = np.empty((num_envs, len(self.rules.aim.names), 2))
+        self._tasks = np.empty((num_envs, len(self.rules.target.names), 2))
         self._steps = np.zeros(num_envs, dtype=np.intp)
         self._over = np.zeros(num_envs, dtype=np.bool_)
 
     @property
     def space(self) -> PhiBox:
-        """What a curriculum goes through: phi of each label, from the hardest to where it is satisfied."""
+        """The range of phi for a curriculum: of each label, from the hardest to where it is satisfied."""
         return self._one.space
 
     def reset(
@@ -92,9 +95,10 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         elif isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
             seeds = seed
         else:
-            raise error.Error(f"`seed` is {seed!r}; it is a python integer, or a list of {self.num_envs}")
+            wanted = f"a python integer, or a list of {self.num_envs}"
+            raise refused(WRONG_VALUE(argument="seed", value=repr(seed), wanted=wanted))
         if len(seeds) != self.num_envs:
-            raise error.Error(f"there are {len(seeds)} seeds for {self.num_envs} tables; give one, or one for each")
+            raise refused(NUMBER_OF_SEEDS(seeds=len(seeds), tables=self.num_envs))
         if options is not None and not isinstance(options, Mapping):
             check_options(options)
         options = dict(options or {})
@@ -107,14 +111,15 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         return self._seen(), self._infos(chosen, success, np.zeros_like(chosen), np.zeros_like(chosen))
 
     def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
-        """Do an action on every table; on those that begin anew in this step theirs is not heeded."""
+        """Do an action on every table; tables that are reset in this step ignore theirs."""
         if self._tables is None:
-            raise error.ResetNeeded("no episode has begun; call reset()")
+            raise refused(NO_EPISODE(state="no episode has begun", remedy="call reset()"), error.ResetNeeded)
         checked = self.moves.checked(actions, self.num_envs)
         again = self._over
         if self.autoreset_mode is AutoresetMode.DISABLED and again.any():
             over = ", ".join(map(str, np.flatnonzero(again)[:8]))
-            raise error.ResetNeeded(f'the episode is over on table {over}; call reset(options={{"reset_mask": ...}})')
+            state, remedy = f"the episode is over on table {over}", 'call reset(options={"reset_mask": ...})'
+            raise refused(NO_EPISODE(state=state, remedy=remedy), error.ResetNeeded)
         everyone = np.ones(self.num_envs, dtype=np.bool_)
         done = self.rules.step(self._tables, checked)
         self._tables = done.tables
@@ -147,11 +152,11 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         return self._seen(), reward, ended, late, infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """A picture of every table, where `render_mode` is "rgb_array"."""
+        """A picture of every table if `render_mode` is "rgb_array"."""
         if self.render_mode is None:
             return None
         if self._tables is None:
-            raise error.ResetNeeded("there is nothing to draw yet; call reset()")
+            raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
         return tuple(self._one.easel.draw(row) for row in self._tables.rows.T)
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -159,7 +164,7 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         self._one.close()
 
     def chosen(self, mask: Any) -> Mask:
-        """Which tables a reset is about: those of a mask (num_envs,), all for None. Raises gymnasium.error.Error."""
+        """The tables to reset: those of a mask (num_envs,), all for None. Raises gymnasium.error.Error."""
         if mask is None:
             return np.ones(self.num_envs, dtype=np.bool_)
         if (
@@ -168,29 +173,34 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
             or mask.dtype != np.bool_
             or not mask.any()
         ):
-            raise error.Error(f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True")
+            wanted = f"an array of {self.num_envs} bools, at least one of them True"
+            raise refused(WRONG_VALUE(argument="reset_mask", value=repr(mask), wanted=wanted))
         if self._tables is None and not mask.all():
-            raise error.ResetNeeded("the first reset is one of all tables; leave `reset_mask` out")
+            state, remedy = "the first reset is one of all tables", "leave `reset_mask` out"
+            raise refused(NO_EPISODE(state=state, remedy=remedy), error.ResetNeeded)
         return mask
 
     def _begin(self, chosen: Mask, options: dict[str, Any]) -> Mask:
-        """New scenes on some tables; returns which tables (of all) begin satisfied."""
-        dealer = self._one.dealer
-        given = dealer.read(options)
+        """New scenes on some tables; returns a mask of the tables that start satisfied."""
+        resets = self._one.resets
+        given = resets.read(options)
         places = np.flatnonzero(chosen)
-        begun = []  # all of them before any table changes: a request that cannot be met leaves the tables as they are
+        begun = []  # all scenes first, then the tables: a request that fails leaves the tables unchanged
         for k in places.tolist():
-            ask = given
-            if self.chooser is not None and given.scene is None and given.wanted is None:
-                ask = dealer.read(self.chooser(k))
-            if ask.scene is not None:
-                one = ask.scene
-                begun.append((k, one.rows[:, 0], one.phi[:, 0], one.slack[0], dealer.task(ask)))
+            request = given
+            if self.chooser is not None and given.scene is None and given.ranges is None:
+                request = resets.read(self.chooser(k))
+            if request.scene is not None:
+                one = request.scene
+                begun.append((k, one.rows[:, 0], one.phi[:, 0], one.slack[0], resets.task(request)))
             else:
-                row, phi = self._deal(k, ask)
-                begun.append((k, row, phi, 0.0, dealer.task(ask)))
+                row, phi = self._draw_start(k, request)
+                begun.append((k, row, phi, 0.0, resets.task(request)))
         if self._tables is None:
-            shape = (3 * len(self.scenes.objects), self.num_envs), (len(self.rules.aim.names), self.num_envs)
+            shape = (
+                (row_count(len(self.scenes.checked.core.objects)), self.num_envs),
+                (len(self.rules.target.names), self.num_envs),
+            )
             self._tables = Tables(np.zeros(shape[0]), np.zeros(shape[1]), np.zeros(self.num_envs))
         tables = self._tables
         for k, row, phi, slack, task in begun:
@@ -199,22 +209,22 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
         self._over[places] = False
         return self.rules.success(tables) & chosen
 
-    def _deal(self, number: int, ask: Ask) -> Dealt:
+    def _draw_start(self, number: int, request: StartRequest) -> StartScene:
         """A table's next scene, and its phi."""
-        feed, rng = self._feeds[number], self._rngs[number]
-        if feed is None:
+        stream, rng = self._feeds[number], self._rngs[number]
+        if stream is None:
             assert rng is not None
-            feed = self._feeds[number] = self._one.dealer.feed(rng)
-        return self._one.dealer.deal(feed, ask)
+            stream = self._feeds[number] = self._one.resets.stream(rng)
+        return self._one.resets.draw(stream, request)
 
     def _seen(self) -> Observations:
         assert self._tables is not None
         return self.views(self._tables.rows)
 
     def _infos(self, told: Mask, success: Mask, off: Mask, blocked: Mask) -> dict[str, Any]:
-        """As SyncVectorEnv puts the infos of single tables together: zeros where nothing is told."""
+        """Combines the infos of single tables like SyncVectorEnv: missing values are zeros."""
         assert self._tables is not None
-        names = self.rules.aim.names
+        names = self.rules.target.names
         phi = {name: np.where(told, self._tables.phi[k], 0.0) for k, name in enumerate(names)}
         task = {name: np.where(told[:, None], self._tasks[:, k], 0.0) for k, name in enumerate(names)}
         values = {
@@ -228,5 +238,5 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
 
 
 def _masked(values: Mapping[str, Any], told: Mask) -> dict[str, Any]:
-    """Each value with the mask of the tables that it is of."""
+    """Each value with the mask of the tables that have it."""
     return {key: value for name, array in values.items() for key, value in ((name, array), (f"_{name}", told.copy()))}

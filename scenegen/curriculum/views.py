@@ -1,4 +1,4 @@
-"""What a learner sees of a scene."""
+"""Observations of a scene."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from gymnasium import spaces
 from scenegen.curriculum.moves import headings
 from scenegen.lang.core import gated
 from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import LENGTHS, NAMES, SIZE, THETA, X, axis_of, owner, row_of
 
 Array = npt.NDArray[np.float64]
 
@@ -19,9 +20,10 @@ ONE = np.float32(1.0)
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """What a learner sees of a scene, float32 in [-1, 1]: for every object that the spec does not hold in place, x and
-    y, from edge to edge of the workspace, and where phi or what is required depends on its heading, the heading's
-    cosine and sine. `names` says which is which: `mug.x`, `mug.y`, `knife.cos`, ..."""
+    """Observations of a scene, float32 in [-1, 1]: for every object that the spec does not fix, x and y, from edge to
+    edge of the workspace, and if phi or the requirement depends on its heading, the heading's cosine and sine; last,
+    for every object that stands on one of several surfaces, which. `names` are their names: `mug.x`, `mug.y`,
+    `knife.cos`, ..., `mug.on`."""
 
     places: npt.NDArray[np.intp]
     middle: Array
@@ -35,25 +37,32 @@ class Views:
 
     def __call__(self, rows: Array) -> npt.NDArray[np.float32]:
         """(3N, B) -> (B, K)."""
-        along = (rows[self.places] - self.middle) * self.scale
+        seen_at = (rows[self.places] - self.middle) * self.scale
         if len(self.turned):
             theta = rows[self.turned]
-            along = np.concatenate([along, np.cos(theta), np.sin(theta)])[self.order]
-        seen = np.ascontiguousarray(along.T, dtype=np.float32)
+            seen_at = np.concatenate([seen_at, np.cos(theta), np.sin(theta)])[self.order]
+        seen = np.ascontiguousarray(seen_at.T, dtype=np.float32)
         np.minimum(seen, ONE, out=seen)
         return np.maximum(seen, -ONE, out=seen)
 
 
 def make_views(spec: CheckedSpec) -> Views:
-    """What is seen of scenes of a spec."""
+    """The observations for scenes of a spec."""
     depends = headings(gated(spec.core))
     free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
-    places = [3 * index + axis for index in free for axis in range(2)]
-    turned = [3 * index + 2 for index in free if index in depends]
+    places = [row_of(index, axis) for index in free for axis in LENGTHS]
+    turned = [row_of(index, THETA) for index in free if index in depends]
     low, high = spec.box()
-    keys = [(row // 3, row % 3) for row in places] + [(row // 3, 2 + k) for k in range(2) for row in turned]
+    switches = {row_of(choice.switch, X): spec.objects[which] for which, choice in spec.choices.items()}
+    places += switches
+    keys = [(owner(row), axis_of(row)) for row in places] + [(owner(row), SIZE + k) for k in range(2) for row in turned]
     order = sorted(range(len(keys)), key=lambda place: keys[place])
-    names = tuple(f"{spec.objects[keys[k][0]]}.{('x', 'y', 'cos', 'sin')[keys[k][1]]}" for k in order)
+    called = (*NAMES, "cos", "sin")
+    shown = {owner(row): name for row, name in switches.items()}
+    names = tuple(
+        f"{shown[thing]}.on" if thing in shown else f"{spec.objects[thing]}.{called[axis]}"
+        for thing, axis in (keys[k] for k in order)
+    )
     at = np.array(places, dtype=np.intp)
     middle, half = (low[at] + high[at]) / 2.0, (high[at] - low[at]) / 2.0
     turned_ = np.array(turned, dtype=np.intp)

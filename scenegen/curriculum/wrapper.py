@@ -1,8 +1,8 @@
 """A curriculum around an environment: every episode begins with a scene of the strategy's next task.
 
-The task is chosen inside `reset`, for the autoreset of vector environments and Stable-Baselines3 hand options to the
-first reset only. Options that ask for phi or a scene take precedence; the strategy does not hear of such an episode,
-nor of one that is broken off by `reset`.
+The task is chosen inside `reset`, because vector environments with autoreset and Stable-Baselines3 pass options to the
+first reset only. Options with phi or a scene take precedence; such an episode is not reported to the strategy, nor is
+one that is interrupted by `reset`.
 """
 
 from __future__ import annotations
@@ -17,55 +17,53 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from scenegen.curriculum.env import TableTop
+from scenegen.curriculum.errors import refused
 from scenegen.curriculum.request import check_options
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
 from scenegen.curriculum.vector import Array, Mask, TableTopVector
+from scenegen.errors.learning import NOT_A_STRATEGY, NOT_A_TASK, NOT_AN_ENVIRONMENT, STRATEGY_OUT_OF_REACH
 
 CALLS = ("next_task", "report")  # of a strategy
 
 
 def _options(task: PhiBox, options: Mapping[str, Any] | None) -> dict[str, Any]:
-    """A task as options for `reset`; what cannot be had is replaced by what is nearest to it."""
+    """A task as options for `reset`; out of reach, the nearest scenes are used."""
     return {**(options or {}), "phi": task, "nearest": True}
 
 
 def _check(env: Any, kind: type, strategy: object) -> None:
-    """Raises gymnasium.error.Error for an environment that is none of ours, and for a strategy that is none."""
+    """Raises gymnasium.error.Error for another environment than ours, and for an object that is not a strategy."""
     unwrapped = getattr(env, "unwrapped", env)
     if not isinstance(unwrapped, kind):
-        raise error.Error(f"a curriculum goes around a {kind.__name__}, not around a {type(unwrapped).__name__}")
+        raise refused(NOT_AN_ENVIRONMENT(wanted=kind.__name__, found=type(unwrapped).__name__))
     if isinstance(strategy, type) or not all(callable(getattr(strategy, call, None)) for call in CALLS):
         shown = strategy.__name__ if isinstance(strategy, type) else repr(strategy)
-        raise error.Error(
-            f'{shown} is no strategy; make one: strategy("self_paced", env.unwrapped.space, np.random.default_rng(0))'
-        )
+        raise refused(NOT_A_STRATEGY(value=shown))
 
 
 def _check_reach(strategy: Strategy, space: PhiBox) -> None:
-    """Raises gymnasium.error.InvalidBound where all of the strategy's reach lies outside of the environment's: what is
-    nearest to its tasks would be the same scenes for ever."""
+    """Raises gymnasium.error.InvalidBound if the strategy's range lies completely outside of the environment's: the
+    nearest scenes would always be the same."""
     reach = getattr(strategy, "space", None)
     if not isinstance(reach, PhiBox) or len(reach.low) != len(space.low):
         return
     for label, ends in enumerate(zip(reach.low, reach.high, space.low, space.high, strict=True)):
         low, high, least, most = ends
         if low > most or high < least:
-            raise error.InvalidBound(
-                f"the strategy is about phi from {low:.4g} to {high:.4g} of label {label}, but starts here "
-                f"have {least:.4g} to {most:.4g}; make it for `env.unwrapped.space`"
-            )
+            facts = {"low": low, "high": high, "least": least, "most": most}
+            raise refused(STRATEGY_OUT_OF_REACH(label=label, **facts), error.InvalidBound)
 
 
 def _next_task(strategy: Strategy) -> PhiBox:
-    """Raises gymnasium.error.Error for a task that is none."""
+    """Raises gymnasium.error.Error for an object that is not a task."""
     task = strategy.next_task()
     if not isinstance(task, PhiBox):
-        raise error.Error(f"the strategy's next task is {task!r}; it has to be a PhiBox")
+        raise refused(NOT_A_TASK(value=repr(task)))
     return task
 
 
 def _told(outcome: Outcome) -> dict[str, Any]:
-    """What `info["outcome"]` holds: an outcome in plain numbers."""
+    """The content of `info["outcome"]`: an outcome in plain numbers."""
     return {
         "low": list(outcome.task.low),
         "high": list(outcome.task.high),
@@ -82,7 +80,7 @@ def _overridden(options: Mapping[str, Any] | None) -> bool:
 
 class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """`env` is a TableTop, wrapped or not; put the curriculum around its time limit, or truncated episodes are not
-    reported. Several environments may share a strategy. A strategy is made for what `env.unwrapped.space` says.
+    reported. Several environments may share a strategy. Make the strategy for the range `env.unwrapped.space`.
 
     The last `info` of an episode has its `outcome`: the task's `low` and `high`, `phi` of the first scene, `success`,
     `total` and `steps`."""
@@ -94,7 +92,7 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self.strategy = strategy
         self._table: TableTop = env.unwrapped  # type: ignore[assignment]
         self._fits = False
-        self._labels = self._table.rules.aim.labels
+        self._labels = self._table.rules.target.labels
         self._task: PhiBox | None = None
         self._phi: tuple[float, ...] = ()
         self._total, self._steps = 0.0, 0
@@ -104,21 +102,21 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         if options is not None:
             check_options(options)
         task = None if _overridden(options) else self._next()
-        asked = options if task is None else _options(task, options)
-        seen, info = self.env.reset(seed=seed, options=asked)
-        self._task = task  # not before: where the reset failed, the episode goes on
+        merged = options if task is None else _options(task, options)
+        seen, info = self.env.reset(seed=seed, options=merged)
+        self._task = task  # only now: if the reset fails, the episode goes on
         self._phi = tuple(info["phi"].values())[: self._labels]
         self._total, self._steps = 0.0, 0
         return seen, info
 
     def _next(self) -> PhiBox:
-        if not self._fits:  # not before: an environment that is only given scenes never draws one
+        if not self._fits:  # only now: an environment that always gets its scenes from the caller never draws any
             _check_reach(self.strategy, self._table.space)
             self._fits = True
         return _next_task(self.strategy)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Do an action; at the end of the episode the strategy hears how it went."""
+        """Do an action; at the end of the episode the outcome is reported to the strategy."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         self._total += float(reward)
         self._steps += 1
@@ -142,7 +140,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         self._tables: TableTopVector = env.unwrapped
         self._tables.chooser, self._tables.listener = self._next, self._hear
         self._fits = False
-        self._labels = self._tables.rules.aim.labels
+        self._labels = self._tables.rules.target.labels
         self._tasks: list[PhiBox | None] = [None] * env.num_envs
         self._asked: dict[int, PhiBox] = {}  # tasks of episodes that are about to begin
         self._phi = np.zeros((env.num_envs, self._labels))
@@ -166,7 +164,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         return seen, infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Do an action on every table; the strategy hears of the episodes that end."""
+        """Do an action on every table; the outcomes of episodes that end are reported to the strategy."""
         again = self._over.copy()
         self._asked = {}
         seen, reward, terminated, truncated, infos = self.env.step(actions)
@@ -183,7 +181,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         return seen, reward, terminated, truncated, infos
 
     def _hear(self, reward: Array, over: Mask, success: Mask) -> None:
-        """What a step did, before tables begin anew: outcomes for the strategy."""
+        """Called after a step, before tables are reset: reports outcomes to the strategy."""
         self._total += reward
         self._steps += ~self._over
         self._told = np.full(self.num_envs, None, dtype=object)
@@ -197,12 +195,12 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
                 self._told[number] = _told(outcome)
 
     def _begin(self, begun: Mask, infos: dict[str, Any]) -> None:
-        """Remember where episodes begin."""
+        """Records the scenes at which episodes begin."""
         if not begun.any():
             return
         for number in np.flatnonzero(begun).tolist():
             self._tasks[number] = self._asked.get(number)
-        phi = [infos["phi"][name] for name in self._tables.rules.aim.names[: self._labels]]
+        phi = [infos["phi"][name] for name in self._tables.rules.target.names[: self._labels]]
         self._phi[begun] = np.stack(phi, axis=1)[begun]
         self._total[begun], self._steps[begun] = 0.0, 0
         self._over = self._over & ~begun

@@ -1,19 +1,19 @@
-"""Candidates, piece by piece, made into blocks of scenes that are spread evenly over the cells.
+"""Assembles the candidates of pieces into blocks of scenes that are spread evenly over the cells.
 
-How n scenes are spread over the cells when no process ever sees more than a few blocks of them:
+How n scenes are spread over the cells although no process ever holds more than a few blocks of them:
 
 * Scene number i of the output (before the shuffle within its block) belongs to cell i mod C of the C reached cells in a
-  fixed order. So every block of 65,536 is spread as evenly as whole numbers allow, and so are all n together; which
-  cells get the one scene more is the order's choice, which leaves even gaps (multiples of the golden ratio).
-* Candidates are offered in the order of the pieces. A cell keeps the first that it has room for: what the block in the
-  making and the next one want of it; the others are dropped. That depends on counts per cell only, never on the scenes,
-  so within a cell the kept ones follow the same distribution as the offered ones.
-* A block is finished when every cell has its share of it; it is then shuffled with a seed of its own. With a single
-  cell there is nothing to shuffle: candidates come in an order without pattern.
+  fixed order. So every block of 65,536 is spread as evenly as integers allow, and so are all n together; the order of
+  the cells (multiples of the golden ratio) determines which cells get an additional scene, at even distances.
+* Candidates are offered in the order of the pieces. A cell keeps the first ones, as many as the current block and the
+next one need; the others are dropped. That depends on counts per cell only, never on the scenes, so within a cell the
+kept ones follow the same distribution as the offered ones. * A block is finished when every cell has its share of it;
+it is then shuffled with a seed of its own. With a single cell there is nothing to shuffle: candidates come in random
+order.
 
-A shuffle across blocks would need all scenes in memory or on disk twice, and nothing needs it: any run of scenes as
-long as a few times C is even over the cells already. Common cells wait for rare ones, at most one block ahead: no more
-stays in memory. The blocks depend on the candidates and their order only, so not on the number of workers.
+A shuffle across blocks would need all scenes in memory or twice on disk. It is not needed: any sequence of scenes a few
+times as long as C is already even over the cells. Common cells wait for rare ones, at most one block ahead, which
+limits the memory. The blocks depend only on the candidates and their order, not on the number of workers.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.formats.blocks import BLOCK, Array, Block, joined
-from scenegen.sampling.collect import GOLDEN
 
 Cell = npt.NDArray[np.intp]
 
+GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples are evenly spaced modulo 1, for any number of them
 ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
 
 
-class Filler:
-    """Fills blocks. `done` scenes have left in finished blocks, `candidates` in reached cells have been offered, and
-    `strays` are cells that were hit although the plan takes them for out of reach."""
+class BlockAssembler:
+    """Assembles blocks. `done` scenes are in finished blocks, `candidates` in reached cells have been offered, and
+    `strays` are cells that were hit although the plan considers them unreachable."""
 
     def __init__(self, reached: Sequence[int], wanted: int, seed: int, size: int = BLOCK) -> None:
         shift = np.random.default_rng(np.random.SeedSequence([seed, ORDER])).random()
@@ -56,32 +56,37 @@ class Filler:
         return self.done == self._wanted
 
     @property
+    def waiting(self) -> int:
+        """The number of scenes for unfinished blocks."""
+        return int(self._count.sum())
+
+    @property
     def found(self) -> int:
-        """Scenes that would be handed out now."""
-        return self.done + int(self._count.sum())
+        """The number of scenes if the run ended now."""
+        return self.done + self.waiting
 
     @property
     def scarcest(self) -> int | None:
-        """The cell that lacks most for all scenes to be handed out; None where none does."""
+        """The cell that lacks most scenes of its share; None if none does."""
         if self.complete:
             return None
         lacks = self._shares(self.done, self._wanted) - self._count
         return int(self._cells[int(lacks.argmax())])
 
     def offer(self, block: Block, cell: Cell) -> Iterator[Block]:
-        """The blocks that are finished by m candidates more; `cell` (m,) is -1 for those out of range."""
+        """The blocks that m more candidates complete; `cell` (m,) is -1 for those out of range."""
         index = self._index[np.minimum(cell, len(self._index) - 1)]
         known = index >= 0
         self.strays.update(np.unique(cell[~known & (cell >= 0)]).tolist())
         self.candidates += int(known.sum())
-        # In slices, since what is dropped for lack of room might have been of use once a block has left.
+        # In slices: scenes that are dropped because a cell is full could be used after a block is finished.
         for start in range(0, block.count, self._size):
             part = slice(start, start + self._size)
             self._keep(block.part(start, start + self._size), index[part], known[part])
             yield from self._finished()
 
     def rest(self) -> Block | None:
-        """What waits for a block to be finished, in an order without pattern: for a run that has to end early."""
+        """The scenes of unfinished blocks, in random order: for a run that has to end early."""
         if not self._waiting:
             return None
         block, index = self._together()
@@ -89,8 +94,8 @@ class Filler:
         return self._leave(block, np.arange(len(index)))
 
     def state(self) -> tuple[dict[str, object], Array]:
-        """Everything that is not fixed by the request, to go on from later: JSON, and the scenes that wait as
-        (3N + L + 1, m), the number of the cell in the last row."""
+        """Everything that the request does not determine, to continue from later: JSON, and the scenes of unfinished
+        blocks as (3N + L + 1, m), the number of the cell in the last row."""
         facts: dict[str, object] = {"done": self.done, "candidates": self.candidates, "strays": sorted(self.strays)}
         if not self._waiting:
             return facts, np.empty((0, 0))
@@ -99,7 +104,7 @@ class Filler:
         return facts, np.concatenate([block.rows, block.phi, self._cells[index][None].astype(np.float64)])
 
     def restore(self, facts: dict[str, object], waiting: Array, coordinates: int) -> None:
-        """The other way round, on a new filler of the same request; `coordinates` is 3N."""
+        """Restores this state in a new assembler of the same request; `coordinates` is 3N."""
         done, candidates, strays = facts["done"], facts["candidates"], facts["strays"]
         assert isinstance(done, int) and isinstance(candidates, int) and isinstance(strays, list)
         self.done, self.candidates, self.strays = done, candidates, set(strays)
@@ -166,8 +171,8 @@ class Filler:
 
 
 def _rank(index: Cell, count: int) -> Cell:
-    """The how manieth of its cell each scene is, counted from 0."""
-    # numpy sorts 16-bit integers ten times as fast as others
+    """The index of each scene among the scenes of its cell, from 0."""
+    # numpy sorts 16-bit integers ten times as fast as larger ones
     order = np.argsort(index.astype(np.int16) if count <= np.iinfo(np.int16).max else index, kind="stable")
     size = np.bincount(index, minlength=count)
     first = np.cumsum(size) - size

@@ -1,4 +1,4 @@
-"""Running a sampler's pieces to the end: blocks of scenes in memory, or a file of any size at flat memory."""
+"""Runs a plan's pieces to the end: blocks of scenes in memory, or a file of any size with constant memory."""
 
 from __future__ import annotations
 
@@ -14,44 +14,29 @@ from typing import Any
 import numpy as np
 
 from scenegen.bounds.effort import StoppedError
-from scenegen.engine.blocks import Cell, Filler
-from scenegen.engine.interrupt import stop_signals
-from scenegen.engine.pool import run_pieces
+from scenegen.engine.blocks import BlockAssembler, Cell
+from scenegen.engine.drawing import Drawing
+from scenegen.errors.program import INTERRUPTED
 from scenegen.formats.blocks import BLOCK, Block
+from scenegen.formats.registry import format_of
 from scenegen.formats.shards import Shards, folder_of, open_shards
-from scenegen.formats.table import format_of
-from scenegen.sampling.pieces import Array, Pieces, Tally
+from scenegen.processes.interrupt import stop_signals
+from scenegen.processes.pool import run_pieces
+from scenegen.sampling.plan import Array, Plan, Tally
 from scenegen.scene.data import SceneFile
 
 Progress = Callable[[int, int, int], None]
-"""Told after each piece: scenes found, scenes wanted, candidates in the wanted cells."""
+"""Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
 
-CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; when checkpoints are made does not change the file
-
-
-@dataclass(frozen=True, slots=True)
-class _Work:
-    """The job of a worker: a piece, and the cell of each candidate, out of range left out. The requirement's margin,
-    which is the last row of phi where there is one, has done its work then."""
-
-    pieces: Pieces
-    labels: int
-
-    def __call__(self, k: int) -> tuple[Block, Cell, Array]:
-        made = self.pieces.piece(k)
-        rows, phi, cell = made.rows, made.phi[: self.labels], made.cell
-        if len(cell) and cell.min() < 0:
-            inside = np.flatnonzero(cell >= 0)
-            rows, phi, cell = rows.take(inside, axis=1), phi.take(inside, axis=1), cell[inside]
-        return Block(rows, phi), cell, made.facts
+CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; the times of checkpoints do not change the file
 
 
 @dataclass(slots=True)
-class _Standing:
-    """How far a run is. `used` pieces have given the sums `facts`; the last `idle` of them brought nothing of use."""
+class Standing:
+    """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene."""
 
-    pieces: Pieces
-    filler: Filler
+    plan: Plan
+    assembler: BlockAssembler
     used: int = 0
     idle: int = 0
     facts: Array = field(default_factory=lambda: np.empty(0))
@@ -59,40 +44,42 @@ class _Standing:
     @property
     def over(self) -> bool:
         """Whether the run has come to its end by itself."""
-        if self.filler.complete:
-            return self.used >= self.pieces.fewest
-        patience = self.pieces.patience
+        if self.assembler.complete:
+            return self.used >= self.plan.fewest
+        patience = self.plan.patience
         return patience is not None and self.idle >= patience
 
     def take(self, candidates: Block, cell: Cell, facts: Array) -> Generator[Block, None, None]:
-        """The blocks that a piece more finishes."""
-        found = self.filler.found
-        yield from self.filler.offer(candidates, cell)
-        if len(facts) > len(self.facts):  # a piece that came to nothing may have fewer than others
+        """The blocks that one more piece completes."""
+        found = self.assembler.found
+        yield from self.assembler.offer(candidates, cell)
+        if len(facts) > len(self.facts):  # an empty piece may have fewer facts than others
             self.facts, facts = facts.copy(), self.facts
         self.facts[: len(facts)] += facts
-        self.idle = self.idle + 1 if self.filler.found == found else 0
+        self.idle = self.idle + 1 if self.assembler.found == found else 0
         self.used += 1
 
     def tally(self) -> Tally:
-        filler = self.filler
-        strays, facts = tuple(sorted(filler.strays)), tuple(map(float, self.facts))
-        return Tally(filler.done, filler.found, self.used, filler.candidates, strays, facts, filler.scarcest)
+        assembler = self.assembler
+        strays, facts = tuple(sorted(assembler.strays)), tuple(map(float, self.facts))
+        return Tally(
+            assembler.done, assembler.found, self.used, assembler.candidates, strays, facts, assembler.scarcest
+        )
 
     def state(self) -> tuple[dict[str, object], Array]:
-        """Everything that is not fixed by the request: JSON, and the scenes that wait for a block."""
-        facts, waiting = self.filler.state()
-        state = {"pieces": self.used, "idle": self.idle, "found": self.filler.found}
-        return {**state, "facts": self.facts.tolist(), "filler": facts}, waiting
+        """Everything that the request does not determine: JSON, and the scenes of unfinished blocks."""
+        facts, waiting = self.assembler.state()
+        state = {"pieces": self.used, "idle": self.idle, "found": self.assembler.found}
+        return {**state, "facts": self.facts.tolist(), "assembler": facts}, waiting
 
     def restore(self, state: Mapping[str, Any], waiting: Array, coordinates: int) -> None:
         self.used, self.idle = int(state["pieces"]), int(state["idle"])
         self.facts = np.array(state["facts"], dtype=np.float64)
-        self.filler.restore(state["filler"], waiting, coordinates)
+        self.assembler.restore(state["assembler"], waiting, coordinates)
 
 
 def run_blocks(
-    pieces: Pieces,
+    plan: Plan,
     labels: int,
     *,
     workers: int = 1,
@@ -102,11 +89,11 @@ def run_blocks(
 ) -> Generator[Block, None, Tally]:
     """The scenes of a request in blocks of `size`; the generator's return value is the tally.
 
-    `labels` is the number of the spec's labels. Where `spent` says so, which is asked after each piece, the run ends
-    with what there is: fewer scenes than wanted. Raises what `run_pieces` raises.
+    `labels` is the number of the spec's labels. `spent` is called after each piece; if it returns True, the run ends
+    with fewer scenes than requested. Raises what `run_pieces` raises.
     """
-    run = _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size))
-    with closing(run_pieces(_Work(pieces, labels), itertools.count(), workers)) as results:
+    run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size))
+    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as results:
         while not run.over:
             try:
                 made = next(results)
@@ -114,11 +101,11 @@ def run_blocks(
                 break
             yield from run.take(*made)
             if progress is not None:
-                progress(run.filler.found, pieces.wanted, run.filler.candidates)
+                progress(run.assembler.found, plan.wanted, run.assembler.candidates)
             if spent():
                 break
-    scarcest = run.filler.scarcest
-    rest = run.filler.rest()
+    scarcest = run.assembler.scarcest
+    rest = run.assembler.rest()
     if rest is not None:
         yield rest
     return replace(run.tally(), scarcest=scarcest)
@@ -126,7 +113,7 @@ def run_blocks(
 
 def stream_scenes(
     path: Path,
-    pieces: Pieces,
+    plan: Plan,
     labels: Sequence[str],
     header: Callable[[Tally], SceneFile],
     *,
@@ -137,37 +124,38 @@ def stream_scenes(
     spent: Callable[[], bool] = lambda: False,
     inspect: Callable[[Block], None] | None = None,
     joining: Callable[[Block], None] | None = None,
+    stored: Callable[[Block], Block] | None = None,
     progress: Progress | None = None,
     checkpoint: float = CHECKPOINT,
     size: int = BLOCK,
 ) -> Tally:
     """Write the scenes of a request to a file in the format of the path's ending, however many there are.
 
-    They grow in `x.parquet.part/` and are joined at the end, so that the file appears whole or not at all. After an
-    interrupt or kill -9 at any moment, the same call with `resume` goes on from the last checkpoint and ends with the
-    same bytes as an unbroken run; without `resume`, what is there is refused. With `resume` and nothing there, it just
-    begins. The bytes do not depend on `workers`, nor on when the run was broken. SIGINT and SIGTERM end the run after
-    the piece that is under way, with a checkpoint; KeyboardInterrupt then says how to go on. A second one does not
-    wait.
+    They are collected in `x.parquet.part/` and joined at the end, so that the file appears whole or not at all. After
+    an interrupt or kill -9 at any moment, the same call with `resume` continues from the last checkpoint and ends with
+    the same bytes as an uninterrupted run; without `resume`, an existing folder is refused. With `resume` and no
+    folder, the run starts from the beginning. The bytes do not depend on `workers`, nor on when the run was
+    interrupted. SIGINT and SIGTERM end the run after the current piece, with a checkpoint; KeyboardInterrupt then says
+    how to resume. A second signal ends it at once.
 
-    `labels` are the spec's. `header` makes the scene file without scenes from the tally, once all scenes are there; it
-    is tried with an empty tally before the work begins. `request` is JSON that, with the plan, fixes the scenes: put
-    the spec's hash, ranges, n, seed, method and the versions of scenegen, numpy and torch there. `inspect` sees every
-    block before it is stored, and raises if it finds fault; `joining` sees every block that goes into the file, those
-    from before a break too.
+    `labels` are the spec's. `header` makes the scene file without scenes from the final tally; it is tried with an
+    empty tally before the work begins. `request` is JSON that, with the plan, determines the scenes: put the spec's
+    hash, ranges, n, seed, method and the versions of scenegen, numpy and torch there. `inspect` is called with every
+    block before it is stored, and raises if the block is wrong; `joining` is called with every block that goes into the
+    file, including those from before an interruption; `stored` makes of it what the file holds.
 
-    Where `spent` says so, which is asked after each piece, or the pieces' patience is at an end, the run ends early.
-    The tally then has fewer scenes than wanted, and nothing is written but the checkpoint, unless `keep_partial`: then
-    the scenes that there are become the file. Raises RequestError, DataError (a damaged checkpoint), OutputError, and
-    what `run_pieces` raises.
+    If `spent`, called after each piece, returns True, or too many pieces in a row gave nothing, the run ends early. The
+    tally then has fewer scenes than requested, and only the checkpoint is written; with `keep_partial` the file gets
+    the scenes found so far. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what `run_pieces`
+    raises.
     """
     module = format_of(path)
     trial = header(Tally(0, 0, 0, 0))
     module.write(io.BytesIO(), trial, labels, [])
-    coordinates = 3 * len(trial.objects)
-    facts = {**request, "plan": pieces.plan_digest, "n": pieces.wanted, "seed": pieces.seed, "block": size}
+    coordinates = len(plan.problem.lowest)
+    facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
     with open_shards(path, facts, coordinates, resume=resume) as shards:
-        run = _Run(shards, _Standing(pieces, Filler(pieces.reached, pieces.wanted, pieces.seed, size)), inspect)
+        run = _Run(shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size)), inspect)
         standing = run.standing
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
@@ -179,7 +167,7 @@ def stream_scenes(
         try:
             with (
                 stop_signals() as stop,
-                closing(run_pieces(_Work(pieces, len(labels)), itertools.count(begun), workers)) as results,
+                closing(run_pieces(Drawing(plan, len(labels)), itertools.count(begun), workers)) as results,
             ):
                 while not standing.over:
                     try:
@@ -188,19 +176,18 @@ def stream_scenes(
                         break
                     run.take(*made)
                     if progress is not None:
-                        progress(standing.filler.found, pieces.wanted, standing.filler.candidates)
+                        progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
                     run.checkpoint(checkpoint)
                     if stop.asked:
                         raise KeyboardInterrupt
                     if spent():
                         break
         except BaseException as error:
-            # What comes while a piece is waited for finds everything in order; in the midst of a piece it does not.
+            # An interrupt while waiting for a piece finds a consistent state; one while a piece is processed does not.
             if run.settled and standing.used:
                 run.checkpoint()
             if isinstance(error, KeyboardInterrupt) and shards.state:
-                kept = f"{folder_of(path)} keeps {shards.state['found']:,} scenes: go on with --resume"
-                raise KeyboardInterrupt(f"interrupted; {kept}") from error
+                raise KeyboardInterrupt(INTERRUPTED(folder=folder_of(path), scenes=shards.state["found"])) from error
             raise
         if standing.used:
             run.checkpoint()
@@ -210,13 +197,13 @@ def stream_scenes(
             for block in blocks:
                 if joining is not None:
                     joining(block)
-                yield block
+                yield block if stored is None else stored(block)
 
-        if standing.filler.complete:
+        if standing.assembler.complete:
             shards.join(lambda sink, blocks: module.write(sink, header(tally), labels, seen(blocks)))
-        elif keep_partial and standing.filler.found:
-            # The rest is in no checkpoint: killed in the midst of joining, the run can still be resumed to its end.
-            rest = standing.filler.rest()
+        elif keep_partial and standing.assembler.found:
+            # The rest is not in a checkpoint: a run that is killed while joining can still be resumed.
+            rest = standing.assembler.rest()
             assert rest is not None
             if inspect is not None:
                 inspect(rest)
@@ -229,9 +216,9 @@ def stream_scenes(
 
 
 class _Run:
-    """A run that stores what it finds. `settled` unless it is in the midst of taking a piece or of a checkpoint."""
+    """A run that stores its blocks. `settled` is False while a piece is processed or a checkpoint is written."""
 
-    def __init__(self, shards: Shards, standing: _Standing, inspect: Callable[[Block], None] | None) -> None:
+    def __init__(self, shards: Shards, standing: Standing, inspect: Callable[[Block], None] | None) -> None:
         self.settled = True
         self.standing = standing
         self._shards, self._inspect = shards, inspect
@@ -246,7 +233,7 @@ class _Run:
         self.settled = True
 
     def checkpoint(self, after: float = 0.0) -> None:
-        """A checkpoint, where the last one is that many seconds ago."""
+        """Makes a checkpoint if the last one is that many seconds ago."""
         if time.monotonic() - self._last >= after:
             self.settled = False
             self._shards.checkpoint(*self.standing.state())

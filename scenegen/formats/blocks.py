@@ -1,4 +1,4 @@
-"""Scenes as blocks of arrays: what file formats take and give, however many scenes there are."""
+"""Scenes as blocks of arrays, the input and output of all file formats."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.errors.files import TOO_MANY_TO_READ
 
 if TYPE_CHECKING:
     from scenegen.scene.data import SceneFile
@@ -39,7 +40,7 @@ class Block:
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
     """An open scene file. `header` has no scenes in it; `blocks` gives them, once, and closes the file at its end.
-    `count` is how many there are where the file says so before they are read; `name` is what errors call it."""
+    `count` is their number, if the file has it before they are read; `name` is the file's name in errors."""
 
     header: SceneFile
     labels: tuple[str, ...]
@@ -48,9 +49,9 @@ class Reading:
     name: str = "this file"
 
     def whole(self, start: int = 0, stop: int | None = None) -> Block:
-        """All scenes at once, or those from `start` up to, not including, `stop`. Raises DataError where they are too
-        many for memory: before they are read, where the file says how many there are."""
-        coordinates = 3 * len(self.header.objects)
+        """All scenes at once, or those from `start` up to, not including, `stop`. Raises DataError if they are too many
+        for memory; before they are read, if the file has their number."""
+        coordinates = self.header.coordinates
         most = MOST // (coordinates + len(self.labels))
         known = self.count if stop is None else stop if self.count is None else min(stop, self.count)
         if known is not None and known - start > most:
@@ -69,23 +70,19 @@ class Reading:
         return joined(found, coordinates, len(self.labels))
 
     def _too_many(self, count: str, most: int) -> DataError:
-        title = f"{self.name} holds {count} scenes of {len(self.header.objects)} objects: too many for memory"
-        help_ = (
-            f"at most {most:,} of them are read at once; in Python, scenegen.read_scenes(path, stop={most}) reads a"
-            " part. `scenegen export` makes other scene files of any number, block by block"
-        )
-        return DataError(Diagnostic(title, help=help_))
+        objects = len(self.header.objects)
+        return DataError(TOO_MANY_TO_READ(file=self.name, count=count, objects=objects, most=most))
 
 
 def joined(blocks: Sequence[Block], coordinates: int, labels: int) -> Block:
-    """Several blocks as one; (coordinates, 0) and (labels, 0) where there are none."""
+    """Several blocks as one; (coordinates, 0) and (labels, 0) if there are none."""
     rows = np.concatenate([np.empty((coordinates, 0)), *(block.rows for block in blocks)], axis=1)
     phi = np.concatenate([np.empty((labels, 0)), *(block.phi for block in blocks)], axis=1)
     return Block(rows, phi)
 
 
 def regrouped(blocks: Iterable[Block], size: int = BLOCK) -> Iterator[Block]:
-    """The same scenes in blocks of exactly `size`, the last one excepted; never more than `size` wait for others."""
+    """The same scenes in blocks of exactly `size`, except the last one; at most `size` scenes are held in memory."""
     waiting: list[Block] = []
     count = 0
     for block in blocks:
@@ -107,6 +104,7 @@ def _one(blocks: list[Block]) -> Block:
 
 
 def check_numbers(block: Block) -> None:
-    """No file holds infinities or NaN, and no sampler hands them out. Raises ValueError: a bug, not a user's fault."""
+    """Files never contain infinities or NaN, and samplers never return them. Raises ValueError: a bug, not a user's
+    mistake."""
     if not (np.isfinite(block.rows).all() and np.isfinite(block.phi).all()):
         raise ValueError("a scene with a number that is not finite was to be written")

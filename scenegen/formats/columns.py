@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from scenegen.errors import Diagnostic, OutputError
-from scenegen.scene.workspace import AXES
+from scenegen.errors import OutputError
+from scenegen.errors.files import COLUMN_TWICE
+from scenegen.pose import NAMES
+from scenegen.scene.data import SceneFile
 
 PHI = "phi."
 
 
-def columns(objects: Sequence[str], labels: Sequence[str]) -> list[str]:
-    """The names of the columns, in their order: the 3N coordinates `mug.x`, ..., then phi of each label.
+def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:
+    """The names of the columns, in their order: the 3N coordinates `mug.x`, ..., then `mug.on` of each object that
+    stands on one of several surfaces (its number in the header, counted from 1), then phi of each label.
 
-    Raises OutputError where an object `phi` and a label `x` would share one.
+    Raises OutputError if an object `phi` and a label `x` would share one.
     """
-    names = [f"{name}.{axis}" for name in objects for axis in AXES] + [f"{PHI}{label}" for label in labels]
+    places = [f"{one.name}.{axis}" for one in header.objects for axis in NAMES]
+    names = [*places, *(f"{one.name}.on" for one in header.choosers), *(f"{PHI}{label}" for label in labels)]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        title = f"two columns of the table would be called `{twice}`"
-        raise OutputError(Diagnostic(title, help="rename the object `phi`, or write .jsonl"))
+        raise OutputError(COLUMN_TWICE(name=twice))
     return names

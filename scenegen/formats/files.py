@@ -1,4 +1,4 @@
-"""Reading and writing files so that they appear whole or not at all, with a diagnostic for whatever goes wrong."""
+"""Reading and writing files so that they appear whole or not at all, with a diagnostic for each failure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from scenegen.errors import DataError, Diagnostic, OutputError, ScenegenError
+from scenegen.errors import DataError, OutputError, ScenegenError
+from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, FILE_AND_FOLDER, OVERWRITES_INPUT, TOO_LARGE_TO_READ
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
@@ -32,9 +33,8 @@ _WRITE_HELP = {
 def output_error(path: Path, error: OSError) -> OutputError:
     """The diagnostic for a path that could not be written."""
     reason = (error.strerror or str(error)).lower()
-    return OutputError(
-        Diagnostic(f"cannot write {path}: {reason}", help=_WRITE_HELP.get(error.errno or 0, "choose another place"))
-    )
+    remedy = _WRITE_HELP.get(error.errno or 0, "choose another place")
+    return OutputError(CANNOT_WRITE(path=path, reason=reason, remedy=remedy))
 
 
 def check_writable(path: Path, *inputs: Path) -> None:
@@ -44,15 +44,14 @@ def check_writable(path: Path, *inputs: Path) -> None:
         _refuse_special(path)
         for given in inputs:
             if _same(path, given):
-                title = f"{path} would overwrite what it is made from"
-                raise OutputError(Diagnostic(title, help="name another output file"))
-        # Opening a temporary file there is the only test that root, containers and network disks answer honestly.
+                raise OutputError(OVERWRITES_INPUT(path=path))
+        # Opening a temporary file there is the only test that is reliable for root, in containers and on network disks.
         with tempfile.TemporaryFile(dir=target(path).parent):
             pass
 
 
 def _same(path: Path, given: Path) -> bool:
-    """Whether both are one file. An input that cannot be looked at is left to whoever reads it."""
+    """Whether both are one file. Errors of the input are left to the code that reads it."""
     if not path.exists():
         return False
     try:
@@ -62,14 +61,14 @@ def _same(path: Path, given: Path) -> bool:
 
 
 def target(path: Path) -> Path:
-    """What a link leads to, step by step; any other path as it is. Raises OSError for a link that leads to itself, and
+    """The target of a link, step by step; any other path as it is. Raises OSError for a link that leads to itself, and
     for names that are too long."""
     _exists(path)
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def _exists(path: Path) -> bool:
-    """As Path.exists, but for links that lead to themselves, which that calls missing: OSError."""
+    """Like Path.exists, but raises OSError for links that lead to themselves."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -78,25 +77,25 @@ def _exists(path: Path) -> bool:
 
 
 def _refuse_special(path: Path) -> None:
-    """Folders, devices, pipes and sockets are not replaced by a file."""
+    """Refuse to replace folders, devices, pipes and sockets by a file."""
     _exists(path)
     if path.is_dir():
         raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     if path.exists() and not path.is_file():
-        raise OutputError(Diagnostic(f"cannot write {path}: it is not a regular file", help="name a file"))
+        raise OutputError(CANNOT_WRITE(path=path, reason="it is not a regular file", remedy="name a file"))
 
 
 def check_folder(path: Path, file: Path | None = None) -> None:
-    """Refuse, before any work is done, an output folder that can neither be written to nor made, and one that is to be
-    the output `file` as well. Raises OutputError."""
+    """Refuse, before any work is done, an output folder that can neither be written to nor made, and one that is also
+    the output `file`. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
-        raise OutputError(Diagnostic(f"{path} cannot be a file and a folder at once", help="name another folder"))
+        raise OutputError(FILE_AND_FOLDER(path=path))
     with reported(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
         pass
 
 
 def ensure_folder(path: Path) -> None:
-    """Make an output folder (its parent must be there) and check that it can be written to. Raises OutputError."""
+    """Make an output folder (its parent must exist) and check that it can be written to. Raises OutputError."""
     with reported(path):
         path.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
@@ -117,13 +116,13 @@ def reported(path: Path) -> Iterator[None]:
 def whole_file(path: Path) -> Iterator[IO[bytes]]:
     """A file to write to that appears at `path`, on disk and whole, when the block ends without an error.
 
-    What is written goes to a temporary file in the same folder, which is renamed. Raises OutputError and leaves nothing
-    behind; OSErrors of the block count as failures to write.
+    Data goes to a temporary file in the same folder, which is renamed at the end. On failure raises OutputError and
+    leaves nothing behind; OSErrors of the block count as failures to write.
     """
     with reported(path):
         _refuse_special(path)
-        path = target(path)  # a link stays, what it points to is written
-        # a name may be as long as names can be, so the temporary one has its beginning only
+        path = target(path)  # a link stays, its target is written
+        # the name may have the maximum length, so the temporary name uses only its beginning
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:32]}.", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -156,8 +155,7 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str =
     with opened(path, what) as file:
         size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
-            help_ = f"the limit is {limit:,}" + (f"; {remedy}" if remedy else "")
-            raise DataError(Diagnostic(f"cannot read {path}: {size:,} bytes are too many", help=help_))
+            raise DataError(TOO_LARGE_TO_READ(path=path, size=size, limit=limit, remedy=remedy))
         return file.read()
 
 
@@ -168,18 +166,18 @@ def opened(path: Path, what: str) -> Iterator[IO[bytes]]:
     try:
         if path.exists() and not path.is_file():
             kind = "a folder" if path.is_dir() else "not a regular file"
-            raise DataError(Diagnostic(f"cannot read {path}: it is {kind}", help=f"name {what} instead"))
+            raise DataError(CANNOT_READ(path=path, reason=f"it is {kind}", remedy=f"name {what} instead"))
         with path.open("rb") as file:
             yield file
     except ScenegenError:
         raise
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise DataError(Diagnostic(f"cannot read {path}: {reason}", help=missing_help(path, what))) from error
+        raise DataError(CANNOT_READ(path=path, reason=reason, remedy=missing_help(path, what))) from error
 
 
 def missing_help(path: Path, what: str) -> str:
-    """A neighbour with a similar name, where there is one."""
+    """A file in the same folder with a similar name, if there is one."""
     with contextlib.suppress(OSError):
         siblings = [sibling.name for sibling in path.parent.iterdir() if sibling.is_file()]
         close = difflib.get_close_matches(path.name, siblings, n=1, cutoff=0.6)

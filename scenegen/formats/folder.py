@@ -1,4 +1,4 @@
-"""Several files that appear together or not at all, and how those of scenes are called."""
+"""Several files that appear together or not at all, and the names of scenes' files."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pathlib import Path
 
 from scenegen.formats.files import ensure_folder, reported, write_whole
 
-MANY = 100  # files that take longer to flush one by one than all buffers of the machine take
+MANY = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
 
 
 @contextlib.contextmanager
 def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
-    """put(name, data): files below `folder` (made if its parent is there) that appear, in the order in which they were
-    put, when the block ends without an error. A name may have a folder of its own, as in `meshes/mug.obj`.
+    """put(name, data): files below `folder` (made if its parent exists) that appear, in the order of the calls, when
+    the block ends without an error. A name may contain a folder, as in `meshes/mug.obj`.
 
     Raises OutputError and leaves nothing behind.
     """
@@ -65,7 +65,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _flush(paths: list[Path]) -> None:
-    """Wait until files are on disk: one by one, or, where there are many, all that there is at once."""
+    """Wait until files are on disk: one by one, or if there are many, all buffers of the machine at once."""
     if len(paths) > MANY and hasattr(os, "sync"):
         os.sync()
         return
@@ -75,7 +75,7 @@ def _flush(paths: list[Path]) -> None:
 
 
 def _move(source: Path, target: Path) -> None:
-    """A file takes its place. Where that is a link, the link stays and what it points to is replaced."""
+    """Move a file to its final path. If that is a link, the link stays and its target is replaced."""
     if target.is_symlink():
         write_whole(target, source.read_bytes())
     else:
@@ -83,12 +83,13 @@ def _move(source: Path, target: Path) -> None:
 
 
 def scene_name(number: int, total: int) -> str:
-    """`scene_0001`: what the files of a scene begin with, the first of `total` having the number 1."""
+    """`scene_0001`: the beginning of the names of a scene's files; the first of `total` has the number 1."""
     return f"scene_{number:0{max(4, len(str(total)))}d}"
 
 
 def others(folder: Path, total: int, ending: str) -> int:
-    """How many files of scenes with that ending lie in a folder beside those of `total` scenes: of an earlier run."""
+    """How many scenes' files with that ending a folder has in addition to those of `total` scenes, from an earlier
+    run."""
     found = (re.match(r"(scene_(\d{4,}))[_.]", path.name) for path in folder.glob(f"scene_*{ending}"))
     return sum(
         match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match

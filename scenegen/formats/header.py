@@ -1,4 +1,4 @@
-"""What all formats of scene files share: JSON read with care, the header, and what is said about damage."""
+"""Shared by all formats of scene files: strict reading of JSON, the header, and the errors for damaged files."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenegen.errors import DataError, Diagnostic, Source, Span, quoted
+from scenegen.errors import DataError, Diagnostic, Source, Span
+from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OBJECT_TWICE, OTHER_OBJECTS, SCENES_VERSION
 from scenegen.formats.blocks import Block
-from scenegen.scene.data import FORMAT, VERSION, SceneFile
+from scenegen.scene.data import FORMAT, RAISED, VERSION, SceneFile
 
-HEADING = ("format", "version")  # what is looked at before all else
-HELP = "make one with `scenegen sample ... --out scenes.json`"
+TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the place of an error
+HEADING = ("format", "version")  # is checked first
 
 
 class _Twice(Exception):  # noqa: N818 - a signal from the JSON reader to `parse`
-    """A key that stands twice in one JSON object."""
+    """A key that occurs twice in one JSON object."""
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -33,7 +34,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def parse(data: bytes, name: str) -> tuple[Any, str]:
-    """The value that some bytes hold as JSON, and their text; `name` is what errors call them. Raises DataError."""
+    """The value of some bytes as JSON, and their text; `name` is the file's name in errors. Raises DataError."""
     try:
         text = data.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_unique), text
@@ -42,35 +43,35 @@ def parse(data: bytes, name: str) -> tuple[Any, str]:
     except json.JSONDecodeError as error:
         span = Span(Source(name, text), error.pos, error.pos + 1)
         said = (error.msg[:1].lower() + error.msg[1:]).removesuffix(" starting at")
-        raise DataError(Diagnostic(f"{name} is not valid JSON", span, said, HELP)) from None
+        raise DataError(NOT_JSON(span, file=name, reason=said)) from None
     except _Twice as error:
         raise DataError(not_scenes(name, f"`{error}` stands twice in one object")) from None
-    except ValueError:  # the one left: Python refuses to read integers of more than 4,300 digits
+    except ValueError:  # the only remaining cause: Python refuses integers of more than 4,300 digits
         raise DataError(not_scenes(name, "a number in it has thousands of digits")) from None
     except RecursionError:
         raise DataError(not_scenes(name, "it is nested too deeply")) from None
 
 
 def scene_file(raw: Any, text: str, name: str) -> SceneFile:
-    """The scene file that a JSON value and its text stand for; no look at its scenes. Raises DataError."""
+    """The scene file from a JSON value and its text; its scenes are not checked. Raises DataError."""
     if not isinstance(raw, dict) or raw.get("format") != FORMAT:
         raise DataError(not_scenes(name, f'its "format" is not "{FORMAT}"'))
-    if raw.get("version") != VERSION:
-        title = f"{name} has version {raw.get('version')!r} of the scene format"
-        raise DataError(Diagnostic(title, help=f"this scenegen reads version {VERSION}"))
+    if raw.get("version") not in (VERSION, RAISED):
+        wanted = f"{VERSION} or {RAISED}"
+        raise DataError(SCENES_VERSION(file=name, found=repr(raw.get("version")), wanted=wanted))
     try:
         file = SceneFile.model_validate_json(text)
     except ValidationError as error:
         raise DataError(first_problem(name, error)) from None
     names = [one.name for one in file.objects]
     if len(set(names)) < len(names):
-        raise DataError(Diagnostic(f"{name} names an object twice", help=HELP))
+        raise DataError(OBJECT_TWICE(file=name))
     return file
 
 
 def labelled(header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> tuple[SceneFile, Iterator[Block]]:
-    """The header as it is to be written before these scenes, and the scenes: where there are none it names the labels,
-    which are in the scenes otherwise."""
+    """The header to write before these scenes, and the scenes. Labels are read from the scenes; if there are none, the
+    header names them."""
     found = (block for block in blocks if block.count)
     first = next(found, None)
     if first is None:
@@ -85,7 +86,7 @@ def dump_header(header: SceneFile) -> str:
 
 
 def load_header(data: bytes, name: str) -> SceneFile:
-    """The other way round. Raises DataError."""
+    """The scene file from this line, the inverse of the function above. Raises DataError."""
     raw, _ = parse(data, name)
     if isinstance(raw, dict):
         if "scenes" in raw:
@@ -95,20 +96,19 @@ def load_header(data: bytes, name: str) -> SceneFile:
 
 
 def not_scenes(name: str, why: str) -> Diagnostic:
-    return Diagnostic(f"{name} is not a scenes file: {why}", help=HELP)
+    return NOT_SCENES(file=name, reason=why)
 
 
 def first_problem(name: str, error: ValidationError) -> Diagnostic:
-    """The first of what pydantic found wrong."""
+    """The first error that pydantic found."""
     problems = error.errors(include_url=False)
     first = problems[0]
-    where = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in first["loc"])
-    more = f" ({len(problems) - 1} more problems)" if len(problems) > 1 else ""
-    place = f" at `{where}`" if where else ""
-    return Diagnostic(f"{name} is damaged{place}: {first['msg'].lower()}{more}", help="counting starts at 1")
+    place = [part for number, part in enumerate(first["loc"]) if not (part in TAGS and number > 1)]
+    where = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in place)
+    more = len(problems) - 1 or None
+    return DAMAGED_SCENES(file=name, place=where, reason=first["msg"].lower(), more=more)
 
 
 def odd_objects(scene: str, found: set[str], wanted: list[str]) -> Diagnostic:
-    """A scene that lacks an object of its file, or places another one."""
-    title = f"{scene} does not place the file's objects: `{min(found ^ set(wanted))}`"
-    return Diagnostic(title, help=f"every scene places {quoted(wanted)}")
+    """The error for a scene that lacks an object of its file, or has another one."""
+    return OTHER_OBJECTS(scene=scene, odd=min(found ^ set(wanted)), wanted=tuple(wanted))

@@ -8,7 +8,8 @@ from typing import IO
 
 from pydantic import ValidationError
 
-from scenegen.errors import DataError, Diagnostic, quoted
+from scenegen.errors import DataError
+from scenegen.errors.files import EMPTY_LINE, LONG_LINE, OTHER_LABELS
 from scenegen.formats.blocks import BLOCK, Block, Reading
 from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, first_problem, labelled, load_header, not_scenes, odd_objects, parse
@@ -24,14 +25,15 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
     header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
-    lines = SceneLines([one.name for one in header.objects], labels)
+    lines = SceneLines(header, labels)
     for block in blocks:
         sink.write("".join(f"{line}\n" for line in lines.of(block)).encode())
 
 
 def read(path: Path) -> Reading:
-    """Open a file of scenes. The first scene tells the labels. Raises DataError, and so does the iterator of blocks
-    where a later line is damaged. A file cut exactly between two lines cannot be told from a shorter one."""
+    """Open a file of scenes. The labels are those of the first scene. Raises DataError, and so does the iterator of
+    blocks if a later line is damaged. A file that was cut exactly between two lines cannot be distinguished from a
+    shorter one."""
     lines = _lines(path)
     number, first = next(lines, (1, b""))
     if not first.strip():
@@ -45,7 +47,7 @@ def read(path: Path) -> Reading:
         return Reading(header, labels, iter(()), 0, str(path))
     if named is None:
         labels = tuple(_scene(head[1], f"line {head[0]} of {path}", objects, None).phi)
-    return Reading(header, labels, _blocks(path, head, lines, objects, labels), None, str(path))
+    return Reading(header, labels, _blocks(path, head, lines, header, labels), None, str(path))
 
 
 def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
@@ -54,36 +56,37 @@ def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
         while line := file.readline(LONGEST + 1):
             number += 1
             if len(line) > LONGEST:
-                title = f"line {number} of {path} is longer than {LONGEST:,} bytes"
-                raise DataError(Diagnostic(title, help="every line after the first is a scene"))
+                raise DataError(LONG_LINE(line=f"line {number} of {path}", limit=LONGEST))
             yield number, line
 
 
 def _blocks(
-    path: Path, head: tuple[int, bytes], rest: Lines, objects: list[str], labels: tuple[str, ...]
+    path: Path, head: tuple[int, bytes], rest: Lines, header: SceneFile, labels: tuple[str, ...]
 ) -> Iterator[Block]:
-    text = SceneLines(objects, labels)
+    text = SceneLines(header, labels)
+    objects = [one.name for one in header.objects]
     found: list[list[float]] = []
 
     def numbers(number: int, line: bytes) -> list[float]:
         known = text.numbers(line.decode(errors="replace").rstrip("\r\n"))
         if known is None:
-            known = numbers_of(_scene(line, f"line {number} of {path}", objects, labels), objects, labels)
+            name = f"line {number} of {path}"
+            known = numbers_of(_scene(line, name, objects, labels), header, labels, name)
         return known
 
     found.append(numbers(*head))
     for number, line in rest:
         if len(found) == BLOCK:
-            yield block_from(found, len(objects), len(labels))
+            yield block_from(found, header.coordinates, len(labels))
             found = []
         found.append(numbers(number, line))
-    yield block_from(found, len(objects), len(labels))
+    yield block_from(found, header.coordinates, len(labels))
 
 
 def _scene(line: bytes, name: str, objects: list[str], labels: tuple[str, ...] | None) -> SceneData:
-    """A line read with care, whatever its layout. Raises DataError."""
+    """A line in any layout, read strictly. Raises DataError."""
     if not line.strip():
-        raise DataError(Diagnostic(f"{name} is empty", help="every line after the first is a scene"))
+        raise DataError(EMPTY_LINE(line=name))
     _, text = parse(line, name)
     try:
         scene = SceneData.model_validate_json(text)
@@ -92,6 +95,5 @@ def _scene(line: bytes, name: str, objects: list[str], labels: tuple[str, ...] |
     if scene.poses.keys() != set(objects):
         raise DataError(odd_objects(name, set(scene.poses), objects))
     if labels is not None and scene.phi.keys() != set(labels):
-        help_ = f"the first scene, or the header, has {quoted(labels)}"
-        raise DataError(Diagnostic(f"{name} has other labels than the scenes before", help=help_))
+        raise DataError(OTHER_LABELS(scene=name, whose="the first scene, or the header,", labels=tuple(labels)))
     return scene

@@ -1,9 +1,9 @@
 """Scenes as Parquet: columns `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`, the header in the file's metadata.
 
 Needs pyarrow (`pip install "scenegen[parquet]"`). Row groups have a fixed number of scenes, so the bytes depend on the
-scenes, the header and pyarrow's version, not on the blocks in which they came. Coordinates are as good as random: byte
-stream splitting with zstd at level 1 saves an eighth of the space at 0.2 microseconds a scene, dictionaries save
-nothing. Every page carries a checksum, which is checked when it is read.
+scenes, the header and pyarrow's version, not on the sizes of the blocks. Coordinates are nearly random: byte stream
+splitting with zstd at level 1 saves an eighth of the space at 0.2 microseconds per scene, dictionaries save nothing.
+Every page has a checksum, which is checked when it is read.
 """
 
 from __future__ import annotations
@@ -11,28 +11,29 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenegen.errors import DataError, Diagnostic, quoted
+from scenegen.errors import DataError
+from scenegen.errors.files import COLUMN_NOT_A_NUMBER, COLUMN_TYPE, DAMAGED_PARQUET, LARGE_ROW_GROUP, WRONG_COLUMNS
 from scenegen.formats.blocks import BLOCK, MOST, Block, Reading, check_numbers, regrouped
 from scenegen.formats.columns import PHI, columns
 from scenegen.formats.files import opened
-from scenegen.formats.header import HELP, dump_header, load_header, not_scenes
+from scenegen.formats.header import dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
 
 KEY = b"scenegen"  # of the header in the file's metadata
 LARGEST = 1 << 30  # bytes of a row group, unpacked
 
-_SMALLER = "`scenegen export {path} --out other.parquet` makes smaller ones"
+_SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
-    """Scenes block by block. Raises OutputError where an object `phi` and a label `x` would share a column."""
-    names = columns([one.name for one in header.objects], labels)
+    """Scenes block by block. Raises OutputError if an object `phi` and a label `x` would share a column."""
+    names = columns(header, labels)
     fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
     schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
@@ -43,45 +44,48 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
 
 
-def read(path: Path) -> Reading:
-    """Open a file of scenes. Raises DataError, and so does the iterator of blocks where a later part is damaged."""
+def read(path: Path, source: Any = None) -> Reading:
+    """Open a file of scenes; `source` is the open file, if it is not on a disk. Raises DataError, and so does the
+    iterator of blocks if a later part is damaged."""
     with contextlib.ExitStack() as opening:
-        parquet, header, labels = _open(path, opening)
+        parquet, header, labels = _open(path, opening, source)
         with _damage(path):
             count = parquet.metadata.num_rows
-        blocks = _blocks(path, parquet, 3 * len(header.objects), opening.pop_all())
+        blocks = _blocks(path, parquet, header.coordinates, opening.pop_all())
         return Reading(header, labels, blocks, count, str(path))
 
 
 def group_sizes(path: Path) -> tuple[int, ...]:
-    """How many scenes each row group of a file holds, from its metadata alone. Raises DataError, also where a group is
-    too large to be in memory at once."""
+    """How many scenes each row group of a file has, from its metadata alone. Raises DataError, also if a group is too
+    large for memory."""
     with contextlib.ExitStack() as opening:
         parquet, header, labels = _open(path, opening)
         with _damage(path):
             sizes = tuple(parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups))
-        most = MOST // (3 * len(header.objects) + len(labels))
+        most = MOST // (header.coordinates + len(labels))
         if max(sizes, default=0) > most:
-            title = f"a row group of {path} holds {max(sizes):,} scenes; at most {most:,} are in memory at once"
-            raise DataError(Diagnostic(title, help=_SMALLER.format(path=path)))
+            facts = {"size": max(sizes), "unit": "scenes", "limit": most, "remedy": _SMALLER}
+            raise DataError(LARGE_ROW_GROUP(path=path, **facts))
         return sizes
 
 
-def read_groups(path: Path, groups: Sequence[int]) -> Iterator[Block]:
-    """The scenes of some row groups, in the order asked for; one group is in memory at a time. Raises DataError."""
+def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterator[Block]:
+    """The scenes of some row groups, in the given order; one group is in memory at a time. Raises DataError."""
     with contextlib.ExitStack() as opening:
-        parquet, header, _ = _open(path, opening)
+        parquet, header, _ = _open(path, opening, source)
         with _damage(path):
             sizes = [parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups)]
         for index in groups:
             with _damage(path):
                 table = parquet.read_row_group(index, use_threads=False)
-            yield _block(path, table, 3 * len(header.objects), sum(sizes[:index]))
+            yield _block(path, table, header.coordinates, sum(sizes[:index]))
 
 
-def _open(path: Path, opening: contextlib.ExitStack) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
+def _open(
+    path: Path, opening: contextlib.ExitStack, source: Any = None
+) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
     """The file, open for as long as `opening` is, its header and its labels. Raises DataError."""
-    file = opening.enter_context(opened(path, "a scenes file"))
+    file = opening.enter_context(opened(path, "a scenes file") if source is None else source)
     with _damage(path):
         parquet = pq.ParquetFile(file, page_checksum_verification=True)
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
@@ -89,30 +93,25 @@ def _open(path: Path, opening: contextlib.ExitStack) -> tuple[pq.ParquetFile, Sc
     if KEY not in metadata:
         raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
     if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
-        title = f"a row group of {path} is {max(groups):,} bytes long; the limit is {LARGEST:,}"
-        help_ = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
-        raise DataError(Diagnostic(title, help=help_))
+        remedy = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
+        facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
+        raise DataError(LARGE_ROW_GROUP(path=path, **facts))
     header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
     return parquet, header, _labels(path, schema, header)
 
 
 def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]:
-    """The labels that the columns are of, once these are what they should be."""
-    wanted = columns([one.name for one in header.objects], ())
+    """The labels of the columns, after these were checked."""
+    wanted = columns(header, ())
     names = list(schema.names)
     phi = names[len(wanted) :]
     odd = [name for name in phi if not name.startswith(PHI)]
     if names[: len(wanted)] != wanted or odd:
         lack = next((name for name in wanted if name not in names), None)
-        title = f"{path} has columns in another order than its objects"
-        if lack is not None or odd:
-            title = f"{path} has no column `{lack}`" if lack is not None else f"{path} has a column `{odd[0]}`"
-        help_ = f"its columns should be {quoted(wanted)}, then phi of each label"
-        raise DataError(Diagnostic(title, help=help_))
+        raise DataError(WRONG_COLUMNS(path=path, lacking=lack, odd=odd[0] if odd else None, wanted=tuple(wanted)))
     for field in schema:
         if field.type != pa.float64():
-            title = f"column `{field.name}` of {path} holds {field.type}, not float64"
-            raise DataError(Diagnostic(title, help=HELP))
+            raise DataError(COLUMN_TYPE(column=field.name, path=path, found=field.type))
     return tuple(name.removeprefix(PHI) for name in phi)
 
 
@@ -130,7 +129,7 @@ def _blocks(path: Path, parquet: pq.ParquetFile, coordinates: int, closing: cont
 
 
 def _block(path: Path, batch: pa.RecordBatch | pa.Table, coordinates: int, done: int) -> Block:
-    """A part of the file as a block; `done` scenes came before it. Raises DataError for what is no number."""
+    """A part of the file as a block; `done` scenes came before it. Raises DataError for values that are not numbers."""
     if isinstance(batch, pa.Table):  # NumPy arrays of chunked columns come as copies anyway
         arrays = [column.to_numpy() for column in batch.columns]
     else:
@@ -139,16 +138,15 @@ def _block(path: Path, batch: pa.RecordBatch | pa.Table, coordinates: int, done:
     bad = np.flatnonzero(~np.isfinite(table).all(axis=0))
     if len(bad):
         column = batch.schema.names[int(np.flatnonzero(~np.isfinite(table[:, bad[0]]))[0])]
-        title = f"{path} is damaged: no number stands in column `{column}` of scene {done + int(bad[0]) + 1}"
-        raise DataError(Diagnostic(title, help=HELP))
+        raise DataError(COLUMN_NOT_A_NUMBER(path=path, column=column, scene=done + int(bad[0]) + 1))
     return Block(table[:coordinates], table[coordinates:])
 
 
 @contextlib.contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """What pyarrow finds wrong with a file, as a diagnostic. Its words are for programmers: the first line will do."""
+    """pyarrow's error for a file, as a diagnostic. Its text is for programmers, so only the first line is shown."""
     try:
         yield
     except (pa.ArrowException, OSError, ValueError) as error:
         said = (str(error).splitlines() or [""])[0].rstrip(".")
-        raise DataError(Diagnostic(f"{path} is damaged, or no Parquet file", help=HELP, note=said)) from error
+        raise DataError(DAMAGED_PARQUET(path=path, reason=said)) from error

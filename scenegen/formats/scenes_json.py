@@ -8,38 +8,36 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO
 
-from scenegen.errors import DataError, Diagnostic, OutputError, quoted
+from scenegen.errors import DataError, OutputError
+from scenegen.errors.files import JSON_TOO_LARGE, OTHER_LABELS
 from scenegen.formats.blocks import Block, Reading
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import HEADING, labelled, odd_objects, parse, scene_file
 from scenegen.formats.lines import SceneLines, block_of
 from scenegen.scene.data import SceneFile
 
-MOST_BYTES = 1 << 28  # of a file: read as a whole, that takes some thirty times as much memory
-BYTES = 32  # of a number with its name, about
+MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
+BYTES = 32  # of a number with its name, approximately
 REMEDY = ".jsonl and .parquet files are read part by part, and may be of any size"
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """Scenes block by block; floats are written so that they read back bit for bit. Raises OutputError for more than
-    `read` takes."""
+    `read` accepts."""
     header, blocks = labelled(header, labels, blocks)
     data = header.model_dump(mode="json", exclude={"scenes"})
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     head = f'{text.removesuffix("}").rstrip()},\n "scenes": ['.encode()
     sink.write(head)
     size = len(head)
-    lines = SceneLines([one.name for one in header.objects], labels)
+    lines = SceneLines(header, labels)
     between = "\n"
     for block in blocks:
         if block.count:
             part = (between + ",\n".join(f"  {line}" for line in lines.of(block))).encode()
             size += len(part)
             if size > MOST_BYTES:
-                title = f"these scenes do not fit into a .json file of {MOST_BYTES:,} bytes, the most that can be read"
-                raise OutputError(
-                    Diagnostic(title, help="write .jsonl or .parquet, of which readers need a part at a time")
-                )
+                raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
             sink.write(part)
             between = ",\n"
     sink.write(b"\n ]\n}\n" if between == ",\n" else b"]\n}\n")
@@ -49,21 +47,21 @@ def dump(file: SceneFile) -> bytes:
     """The bytes of a scene file; its scenes have the objects of the file, and the labels of the first."""
     sink = io.BytesIO()
     labels = file.label_names
-    write(sink, file, labels, [block_of(file.scenes, [one.name for one in file.objects], labels)])
+    write(sink, file, labels, [block_of(file.scenes, file, labels)])
     return sink.getvalue()
 
 
 def read(path: Path) -> Reading:
-    """A scenes file, all of it at once, at about 6 kB of memory a scene. Raises DataError, also for more than
+    """A scenes file, read as a whole, with about 6 kB of memory per scene. Raises DataError, also for more than
     MOST_BYTES."""
     file = load(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
     labels = file.label_names
-    block = block_of(file.scenes, [one.name for one in file.objects], labels)
+    block = block_of(file.scenes, file, labels)
     return Reading(file.without_scenes(), labels, iter([block]), block.count, str(path))
 
 
 def load(data: bytes, name: str) -> SceneFile:
-    """The scene file in some bytes; `name` is what errors call it. Raises DataError."""
+    """The scene file in some bytes; `name` is its name in errors. Raises DataError."""
     raw, text = parse(data, name)
     raw = {key: raw.get(key) for key in HEADING} if isinstance(raw, dict) else None  # the rest is large, and not needed
     file = scene_file(raw, text, name)
@@ -74,6 +72,6 @@ def load(data: bytes, name: str) -> SceneFile:
             raise DataError(odd_objects(f"scene {number} of {name}", set(scene.poses), names))
         if scene.phi.keys() != labels:
             whose = "scene 1" if file.labels is None else "the header"
-            title = f"scene {number} of {name} has other labels than {whose}"
-            raise DataError(Diagnostic(title, help=f"{whose} has {quoted(sorted(labels))}"))
+            scene_name = f"scene {number} of {name}"
+            raise DataError(OTHER_LABELS(scene=scene_name, whose=whose, labels=tuple(sorted(labels))))
     return file

@@ -1,19 +1,19 @@
-"""A large scene file on its way: finished blocks in `x.parquet.part/`, joined into `x.parquet` at the end.
+"""A large scene file in progress: finished blocks in `x.parquet.part/`, joined into `x.parquet` at the end.
 
-The folder holds `shard-000000.npy`, ... (blocks, one array after the other), `pool-000001.npy` with what waits for
-later blocks, and `manifest.json`, which names them, the request, and where the run stands. Shards and pool are on disk
-before the manifest that names them is, and that replaces its forerunner in one step. So whenever the process dies, the
-manifest is true: the run goes on from its last checkpoint, and what is newer is made once more, to the same bytes. The
-scenes in the shards have no format yet, since the header, which some formats want first, is known last.
+The folder has `shard-000000.npy`, ... (blocks, one array after the other), `pool-000001.npy` with scenes for later
+blocks, and `manifest.json` with their names, the request, and the progress of the run. Shards and pool are on disk
+before the manifest that names them, and the manifest replaces the previous one in one step. So the manifest is always
+valid, even if the process dies: the run continues from its last checkpoint, and newer data is made again, with the same
+bytes. The scenes in the shards have no file format yet, because the header, which some formats write first, is known
+last.
 
-A folder with a checkpoint is never deleted without having been asked for it: without `resume` it is refused. One
-without is what a run left that had just begun, and is replaced.
+A folder with a checkpoint is never deleted unless the user asks for it: without `resume` it is refused. A folder
+without one comes from a run that had just begun, and is replaced.
 """
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import io
 import json
 import os
@@ -25,7 +25,8 @@ from typing import IO, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from scenegen.errors import DataError, Diagnostic, OutputError, RequestError
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.errors.files import DAMAGED_RUN, FOLDER_IN_THE_WAY, FOLDER_LOCKED, OTHER_REQUEST, UNFINISHED_RUN
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.files import FULL, output_error, reported, target, whole_file, write_whole
 
@@ -55,7 +56,7 @@ class _Manifest(BaseModel):
 
 
 class Shards:
-    """The folder, held by this process. `state` and `pool` are those of the last checkpoint; `state` is empty where
+    """The folder, locked by this process. `state` and `pool` are those of the last checkpoint; `state` is empty if
     there is none yet."""
 
     def __init__(self, path: Path, manifest: _Manifest) -> None:
@@ -71,11 +72,11 @@ class Shards:
 
     @property
     def joined(self) -> bool:
-        """Whether the scene file is there already, and only the folder is to be removed."""
+        """Whether the scene file exists already, and only the folder has to be removed."""
         return self._manifest.joined
 
     def pool(self) -> Array:
-        """What was given to `checkpoint`."""
+        """The state that was passed to `checkpoint`."""
         with self._reported(), self._pool_path(self._manifest.checkpoint).open("rb") as file:
             return _load(file)
 
@@ -89,7 +90,7 @@ class Shards:
         self._scenes += block.count
 
     def checkpoint(self, state: Mapping[str, object], pool: Array) -> None:
-        """Make everything so far last: after this, `kill -9` loses nothing of it. `state` is JSON."""
+        """Make everything so far durable: after this, `kill -9` loses nothing of it. `state` is JSON."""
         with self._reported():
             shards = [*self._manifest.shards]
             if self._shard is not None:
@@ -109,9 +110,9 @@ class Shards:
             self._pool_path(number - 1).unlink(missing_ok=True)
 
     def join(self, write: Callable[[IO[bytes], Iterator[Block]], None], *, whole: bool = True) -> None:
-        """Let `write` make the scene file of all blocks up to the last checkpoint, put it in its place, and remove the
-        folder. `whole` says that nothing is left to do, also if the process dies before all of the folder is removed.
-        Raises OutputError."""
+        """Let `write` make the scene file of all blocks up to the last checkpoint, move it to its final path, and
+        remove the folder. `whole` says that the run is complete, even if the process dies before all of the folder is
+        removed. Raises OutputError."""
         with self._reported():
             joined = self.folder / "joined"
             with whole_file(joined) as file:
@@ -132,8 +133,8 @@ class Shards:
                     yield Block(table[:coordinates], table[coordinates:])
 
     def discard(self) -> None:
-        """Remove the folder. The manifest goes first, since it must not name what is not there; but last where it says
-        that the run has come to its end."""
+        """Remove the folder: the manifest first, because it must not name missing files, but last if it says that the
+        run is complete."""
         self.close()
         with self._reported():
             if not self.joined:
@@ -145,13 +146,13 @@ class Shards:
             self.folder.rmdir()
 
     def leave(self) -> None:
-        """Close what is open, and remove a folder without a checkpoint."""
+        """Close open files, and remove a folder without a checkpoint."""
         self.close()
         if not self.state and self.folder.exists():
             self.discard()
 
     def close(self) -> None:
-        """Close what is open. What a full disk did not take is of no checkpoint, and is made once more."""
+        """Close open files. Data that a full disk refused is not part of any checkpoint, and is made again."""
         if self._shard is not None:
             with contextlib.suppress(OSError):
                 self._shard.close()
@@ -179,17 +180,13 @@ class Shards:
                 raise
             found = output_error(self.path, cause)
             if self.state:  # else `leave` removes the folder
-                help_ = f"{self.folder} keeps {self._kept:,} scenes: mend that, then go on with --resume"
-                if cause.errno in FULL:
-                    help_ = (
-                        f"the disk is full; {self.folder} keeps {self._kept:,} scenes: make room, go on with --resume"
-                    )
-                found = OutputError(dataclasses.replace(found.diagnostics[0], help=help_))
+                full = cause.errno in FULL or None
+                found = OutputError(found.diagnostics[0].but(folder=self.folder, scenes=self._kept, full=full))
             raise found from error
 
     @property
     def _kept(self) -> int:
-        """Scenes of the last checkpoint that are sure to come into the file."""
+        """The number of scenes of the last checkpoint that will be in the file."""
         return sum(shard.scenes for shard in self._manifest.shards)
 
 
@@ -198,16 +195,16 @@ def _pool_name(number: int) -> str:
 
 
 def folder_of(path: Path) -> Path:
-    """Where the shards of a scene file are."""
+    """The folder of a scene file's shards."""
     return path.with_name(f"{path.name}.part")
 
 
 @contextlib.contextmanager
 def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, resume: bool) -> Iterator[Shards]:
-    """The folder of a scene file, made or taken up again; `coordinates` is 3N.
+    """The folder of a scene file, new or resumed; `coordinates` is 3N.
 
-    `request` is JSON that fixes the scenes: a folder of another one is refused. At the end the folder stays if there is
-    a checkpoint in it. Raises RequestError, DataError (damage), OutputError.
+    `request` is JSON that determines the scenes: a folder of another request is refused. At the end the folder stays if
+    it has a checkpoint. Raises RequestError, DataError (damage), OutputError.
     """
     with reported(path):
         path = target(path)
@@ -234,16 +231,15 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
 def _refuse_foreign(folder: Path) -> None:
     odd = [entry.name for entry in folder.iterdir() if not _OURS.fullmatch(entry.name)]
     if odd:
-        title = f"{folder} is in the way: it holds `{odd[0]}`, which is not of an unfinished run"
-        raise OutputError(Diagnostic(title, help="move it, or name another output file"))
+        raise OutputError(FOLDER_IN_THE_WAY(folder=folder, odd=odd[0]))
 
 
 def _load_manifest(folder: Path) -> _Manifest | None:
-    """None where there is no checkpoint. Raises DataError where what it names is not there."""
+    """The last checkpoint, or None. Raises DataError if a file that it names is missing."""
     path = folder / MANIFEST
     if not path.exists():
         return None
-    damage = Diagnostic(f"{folder} is damaged: it cannot be resumed", help="delete it, and start anew")
+    damage = DAMAGED_RUN(path=folder, folder="it")
     try:
         manifest = _Manifest.model_validate_json(path.read_bytes())
     except ValidationError:
@@ -256,17 +252,16 @@ def _load_manifest(folder: Path) -> _Manifest | None:
 
 
 def _check(folder: Path, found: _Manifest, wanted: Mapping[str, Any], resume: bool) -> None:
-    """Refuse a run that is not to be resumed, or is one of another request."""
+    """Refuse to start over an existing run without `resume`, or to resume one of another request."""
     scenes = sum(shard.scenes for shard in found.shards)
     if not resume:
-        title = f"{folder} holds {scenes:,} scenes of an unfinished run"
-        raise RequestError(Diagnostic(title, help="go on with --resume, or delete the folder"))
-    # another plan follows from any other difference, so that is named first
+        raise RequestError(UNFINISHED_RUN(folder=folder, scenes=scenes))
+    # any other difference also changes the plan, so other differences are named first
     for key in sorted({*found.request, *wanted}, key=lambda key: (key == "plan", key)):
         before, now = found.request.get(key), wanted.get(key)
         if before != now:
-            title = f"{folder} is of another request: `{key}` was {_short(before)}, and is {_short(now)} now"
-            raise RequestError(Diagnostic(title, help="ask for the same again, or delete the folder"))
+            facts = {"key": key, "before": _short(before), "now": _short(now)}
+            raise RequestError(OTHER_REQUEST(folder=folder, **facts))
 
 
 def _short(value: object) -> str:
@@ -276,23 +271,22 @@ def _short(value: object) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else may work on the folder; the lock goes with the process, however that ends."""
+    """Lock the folder for this process; the lock ends with the process in any case."""
     with (folder / LOCK).open("wb") as file:
-        with contextlib.suppress(ImportError):  # no such thing on Windows
+        with contextlib.suppress(ImportError):  # not available on Windows
             import fcntl
 
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                title = f"another process is working on {folder}"
-                raise OutputError(Diagnostic(title, help="wait for it, or name another output file")) from None
+                raise OutputError(FOLDER_LOCKED(folder=folder)) from None
             except OSError:
-                pass  # some network disks know no locks
+                pass  # some network disks have no locks
         yield
 
 
 def _save(file: IO[bytes], table: Array) -> None:
-    """By way of memory: numpy writes into files by itself, and its error for a full disk has no reason in it."""
+    """Writes through memory, because numpy's own error for a full disk does not say the reason."""
     buffer = io.BytesIO()
     np.save(buffer, table, allow_pickle=False)
     file.write(buffer.getbuffer())
@@ -302,8 +296,7 @@ def _load(file: IO[bytes]) -> Array:
     try:
         table: Array = np.load(file, allow_pickle=False)
     except (ValueError, EOFError):
-        help_ = "delete the folder it is in, and start anew"
-        raise DataError(Diagnostic(f"{file.name} is damaged: it cannot be resumed", help=help_)) from None
+        raise DataError(DAMAGED_RUN(path=file.name, folder="the folder it is in")) from None
     return table
 
 
@@ -313,7 +306,7 @@ def _sync(file: IO[bytes]) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """New names in a folder last, too, where folders can be synchronised."""
+    """Make new names in a folder durable, if folders can be synchronised."""
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

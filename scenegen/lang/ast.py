@@ -178,14 +178,20 @@ class Workspace(Node):
     y: Interval
 
 
+Chosen = Literal["", "equal", "area"]  # how an object chooses what it stands on
+
+
 @dataclass(frozen=True, slots=True)
 class Declaration(Node):
-    """One object, or an array of `count` of them."""
+    """One object, or an array of `count` of them. `choice` is set where `support` names several surfaces of which each
+    object stands on one: all equally likely, or by their area."""
 
     name: Name
     count: Expr | None
     shape: Expr | None
     pose: Expr | None
+    support: Expr | None = None
+    choice: Chosen = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +201,12 @@ class Objects(Node):
 
 @dataclass(frozen=True, slots=True)
 class Region(Node):
+    """`levels` are heights above the table: none, one, or one for each of `count` regions."""
+
     name: Name
     shape: Expr
+    count: Expr | None = None
+    levels: tuple[Expr, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,12 +293,12 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
         case Workspace(x, y):
             return (x.lowest, x.highest, y.lowest, y.highest)
         case Objects(declarations):
-            parts = (part for one in declarations for part in (one.count, one.shape, one.pose))
+            parts = (part for one in declarations for part in (one.count, one.shape, one.support, one.pose))
             return tuple(part for part in parts if part is not None)
         case Definition(_, parameters, body):
             return (*(one.default for one in parameters if one.default is not None), body)
-        case Region():
-            return (statement.shape,)
+        case Region(_, shape, count, levels):
+            return (shape, *levels) if count is None else (count, shape, *levels)
         case Constant():
             return (statement.value,)
         case Import():

@@ -26,6 +26,15 @@ class _Part(NamedTuple):
     value: ast.Expr
     start: int
     end: int
+    choice: ast.Chosen = ""
+
+
+class _Levels(list[ast.Expr]):
+    """The heights of a region on their way to it."""
+
+    @property
+    def end(self) -> int:
+        return self[-1].end
 
 
 def _start(item: Any) -> int:
@@ -80,7 +89,9 @@ class Builder:
     def decl(self, items: list[Any]) -> ast.Declaration:
         parts = {part.kind: part.value for part in items if isinstance(part, _Part)}
         (name,) = _names(items)
-        return ast.Declaration(name, parts.get("count"), parts.get("shape"), parts.get("pose"), **_at(items))
+        count, shape, pose, support = (parts.get(kind) for kind in ("count", "shape", "pose", "support"))
+        choice: ast.Chosen = next((part.choice for part in items if isinstance(part, _Part) and part.choice), "")
+        return ast.Declaration(name, count, shape, pose, support, choice, **_at(items))
 
     def count(self, items: list[Any]) -> _Part:
         return _Part("count", items[1], _start(items[0]), _end(items[-1]))
@@ -88,11 +99,25 @@ class Builder:
     def shape(self, items: list[Any]) -> _Part:
         return _Part("shape", items[1], _start(items[0]), _end(items[-1]))
 
+    def support(self, items: list[Any]) -> _Part:
+        words = {item.type for item in items if isinstance(item, Token)}
+        choice: ast.Chosen = "area" if "BY_AREA" in words else "equal" if "ANY" in words else ""
+        (surface,) = _nodes(items)
+        return _Part("support", surface, _start(items[0]), _end(items[-1]), choice)
+
     def pose(self, items: list[Any]) -> _Part:
         return _Part("pose", items[1], _start(items[0]), _end(items[-1]))
 
     def region(self, items: list[Any]) -> ast.Region:
-        return ast.Region(_name(items[1]), items[3], **_at(items))
+        parts = [item for item in items if not isinstance(item, Token)]
+        counts = [part.value for part in parts if isinstance(part, _Part)]
+        levels = next((tuple(part) for part in parts if isinstance(part, _Levels)), ())
+        (shape,) = (part for part in parts if not isinstance(part, _Part | _Levels))
+        count = counts[0] if counts else None
+        return ast.Region(_name(items[1]), shape, count, levels, **_at(items))
+
+    def levels(self, items: list[Any]) -> _Levels:
+        return _Levels(_nodes(items))
 
     def const(self, items: list[Any]) -> ast.Constant:
         return ast.Constant(_name(items[1]), items[3], **_at(items))

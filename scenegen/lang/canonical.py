@@ -36,7 +36,9 @@ def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape]) -> 
             place = scope.arrays.get(one.name.id, (scope.objects.get(one.name.id, 0),))[0]
             looks = shapes[place]
             arguments = (ast.Argument(None, ast.Text(looks.path)), ast.Argument(None, _outline(looks)))
-            one = ast.Declaration(one.name, one.count, ast.Call(call.function, arguments), one.pose)
+            one = ast.Declaration(
+                one.name, one.count, ast.Call(call.function, arguments), one.pose, one.support, one.choice
+            )
         declarations.append(one)
     return ast.Objects(tuple(declarations))
 

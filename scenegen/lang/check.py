@@ -5,28 +5,39 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenegen.errors import Diagnostic, Source, SpecError
+from scenegen.assets import Shape
+from scenegen.errors import Source, Span, SpecError
+from scenegen.errors.declarations import (
+    CONSTANT_LABEL,
+    CONSTANT_REQUIREMENT,
+    IMPOSSIBLE_REQUIREMENT,
+    NO_FORMULA,
+    NO_FREE_OBJECT,
+    SPEC_TOO_LARGE,
+)
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
+from scenegen.lang.constants import check_constants
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.headings import headings_compared
 from scenegen.lang.imports import Placed, Project, inline
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
-from scenegen.lang.parse import MOST_ERRORS, parse, plain_breaks, read_source
+from scenegen.lang.parse import parse, plain_breaks, read_source
 from scenegen.lang.places import whole
-from scenegen.lang.print import print_expr
-from scenegen.lang.regions import area, workspace
+from scenegen.lang.provenance import Frame
+from scenegen.lang.regions import areas, level_clash, workspace
+from scenegen.lang.relax import clashing, relaxed
 from scenegen.lang.resolve import resolve
-from scenegen.lang.scope import LABEL, Declared, Scope, collect, prelude
-from scenegen.lang.spec import CheckedSpec, Pose, Region
+from scenegen.lang.scope import LABEL, Scope, collect
+from scenegen.lang.spec import CheckedSpec, Pose, Region, Support
+from scenegen.lang.stage import Stage, refusal
+from scenegen.lang.supports import choices, empty, heights, spread, standing_on, supports
 from scenegen.lang.trampoline import run
 from scenegen.lang.unused import unused
-from scenegen.lang.values import AnyValue, NumberValue, Value
-from scenegen.primitives.units import ANGLE, BARE, LENGTH
+from scenegen.lang.values import AnyValue
 from scenegen.scene.workspace import Workspace
 
 
@@ -51,53 +62,15 @@ def check_module(module: ast.Module, project: Project | None = None) -> CheckedS
     project = project or Project()
     placed, problems = inline(module, project)
     if problems:
-        raise _refusal(problems, source)
+        raise refusal(problems, source)
     scope, problems = collect(source, placed, module.bare)
     problems += resolve(placed, module.bare, scope)
     if problems:
-        raise _refusal(problems, source)
+        raise refusal(problems, source)
     try:
         return _expand(source, placed, module.bare, scope, project)
     except TooLarge as error:
-        help_ = "use fewer objects, or smaller definitions and quantifiers"
-        raise SpecError(Diagnostic(f"{source.name} {error}", help=help_)) from None
-
-
-def _refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
-    """All problems once, those of the spec itself first, each file's in the order of its text."""
-
-    def place(problem: Diagnostic) -> tuple[bool, str, int]:
-        span = problem.span
-        return (False, "", 0) if span is None else (span.source is not main, span.source.name, span.start)
-
-    return SpecError(*sorted(dict.fromkeys(problems), key=place)[:MOST_ERRORS])
-
-
-class _Stage:
-    """Runs the steps of a stage and keeps what each found wrong, so that one mistake does not hide another."""
-
-    def __init__(self, source: Source) -> None:
-        self.source = source
-        self.problems: list[Diagnostic] = []
-
-    def __enter__(self) -> _Stage:
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        if isinstance(error, SpecError):
-            self.problems.extend(error.diagnostics)
-            return True
-        return False
-
-    @property
-    def full(self) -> bool:
-        """Whether nobody would read any more."""
-        return len(self.problems) >= MOST_ERRORS
-
-    def close(self) -> None:
-        """Raises SpecError where anything was wrong."""
-        if self.problems:
-            raise _refusal(self.problems, self.source)
+        raise SpecError(SPEC_TOO_LARGE(file=source.name, reason=str(error))) from None
 
 
 def _expand(
@@ -106,7 +79,7 @@ def _expand(
     builder = CoreBuilder(())
     texts = {one.source.name: len(one.source.text) for one in placed}
     lowering = Lowering(scope, builder, len(source.text) + sum(texts.values()))
-    stage = _Stage(source)
+    stage = Stage(source)
     space = Workspace()
     for one in placed:
         if isinstance(one.statement, ast.Workspace):
@@ -128,19 +101,24 @@ def _expand(
         with stage:
             fixed.update(zip(places, pose(lowering, thing, space), strict=False))
     stage.close()
-    lowering.kinds.footprints = tuple(looks.footprint for looks in shapes)
-    lowering.kinds.fixed = fixed
+    lowering.coerce.footprints = tuple(looks.footprint for looks in shapes)
+    lowering.coerce.fixed = fixed
     for declared in scope.regions.values():
         if stage.full:
             break
         with stage:
-            if declared.name.id not in lowering.areas:
-                lowering.areas[declared.name.id] = run(area(lowering, declared))
-    _constants(scope, lowering, stage)
+            if declared.name.id not in lowering.areas and declared.name.id not in lowering.levels:
+                run(areas(lowering, declared))
+    stage.problems.extend(level_clash(lowering, list(scope.regions.values())))
+    standing: list[int] = []
+    if not stage.problems:
+        with stage:
+            space, standing = _supports(scope, lowering, shapes, fixed, space, stage)
+    check_constants(scope, lowering, stage)
     if not stage.problems:
         _refuse_nothing_free(scope, fixed, stage)
         labels = _labels(placed, bare, lowering, stage)
-        requirement = _requirement(placed, lowering, stage)
+        requirement = _requirement(placed, lowering, stage, standing)
     used = set(lowering.used)
     _uncalled_definitions(scope, lowering, stage)
     stage.close()
@@ -148,16 +126,62 @@ def _expand(
     _refuse_constants(core, placed, bare, scope, stage)
     stage.close()
     regions = tuple(
-        Region(name, place.footprint, (*place.center, 0.0))
+        Region(name, place.footprint, (*place.center, 0.0), place.z)
         for name, place in lowering.areas.items()
         if name != "workspace"
     )
     text = canonical(placed, bare, scope, shapes)
     warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core)]
-    return CheckedSpec(source.name, text, space, core, _title(source), tuple(shapes), fixed, regions, tuple(warnings))
+    raised = bool(lowering.supports or lowering.choices)
+    return CheckedSpec(
+        source.name,
+        text,
+        space,
+        core,
+        _title(source),
+        tuple(shapes),
+        fixed,
+        regions,
+        dict(lowering.supports),
+        tuple(lowering.heights or ()) if raised else (),
+        dict(lowering.choices),
+        tuple(warnings),
+    )
 
 
-def _labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowering, stage: _Stage) -> dict[str, int]:
+def _supports(
+    scope: Scope, lowering: Lowering, shapes: Sequence[Shape], fixed: dict[int, Pose], space: Workspace, stage: Stage
+) -> tuple[Workspace, list[int]]:
+    """Evaluates what objects stand on: the workspace with their boxes, and what it requires. Raises SpecError for what
+    the declarations say together."""
+    lowering.shapes, lowering.space = tuple(shapes), space
+    found: dict[int, tuple[Support, ...]] = {}
+    spans: dict[int, Span] = {}
+    for thing in scope.things.values():
+        places = scope.arrays.get(thing.name.id) or (scope.objects[thing.name.id],)
+        one = thing.declaration
+        if one is not None and one.support is not None:
+            spans.update((place, one.support.span(thing.source)) for place in places)
+            with stage:
+                found.update(supports(lowering, thing, places))
+    if stage.problems:
+        lowering.heights = (0.0,) * len(shapes)  # what formulas have to say is still looked at
+        return space, []
+    names = lowering.builder.objects
+    lowering.heights = heights(len(shapes), found, names, spans)
+    if not found:
+        return space, []
+    chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
+    lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
+    lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
+    space = spread(space, found, fixed, [one.switch for one in chosen.values()])
+    problems = empty(space, spans, names)
+    if problems:
+        raise SpecError(*problems)
+    return space, standing_on(lowering, lowering.supports, spans)
+
+
+def _labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowering, stage: Stage) -> dict[str, int]:
     """The formula of each label; mistakes in one do not hide those in another."""
     formulas = [
         (one.source, one.statement.name.id, one.statement.formula)
@@ -168,38 +192,38 @@ def _labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowering,
         formulas = [(stage.source, LABEL, bare)]
     if not formulas and not stage.problems:
         end = len(stage.source.text.rstrip())
-        stage.problems.append(
-            Diagnostic(
-                f"{stage.source.name} has no formula",
-                ast.Truth(True, start=end, end=end).span(stage.source),
-                "nothing says what the scenes must satisfy",
-                "add one: task: leftOf(mug, plate)",
-            )
-        )
+        here = ast.Truth(True, start=end, end=end).span(stage.source)
+        stage.problems.append(NO_FORMULA(here, file=stage.source.name))
     labels: dict[str, int] = {}
     for source, name, formula in formulas:
         if stage.full:
             break
         with stage:
             value = run(lowering.lower(formula, {}, Frame(source)))
-            labels[name] = lowering.kinds.formula(value, f"`{name}`")
+            labels[name] = lowering.coerce.formula(value, f"`{name}`")
     for source, name, formula in formulas:
         if labels.get(name, 0) < 0 and not stage.problems:
-            stage.problems.append(_constant(name, formula, source))
+            stage.problems.append(CONSTANT_LABEL(formula.span(source), name=name))
     return labels
 
 
-def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: _Stage) -> int:
-    """The conjunction of all `require` statements."""
-    parts = []
+def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, standing: Sequence[int]) -> int:
+    """The conjunction of all `require` statements, after what supports require."""
+    parts = [*standing]
+    declared = lowering.supports or lowering.choices
     for one in placed:
         if isinstance(one.statement, ast.Require) and not stage.full:
             with stage:
                 value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
-                part = lowering.kinds.formula(value, "what `require` demands")
+                part = lowering.coerce.formula(value, "what `require` demands")
                 if part == FALSE or _never(part, lowering.builder):
-                    here = one.statement.formula.span(one.source)
-                    raise SpecError(Diagnostic("this can never hold", here, "no scene meets it", "remove it"))
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
+                problem = clashing(lowering, part, lowering.supports)
+                if problem is not None:
+                    raise SpecError(problem)
+                part = relaxed(lowering, part, frozenset(standing)) if declared else part
+                if part == FALSE:  # where heights and places are constants
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
                 parts.append(part)
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
 
@@ -218,88 +242,35 @@ def _never(formula: int, builder: CoreBuilder) -> bool:
     return bool(phi(core, [])[LABEL] < 0.0)
 
 
-def _constant(name: str, formula: ast.Expr, source: Source, note: str = "") -> Diagnostic:
-    return Diagnostic(
-        f"`{name}` is constant",
-        formula.span(source),
-        "its value is the same in every scene",
-        "say something about the objects, for instance: leftOf(mug, plate)",
-        note=note,
-    )
-
-
-def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, stage: _Stage) -> None:
+def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, stage: Stage) -> None:
     """A label that no coordinate takes part in cannot be asked for, nor learned; nor is it any use to require it."""
     depends: list[bool] = []
     for node in core.nodes:
         depends.append(isinstance(node, Coord) or any(map(depends.__getitem__, children(node))))
     held = [name for name, thing in scope.things.items() if thing.declaration and thing.declaration.pose is not None]
-    note = f"held in place by `at`: {', '.join(held)}" if held else ""
     formulas = {one.statement.name.id: one for one in placed if isinstance(one.statement, ast.Label)}
     for name, index in core.labels.items():
         if depends[index]:
             continue
         if bare is not None:
-            stage.problems.append(_constant(name, bare, stage.source, note))
+            stage.problems.append(CONSTANT_LABEL(bare.span(stage.source), name=name, held=held))
         else:
             statement = formulas[name].statement
             assert isinstance(statement, ast.Label)
-            stage.problems.append(_constant(name, statement.formula, formulas[name].source, note))
+            here = statement.formula.span(formulas[name].source)
+            stage.problems.append(CONSTANT_LABEL(here, name=name, held=held))
     if core.requirement is not None and not depends[core.requirement]:
         first = next(one for one in placed if isinstance(one.statement, ast.Require))
-        title = "what `require` demands is the same in every scene"
-        stage.problems.append(
-            Diagnostic(
-                title, first.statement.span(first.source), "no free object takes part", "leave it out", note=note
-            )
-        )
+        stage.problems.append(CONSTANT_REQUIREMENT(first.statement.span(first.source), held=held))
 
 
-def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: _Stage) -> None:
+def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: Stage) -> None:
     if fixed and len(fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
-        title, label = "no object is free", "all objects are held in place by `at`"
-        stage.problems.append(
-            Diagnostic(title, last.name.span(last.source), label, "leave out `at` for what shall move")
-        )
+        stage.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
 
 
-def _constants(scope: Scope, lowering: Lowering, stage: _Stage) -> None:
-    """Constants that no formula uses are checked all the same."""
-    for declared in scope.constants.values():
-        if declared.source is not scope.prelude and not stage.full:
-            (expr,) = ast.expressions(declared.statement)
-            with stage:
-                value = run(lowering.lower(expr, {}, Frame(declared.source)))
-                if isinstance(value, NumberValue) and lowering.builder.value(value.node) is None:
-                    help_ = f"write a definition: def {declared.name.id}() = {print_expr(expr)}"
-                    raise SpecError(
-                        Diagnostic("a constant cannot depend on the scene", expr.span(declared.source), "", help_)
-                    )
-                stage.problems.extend(_bad_override(declared, value, lowering))
-
-
-def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[Diagnostic]:
-    """A constant of the prelude may be given another value, but not one that turns its relations upside down."""
-    name = declared.name.id
-    standard = next(
-        (one for one in prelude().statements if isinstance(one, ast.Constant) and one.name.id == name), None
-    )
-    if standard is None or name in ("NORTH", "EAST", "SOUTH", "WEST"):
-        return []
-    wanted = BARE if name == "ANGLE_SCALE" else ANGLE if "ANGLE" in name else LENGTH
-    (expr,) = ast.expressions(declared.statement)
-    here, help_ = expr.span(declared.source), f"the prelude's is {print_expr(standard.value)}"
-    if not isinstance(value, NumberValue) or value.unit not in (BARE, wanted):
-        what = value.unit.words if isinstance(value, NumberValue) else value.kind
-        return [Diagnostic(f"`{name}` must be {wanted.words}, not {what}", here, "", help_)]
-    amount = lowering.builder.value(value.node)
-    if amount is not None and (amount < 0.0 or (amount == 0.0 and name == "ANGLE_SCALE")):
-        return [Diagnostic(f"`{name}` must be positive", here, "", help_)]
-    return []
-
-
-def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: _Stage) -> None:
+def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: Stage) -> None:
     """Bodies of definitions that nobody calls are checked with parameters that may be anything."""
     for name, declared in scope.definitions.items():
         definition = declared.statement

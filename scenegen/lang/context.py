@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
-from scenegen.errors import Span, SpecError
+from scenegen.assets import Shape
+from scenegen.errors import Kind, Span, SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
 from scenegen.lang.builder import CoreBuilder
-from scenegen.lang.kinds import Kinds
+from scenegen.lang.coercion import Coercion
+from scenegen.lang.places import Area
+from scenegen.lang.provenance import Frame
 from scenegen.lang.scope import Scope
+from scenegen.lang.spec import Choice, Support
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import NumberValue, Value
 from scenegen.primitives import Footprint
@@ -23,12 +26,21 @@ class Context(Protocol):
     scope: Scope
     builder: CoreBuilder
     root: CoreBuilder
-    kinds: Kinds
+    coerce: Coercion
+    shapes: Sequence[Shape]
+    supports: Mapping[int, Support]
+    choices: Mapping[int, Choice]
+    heights: Sequence[float | None] | None
     steps: int
     inside: int
     made: int
     placeholders: Iterator[int]
     expansions: dict[object, tuple[Value, list[Value]]]
+    calls: dict[int, list[tuple[str, ast.Expr, str]]]
+    areas: dict[str, Area]
+    levels: dict[str, int]
+    used: set[str]
+    values: dict[str, Value]
 
     def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
         """Raises SpecError where a quantifier takes too many rounds."""
@@ -42,14 +54,23 @@ class Context(Protocol):
     def use(self, builder: CoreBuilder) -> None:
         """Expands into another builder from now on."""
 
+    def spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
+        """The place of an expression, and the calls that it was expanded in."""
+
     def origin(self, node: ast.Node, frame: Frame) -> Span:
         """Where the user wrote what an expression stands for."""
 
-    def error(self, title: str, node: ast.Node, frame: Frame, label: str = "", help: str = "") -> SpecError:
+    def error(self, kind: Kind, node: ast.Node, frame: Frame, /, **facts: Any) -> SpecError:
         """The diagnostic for an expression."""
 
     def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`."""
+
+    def at_once(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Value | None:
+        """The value of an expression that needs no call; None for others."""
+
+    def text(self, value: Value) -> str:
+        """A value as an argument is shown in the text of an atom."""
 
     def apply(
         self,

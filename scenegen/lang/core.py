@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from scenegen.errors import Span
+from scenegen.pose import SIZE
 from scenegen.primitives.footprint import Footprint
 from scenegen.primitives.units import Unit
 
@@ -24,14 +25,14 @@ class Const:
 
 @dataclass(frozen=True, slots=True)
 class Coord:
-    """Row `3 * object + axis` of (3N, B) storage; axis 0, 1, 2 is x, y, theta."""
+    """Row `row_of(object, axis)` of (3N, B) storage; `axis` is an index of scenegen.pose.AXES."""
 
     object: int
     axis: int
 
     @property
     def row(self) -> int:
-        return 3 * self.object + self.axis
+        return SIZE * self.object + self.axis  # row_of, without a call: readers ask for it at every node
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ class Core:
     requirement: int | None = None
 
 
-REQUIRE = "require"  # a keyword, so no label of a spec can be called so
+REQUIRE = "require"  # a keyword, so no label of a spec has this name
 
 
 def gated(core: Core) -> Core:

@@ -7,22 +7,37 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scenegen.assets import ASSETS, Shape, shape_of
-from scenegen.errors import Diagnostic, Source, Span, SpecError, suggest
+from scenegen.assets import ASSETS, PLAIN, Shape, shape_of
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.declarations import (
+    EMPTY_ARRAY,
+    FILE_WITHOUT_QUOTES,
+    NOT_A_SHAPE,
+    NOT_AN_OUTLINE,
+    ONE_OBJECT_MANY_PLACES,
+    PLACE_OUTSIDE_WORKSPACE,
+    TOO_MANY_OBJECTS,
+    UNKNOWN_ASSET,
+    UNUSABLE_SHAPE_FILE,
+    WRONG_NUMBER_OF_PLACES,
+)
+from scenegen.errors.language import NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
+from scenegen.lang.cabinets import cabinet
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Point
-from scenegen.lang.resolve import FILES, SHAPES, bind
+from scenegen.lang.provenance import Frame
+from scenegen.lang.resolve import BUILT, FILES, SHAPES, bind
 from scenegen.lang.scope import Thing
 from scenegen.lang.select import whole_number
 from scenegen.lang.spec import Pose
 from scenegen.lang.trampoline import Call, run
 from scenegen.lang.values import ListValue, NumberValue
+from scenegen.pose import TWO_PI
 from scenegen.primitives.footprint import Box, Circle, Footprint
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.units import ANGLE, BARE
-from scenegen.scene.workspace import TWO_PI, Workspace
+from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
     from scenegen.lang.imports import Project
@@ -70,19 +85,18 @@ def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str,
             arrays[thing.name.id] = range(len(objects), len(objects) + count)
             objects.update((f"{thing.name.id}[{k}]", len(objects) + k - 1) for k in range(1, count + 1))
         if len(objects) > MAX_OBJECTS:
-            here = thing.name.span(thing.source)
-            raise SpecError(Diagnostic(f"more than {MAX_OBJECTS:,} objects", here, "", "declare fewer"))
+            raise SpecError(TOO_MANY_OBJECTS(thing.name.span(thing.source), limit=MAX_OBJECTS))
     return objects, arrays
 
 
 def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
     frame = Frame(source)
-    value = lowering.kinds.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
+    value = lowering.coerce.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
     count = whole_number(lowering, value, expr, frame, "the number of elements")
     if count < 1:
-        raise SpecError(Diagnostic(f"an array cannot have {count} elements", expr.span(source), "it has one or more"))
+        raise SpecError(EMPTY_ARRAY(expr.span(source), count=count))
     if before + count > MAX_OBJECTS:
-        raise SpecError(Diagnostic(f"more than {MAX_OBJECTS:,} objects", expr.span(source), "", "declare fewer"))
+        raise SpecError(TOO_MANY_OBJECTS(expr.span(source), limit=MAX_OBJECTS))
     return count
 
 
@@ -99,18 +113,18 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
     if isinstance(expr, ast.Name):
         if expr.id in ASSETS:
             return shape_of(expr.id)
-        help_ = suggest(expr.id, ASSETS, f"the library has {', '.join(ASSETS)}")
-        raise SpecError(Diagnostic(f"the library has no `{expr.id}`", here, "no asset is called so", help_))
+        raise SpecError(UNKNOWN_ASSET(here, name=expr.id, known=ASSETS))
     if not isinstance(expr, ast.Call) or expr.function.id not in SHAPES:
         written = expr.function.id if isinstance(expr, ast.Call) else ""
         usages = ", ".join(SIGNATURES[name].usage for name in SHAPES)
-        help_ = suggest(written, SHAPES, f"write the name of an asset, or {usages}")
-        raise SpecError(Diagnostic("this is no shape", here, "expected what the object looks like", help_))
+        raise SpecError(NOT_A_SHAPE(here, name=written, known=SHAPES, usages=usages))
     kind = expr.function.id
     if kind in FILES:
         file: Shape = yield _file(lowering, expr, source, project)
         return file
     given: Arguments = yield arguments(lowering, expr, source)
+    if kind in BUILT:
+        return cabinet(lowering, given, source)
     sizes = Sizes(lowering, source, kind, given)
     return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"))
 
@@ -126,12 +140,11 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
     path = given["path"]
     here = path.span(source)
     if not isinstance(path, ast.Text):
-        raise SpecError(Diagnostic("a file is named in double quotes", here, "", f"write {SIGNATURES[kind].usage}"))
+        raise SpecError(FILE_WITHOUT_QUOTES(here, usage=SIGNATURES[kind].usage))
     if "shape" in given:
         stated: Shape = yield _shape(lowering, given["shape"], source, project)
-        if stated.path or stated.asset not in SHAPES:
-            help_ = f'write {kind}("{path.value}", box(length, width, height))'
-            raise SpecError(Diagnostic("this is no outline", given["shape"].span(source), "", help_))
+        if stated.path or stated.asset not in PLAIN:
+            raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
     try:
@@ -140,7 +153,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
         else:
             footprint, height = outline(data, lambda mesh: project.read_beside(path.value, mesh, here))
     except UrdfError as error:
-        raise SpecError(Diagnostic(f"{path.value} is of no use: {error}", here)) from None
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
     return Shape(kind, footprint, height, path.value)
 
 
@@ -163,14 +176,13 @@ def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...
     if thing.is_array:
         _count_places(len(parts), count, here)
     elif isinstance(one.pose, ast.List):
-        raise SpecError(Diagnostic("one object stands in one place", here, "", "write at (0.5, 0.5)"))
+        raise SpecError(ONE_OBJECT_MANY_PLACES(here))
     return tuple(_pose(lowering, part, thing.source, within) for part in parts)
 
 
 def _count_places(given: int, count: int, here: Span) -> None:
     if given != count:
-        help_ = f"write a list of {count} points: at [(0.2, 0.5), ...]"
-        raise SpecError(Diagnostic(f"{count} objects stand in {count} places", here, f"{given} given", help_))
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here, count=count, given=given))
 
 
 def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace) -> Pose:
@@ -191,23 +203,18 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
 
 def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
     if not (within.x[0] <= x <= within.x[1] and within.y[0] <= y <= within.y[1]):
-        (left, right), (bottom, top) = within.x, within.y
-        label = f"the workspace is [{left:g}, {right:g}] x [{bottom:g}, {top:g}]"
-        raise SpecError(
-            Diagnostic("this place is outside the workspace", here, label, "move it, or widen the workspace")
-        )
+        box = f"[{within.x[0]:g}, {within.x[1]:g}] x [{within.y[0]:g}, {within.y[1]:g}]"
+        raise SpecError(PLACE_OUTSIDE_WORKSPACE(here, workspace=box))
 
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
-    given = lowering.kinds.number(run(lowering.lower(expr, {}, Frame(source))), "a heading")
+    given = lowering.coerce.number(run(lowering.lower(expr, {}, Frame(source))), "a heading")
     amount = lowering.builder.value(given.node)
     if amount is None:
-        raise SpecError(Diagnostic("a heading must be a constant", expr.span(source), "this depends on the scene"))
+        raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
     if given.unit not in (BARE, ANGLE):
-        raise SpecError(
-            Diagnostic(f"a heading is an angle, not {given.unit.words}", expr.span(source), "", "write 90 deg")
-        )
+        raise SpecError(NOT_AN_ANGLE(expr.span(source), found=given.unit.words))
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenegen.lang.core import Apply, Const, Coord, Node
+from scenegen.pose import NAMES
 from scenegen.primitives import POINT, PRIMITIVES, Footprint, Primitive
-from scenegen.scene.workspace import AXES
 
 LONGEST = 120  # characters; what is cut off is marked with three dots
 
@@ -40,7 +40,7 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
         case Const(value):
             return [number_text(value)]
         case Coord(which, axis):
-            return [f"{AXES[axis]}({objects[which]})"]
+            return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
             return ["-", (value, 3)]
         case Apply(primitive, args, shapes) if {"place", "footprint"} & set(PRIMITIVES[primitive].params):
@@ -49,6 +49,14 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             strength, symbol = _INFIX[primitive]
             inner: list[str | tuple[int, int]] = [(args[0], strength), f" {symbol} ", (args[1], strength + 1)]
             return ["(", *inner, ")"] if strength < demanded else inner
+        case Apply("pick", (switch, _, before, after)):  # a height that a choice decides: (0.3 or 0.6)
+            sides: list[str | tuple[int, int]] = ["(", (before, 0)]
+            node = nodes[after]
+            while isinstance(node, Apply) and node.primitive == "pick" and node.args[0] == switch:
+                sides += [" or ", (node.args[2], 0)]
+                after = node.args[3]
+                node = nodes[after]
+            return [*sides, " or ", (after, 0), ")"]
         case Apply(primitive, args):
             pieces: list[str | tuple[int, int]] = [f"{PRIMITIVES[primitive].name}("]
             for position, arg in enumerate(args):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from scenegen.errors.language import ADDED_TO_A_LIST, EMPTY_LIST, ONE_ARGUMENT, SAME_ARGUMENT_TWICE
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
+from scenegen.lang.provenance import Frame
 from scenegen.lang.values import (
     LONGEST,
     AnyValue,
@@ -17,9 +18,9 @@ from scenegen.lang.values import (
     PointValue,
     Value,
 )
+from scenegen.pose import NAMES, THETA
 from scenegen.primitives import PRIMITIVES, Footprint
 from scenegen.primitives.units import ANGLE, LENGTH, Unit
-from scenegen.scene.workspace import AXES
 
 if TYPE_CHECKING:
     from scenegen.lang.context import Context
@@ -30,8 +31,9 @@ _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is 
 def key_of(value: Value) -> object:
     """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
     somebody holds the list."""
-    listed = isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple)
-    return id(value.items) if listed else value  # type: ignore[attr-defined]
+    if isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple):
+        return id(value.items)
+    return value
 
 
 def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
@@ -39,7 +41,7 @@ def list_function(lowering: Context, name: str, value: Value, node: ast.Call, fr
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
         return AnyValue(origin=origin)
-    items = lowering.kinds.items(value, f"the argument of `{name}`")
+    items = lowering.coerce.items(value, f"the argument of `{name}`")
     if name == "consecutive":
         return NeighboursValue(items, origin=origin)
     key = (name, key_of(value))
@@ -58,13 +60,12 @@ def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Fram
         if not isinstance(value, ListValue | AnyValue):
             written = value.origin.text
             single = isinstance(value, ObjectValue | PointValue) and len(written) <= LONGEST
-            help_ = f"write [{written}]" if single else ""
-            raise lowering.error(f"`+` joins a list to another list, not to {value.kind}", part, frame, "", help_)
+            raise lowering.error(ADDED_TO_A_LIST, part, frame, found=value.kind, single=written if single else None)
     if any(isinstance(value, AnyValue) for value in values):
         return AnyValue(origin=origin)
     key = ("+", *map(key_of, values))
     if key not in lowering.expansions:
-        items = tuple(item for value in values for item in lowering.kinds.items(value, ""))
+        items = tuple(item for value in values for item in lowering.coerce.items(value, ""))
         lowering.spend(len(items), frame)
         lowering.expansions[key] = (ListValue(items, origin=origin), values)
     return lowering.expansions[key][0].moved(origin)
@@ -74,12 +75,12 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
-    if name in AXES:
+    if name in NAMES:
         (value,) = values
-        axis = AXES.index(name)
-        if axis < 2:
-            return NumberValue(lowering.kinds.place(value, what)[axis], LENGTH, origin=origin)
-        return NumberValue(lowering.kinds.heading(value, what), ANGLE, origin=origin)
+        axis = NAMES.index(name)
+        if axis == THETA:
+            return NumberValue(lowering.coerce.heading(value, what), ANGLE, origin=origin)
+        return NumberValue(lowering.coerce.place(value, what)[axis], LENGTH, origin=origin)
     primitive = PRIMITIVES[name]
     if primitive.variadic:
         values = _spread(lowering, name, values, node, frame)
@@ -89,7 +90,7 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
     shapes: list[Footprint] = []
     for kind, value in zip(params, values, strict=True):
         if kind == "number":
-            number = lowering.kinds.number(value, what)
+            number = lowering.coerce.number(value, what)
             if name in _OF_ANGLES:
                 lowering.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
             units.append(number.unit)
@@ -97,23 +98,21 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
             continue
         units.append(LENGTH)
         if kind == "place":
-            args.extend(lowering.kinds.place(value, what))
+            args.extend(lowering.coerce.place(value, what))
         else:
-            footprint, pose = lowering.kinds.footprint(value, what)
+            footprint, pose = lowering.coerce.footprint(value, what)
             shapes.append(footprint)
             args.extend(pose)
     if len(shapes) == 2 and values[0] == values[1] and not isinstance(values[0], AnyValue):
-        help_ = "its two arguments must be different things"
-        raise lowering.error(f"`{name}` of a thing and itself", node, frame, "the same in every scene", help_)
+        raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=name)
     return lowering.apply(name, units, args, tuple(shapes), node, frame)
 
 
 def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
-        help_ = f"write {name}(a, b), or {name}(items) with a list of numbers"
-        raise lowering.error(f"`{name}` takes two or more arguments", node, frame, "1 given", help_)
+        raise lowering.error(ONE_ARGUMENT, node, frame, name=name)
     spread = [item for value in values for item in (value.items if isinstance(value, ListValue) else (value,))]
     if not spread:
-        raise lowering.error(f"`{name}` of nothing", node, frame, "this list is empty")
+        raise lowering.error(EMPTY_LIST, node, frame, needs=f"`{name}` needs numbers")
     return spread

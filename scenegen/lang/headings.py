@@ -10,10 +10,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from scenegen.errors import Diagnostic, Span
+from scenegen.errors.declarations import HEADING_COMPARED
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Node
+from scenegen.pose import FLAT, PLACE, THETA, owner
 from scenegen.primitives import PRIMITIVES
-
-THETA = 2  # the axis
 
 _PERIODIC = ("wrap", "sin", "cos", "reach")  # of the number that they take
 _Turns = Mapping[int, float]  # heading's row -> what a number grows by with it, nan where it does not grow evenly
@@ -21,6 +21,7 @@ _Turns = Mapping[int, float]  # heading's row -> what a number grows by with it,
 
 def bare_headings(core: Core) -> dict[int, frozenset[int]]:
     """The atoms whose margin changes when a turn is added to a heading, each with the rows of those headings."""
+    # A loop of its own: few nodes have to do with a heading, and it looks at no others.
     turns: list[_Turns | None] = []
     found: dict[int, frozenset[int]] = {}
     for index, node in enumerate(core.nodes):
@@ -77,7 +78,7 @@ def _whole_turns(node: Apply) -> Iterator[bool]:
         if kind == "number":
             yield node.primitive in _PERIODIC
         else:
-            yield from (False, False, True)[: 3 if kind == "footprint" else 2]
+            yield from (axis == THETA for axis in (FLAT if kind == "footprint" else PLACE))
 
 
 def headings_compared(core: Core) -> list[Diagnostic]:
@@ -86,14 +87,5 @@ def headings_compared(core: Core) -> list[Diagnostic]:
     for index, rows in bare_headings(core).items():
         atom = core.nodes[index]
         assert isinstance(atom, Atom)
-        places.setdefault(atom.spans[0], core.objects[min(rows) // 3])
-    return [
-        Diagnostic(
-            "a heading is compared as a number: it jumps from 2 pi to 0 at EAST",
-            place,
-            f"just after EAST theta({name}) is 0, just before it 6.28",
-            f"write angle({name}, NORTH, 20 deg), or wrap the difference: abs(wrap(theta({name}) - NORTH)) <= 20 deg",
-            severity="warning",
-        )
-        for place, name in places.items()
-    ]
+        places.setdefault(atom.spans[0], core.objects[owner(min(rows))])
+    return [HEADING_COMPARED(place, name=name) for place, name in places.items()]

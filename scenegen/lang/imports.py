@@ -15,6 +15,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.declarations import (
+    CANNOT_FIND_IMPORT,
+    CANNOT_READ_IMPORT,
+    IMPORT_CYCLE,
+    IMPORT_NOT_A_FILE,
+    IMPORT_TOO_LARGE,
+    IMPORTS_TOO_LONG,
+    NOTHING_TO_IMPORT,
+    OUTSIDE_FOLDER,
+    SPEC_WITHOUT_FILE,
+    TOO_MANY_IMPORTS,
+)
 from scenegen.lang import ast
 from scenegen.lang.parse import MAX_CHARACTERS, parse, read_source
 
@@ -43,18 +55,15 @@ class Project:
         """The file that `path`, written in the source of `here`, names. Raises SpecError where it must not be read."""
         base = self.sources.get(here.source.name, self.file)
         if base is None:
-            raise SpecError(
-                Diagnostic("a spec without a file cannot read files", here, "", "save it as a .spec file and load that")
-            )
+            raise SpecError(SPEC_WITHOUT_FILE(here))
         try:
             # A spec that is a link reads what lies beside the file that it leads to.
             root = self.root.resolve() if self.root is not None else (self.file or base).resolve().parent
             wanted = (base.resolve().parent / path).resolve()
         except (OSError, RuntimeError, ValueError):
-            raise SpecError(Diagnostic(f"cannot find {path}", here)) from None
+            raise SpecError(CANNOT_FIND_IMPORT(here, path=path)) from None
         if not wanted.is_relative_to(root):
-            help_ = f"copy it there, or name a wider folder with --root; the folder is {root}"
-            raise SpecError(Diagnostic("a spec cannot read outside its folder", here, f"this is {wanted}", help_))
+            raise SpecError(OUTSIDE_FOLDER(here, path=wanted, folder=root))
         return wanted
 
     def read(self, path: str, here: Span, what: str) -> bytes:
@@ -63,16 +72,14 @@ class Project:
         try:
             info = wanted.stat()
             if not stat.S_ISREG(info.st_mode):
-                raise SpecError(Diagnostic(f"{path} is not a file", here, "", f"name {what}"))
+                raise SpecError(IMPORT_NOT_A_FILE(here, path=path, what=what))
             with wanted.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            near = _beside(wanted)
-            found = f"beside it are {', '.join(near)}" if near else "the path is relative to this file"
-            raise SpecError(Diagnostic(f"cannot read {path}: {reason}", here, "", found)) from None
+            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
         if len(data) > MAX_BYTES:
-            raise SpecError(Diagnostic(f"{path} is too large", here, f"the limit is {MAX_BYTES:,} bytes"))
+            raise SpecError(IMPORT_TOO_LARGE(here, path=path, limit=MAX_BYTES))
         return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
@@ -113,13 +120,11 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
         try:
             path = project.find(statement.path.value, here)
             if path in open_files:
-                raise SpecError(
-                    Diagnostic(f"{statement.path.value} imports itself", here, "this closes a circle of imports")
-                )
+                raise SpecError(IMPORT_CYCLE(here, path=statement.path.value))
             if path in seen:
                 continue
             if len(seen) >= MAX_FILES:
-                problems.append(Diagnostic(f"more than {MAX_FILES:,} files are imported", here))
+                problems.append(TOO_MANY_IMPORTS(here, limit=MAX_FILES))
                 break
             imported = _imported(statement.path.value, path, here, project)
         except SpecError as error:
@@ -127,8 +132,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
             continue
         characters += len(imported.source.text)
         if characters > MAX_CHARACTERS:
-            title = f"this spec is too long with its imports; the limit is {MAX_CHARACTERS:,} characters"
-            problems.append(Diagnostic(title, here))
+            problems.append(IMPORTS_TOO_LONG(here, limit=MAX_CHARACTERS))
             break
         seen.add(path)
         open_files.append(path)
@@ -146,8 +150,7 @@ def _imported(written: str, path: Path, here: Span, project: Project) -> ast.Mod
         found = (one if one.span is not None else dataclasses.replace(one, span=here) for one in error.diagnostics)
         raise SpecError(*found) from None
     if module.bare is not None:
-        help_ = "give its formula a name there: task: ..."
-        raise SpecError(Diagnostic(f"{written} has no statements to import", here, "it is one unnamed formula", help_))
+        raise SpecError(NOTHING_TO_IMPORT(here, path=written))
     return module
 
 

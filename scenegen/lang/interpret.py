@@ -7,11 +7,33 @@ without torch.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.core import Apply, Const, Coord, Core, Junction
+from scenegen.lang.fold import Algebra, fold
+from scenegen.pose import THETA, along
 from scenegen.primitives import MATH, PRIMITIVES, Namespace
 from scenegen.primitives.namespace import turning
+
+
+class Numbers(Algebra[Any]):
+    """Nodes as numbers of a namespace: floats, arrays or tensors. `rows[row]` is a coordinate."""
+
+    def __init__(self, namespace: Namespace, rows: Sequence[Any]) -> None:
+        self.namespace, self.rows = namespace, rows
+
+    def constant(self, index: int, node: Const) -> Any:
+        return node.value
+
+    def coordinate(self, index: int, node: Coord) -> Any:
+        return self.rows[node.row]
+
+    def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
+        return PRIMITIVES[node.primitive].evaluate(self.namespace, *node.shapes, *args)
+
+    def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
+        return reduce(self.namespace.minimum if node.kind == "min" else self.namespace.maximum, args)
 
 
 def evaluate(
@@ -19,28 +41,9 @@ def evaluate(
 ) -> list[Any]:
     """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
     `check` is called before every node: what it raises breaks off."""
-    values: list[Any] = []
     if namespace is not MATH:
-        namespace = turning(namespace, rows[2::3])
-    for node in core.nodes:
-        if check is not None:
-            check()
-        match node:
-            case Const(value):
-                values.append(value)
-            case Coord():
-                values.append(rows[node.row])
-            case Apply(primitive, args, shapes):
-                values.append(PRIMITIVES[primitive].evaluate(namespace, *shapes, *(values[arg] for arg in args)))
-            case Atom(margin):
-                values.append(values[margin])
-            case Junction(kind, args):
-                step = namespace.minimum if kind == "min" else namespace.maximum
-                value = values[args[0]]
-                for arg in args[1:]:
-                    value = step(value, values[arg])
-                values.append(value)
-    return values
+        namespace = turning(namespace, rows[along(THETA)])
+    return fold(core.nodes, Numbers(namespace, rows), before=check)
 
 
 def phi(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> dict[str, Any]:

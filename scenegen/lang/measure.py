@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, SpecError
+from scenegen.errors.declarations import NOT_CONVEX, SIZE_OUT_OF_RANGE, TOO_FAR_OUT, TOO_FEW_CORNERS
+from scenegen.errors.language import MISPLACED_VALUE, NOT_A_LENGTH, NOT_CONSTANT
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
 from scenegen.lang.places import Point
+from scenegen.lang.provenance import Frame
 from scenegen.lang.resolve import SHAPES, bind
 from scenegen.lang.scope import Signature
 from scenegen.lang.trampoline import Call
@@ -25,6 +27,7 @@ SIGNATURES = {
     "prism": Signature("prism", ("corners", "height"), 2, usage="prism([(x, y), ...], height)"),
     "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
     "mesh": Signature("mesh", ("path", "shape"), 1, usage='mesh("file.obj")'),
+    "cabinet": Signature("cabinet", ("drawers", "open"), 0, usage="cabinet(drawers = 3, open = 0.6)"),
     "rect": Signature("rect", ("left", "bottom", "right", "top"), 4, usage="rect(left, bottom, right, top)"),
     "circle": Signature("circle", ("center", "radius"), 2, usage="circle((x, y), radius)"),
     "polygon": Signature("polygon", ("corners",), 1, usage="polygon([(x, y), ...])"),
@@ -33,25 +36,24 @@ SIGNATURES = {
 
 def number(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
-    number = lowering.kinds.number(value, what)
+    number = lowering.coerce.number(value, what)
     amount = lowering.builder.value(number.node)
     if amount is None:
-        raise SpecError(Diagnostic(f"{what} must be a constant", expr.span(source), "this depends on the scene"))
+        raise SpecError(NOT_CONSTANT(expr.span(source), what=what))
     if number.unit not in (BARE, LENGTH):
-        title = f"{what} is measured in metres, not as {number.unit.words}"
-        raise SpecError(Diagnostic(title, expr.span(source)))
+        raise SpecError(NOT_A_LENGTH(expr.span(source), what=what, found=number.unit.words))
     return amount
 
 
 def point(lowering: Context, value: Value, what: str) -> Point:
     """A constant point. Raises SpecError."""
     if not isinstance(value, PointValue):
-        raise lowering.kinds.wrong(value, "a point", what)
+        raise lowering.coerce.wrong(value, "a point", what)
     x, y = (lowering.builder.value(node) for node in (value.x, value.y))
     if x is None or y is None:
-        raise SpecError(Diagnostic(f"{what} must be a constant", value.origin, "this depends on the scene"))
+        raise SpecError(NOT_CONSTANT(value.origin, what=what))
     if max(abs(x), abs(y)) > FARTHEST:
-        raise SpecError(Diagnostic(f"{what} is too far out", value.origin, f"the limit is {FARTHEST:,.0f} m"))
+        raise SpecError(TOO_FAR_OUT(value.origin, what=what, limit=FARTHEST))
     return x, y
 
 
@@ -59,8 +61,7 @@ def size(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: 
     """A constant length that something can measure. Raises SpecError."""
     amount = number(lowering, value, expr, source, what)
     if not SMALLEST <= amount <= LARGEST:
-        label = f"sizes lie between {SMALLEST:g} and {LARGEST:,.0f} m"
-        raise SpecError(Diagnostic(f"{what} cannot be {amount:g} m", expr.span(source), label))
+        raise SpecError(SIZE_OUT_OF_RANGE(expr.span(source), what=what, size=amount, least=SMALLEST, most=LARGEST))
     return amount
 
 
@@ -76,8 +77,8 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
     for name, expr in given.items():
         if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPES):
             what = "a text" if isinstance(expr, ast.Text) else "a shape"
-            help_ = f"write {SIGNATURES[call.function.id].usage}"
-            raise SpecError(Diagnostic(f"{what} cannot stand here", expr.span(source), f"the {name}", help_))
+            usage = SIGNATURES[call.function.id].usage
+            raise SpecError(MISPLACED_VALUE(expr.span(source), what=what, parameter=name, usage=usage))
         value = yield lowering.lower(expr, {}, Frame(source))
         values[name] = (value, expr)
     return values
@@ -86,12 +87,11 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
 def corners(lowering: Context, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
     """The corners of a convex polygon, counter-clockwise. Raises SpecError."""
     if not isinstance(value, ListValue):
-        raise lowering.kinds.wrong(value, "a list of corners", "a polygon")
+        raise lowering.coerce.wrong(value, "a list of corners", "a polygon")
     corners = [point(lowering, item, "a corner") for item in value.items]
     here = expr.span(source)
     if len(corners) < 3:
-        raise SpecError(Diagnostic("a polygon has three corners or more", here, f"{len(corners)} given"))
+        raise SpecError(TOO_FEW_CORNERS(here, given=len(corners)))
     if not is_convex(corners):
-        help_ = "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)"
-        raise SpecError(Diagnostic("this polygon is not convex", here, "or its corners are not in order", help_))
+        raise SpecError(NOT_CONVEX(here))
     return convex_hull(corners).vertices

@@ -12,10 +12,21 @@ from lark import Lark
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.lang import ast, tables
+from scenegen.errors.syntax import (
+    BINARY_FILE,
+    CANNOT_PARSE,
+    EMPTY_SPEC,
+    HALF_CHARACTER,
+    NESTED_TOO_DEEPLY,
+    NOT_UTF8,
+    ODD_LINE_BREAK,
+    SPEC_TOO_LONG,
+    TOO_MANY_QUANTIFIERS,
+)
+from scenegen.lang import ast
+from scenegen.lang import parser_tables as tables
 from scenegen.lang.build import Builder
 from scenegen.lang.recovery import blank, next_opening
-from scenegen.lang.syntax_errors import explain, stop
 
 _ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
 
@@ -66,27 +77,20 @@ def _unreadable(source: Source) -> Diagnostic | None:
     """What keeps a text from being read at all."""
     text = source.text
     if len(text) > MAX_CHARACTERS:
-        return Diagnostic(f"{source.name} is too long: {len(text):,} characters; the limit is {MAX_CHARACTERS:,}")
+        return SPEC_TOO_LONG(file=source.name, characters=len(text), limit=MAX_CHARACTERS)
     if "\0" in text:
-        return Diagnostic(f"{source.name} is a binary file", help="a spec is a text file in UTF-8")
+        return BINARY_FILE(file=source.name)
     odd = _ODD_BREAKS.search(text)
     if odd is not None:
         # Some editors show a new line here, the comment rule of the grammar does not see one: better to ask.
         here = Span(source, odd.start(), odd.end())
-        title = f"character U+{ord(odd[0]):04X} cannot stand in a spec"
-        return Diagnostic(title, here, "some programs take it for a line break", "put a plain line break here")
+        return ODD_LINE_BREAK(here, point=ord(odd[0]))
     half = _SURROGATES.search(text)
     if half is not None:
         here = Span(source, half.start(), half.end())
-        title = f"character U+{ord(half[0]):04X} cannot stand in a spec"
-        return Diagnostic(title, here, "half of a character, which no file can hold", "leave it out")
+        return HALF_CHARACTER(here, point=ord(half[0]))
     if not _has_content(text):
-        return Diagnostic(
-            f"{source.name} is empty",
-            Span(source, len(text), len(text)),
-            "there is no formula here",
-            "write one, for instance: leftOf(mug, plate)",
-        )
+        return EMPTY_SPEC(Span(source, len(text), len(text)), file=source.name)
     return None
 
 
@@ -128,9 +132,11 @@ def _statement_by_statement(
         try:
             return parser.parse(text), problems
         except (UnexpectedToken, UnexpectedCharacters) as error:
+            from scenegen.lang.syntax_errors import explain, stop  # five modules that correct specs do not need
+
             problem, stopped = explain(Source(source.name, text), error), stop(text, error)
         except UnexpectedInput as error:  # Lark has no other kind today
-            return None, [*problems, Diagnostic(f"cannot parse {source.name}: {error}")]
+            return None, [*problems, CANNOT_PARSE(file=source.name, reason=str(error))]
         problem = _here(problem, source)
         if problem not in problems:
             problems.append(problem)
@@ -174,12 +180,7 @@ def _too_deep(module: ast.Module) -> Diagnostic | None:
         level = [child for node in level for child in ast.children(node)]
     if not level:
         return None
-    return Diagnostic(
-        "this formula is nested too deeply",
-        level[0].span(module.source),
-        f"more than {MAX_NESTING:,} levels down",
-        "split it: give parts of it a name with `def`",
-    )
+    return NESTED_TOO_DEEPLY(level[0].span(module.source), limit=MAX_NESTING)
 
 
 def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None:
@@ -189,8 +190,7 @@ def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None
         node, around = stack.pop()
         inside = around + isinstance(node, ast.Quantifier)
         if inside > MAX_QUANTIFIERS:
-            title = f"more than {MAX_QUANTIFIERS} quantifiers stand inside each other"
-            return Diagnostic(title, node.span(source), "", "split it: give parts of it a name with `def`")
+            return TOO_MANY_QUANTIFIERS(node.span(source), limit=MAX_QUANTIFIERS)
         stack.extend((child, inside) for child in reversed(ast.children(node)))
     return None
 
@@ -203,12 +203,10 @@ def plain_breaks(text: str) -> str:
 def read_source(name: str, data: bytes) -> Source:
     """A spec file's bytes as text. Raises SpecError for binary data and for what is not UTF-8."""
     if b"\0" in data[:8192] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise SpecError(Diagnostic(f"{name} is a binary file", help="a spec is a text file in UTF-8"))
+        raise SpecError(BINARY_FILE(file=name))
     try:
         return Source(name, plain_breaks(data.decode("utf-8-sig")))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        byte = f"byte 0x{data[error.start]:02x} in line {line}"
-        raise SpecError(
-            Diagnostic(f"{name} is not UTF-8: {byte}", help="save the file as UTF-8 in your editor")
-        ) from None
+        byte = data[error.start]
+        raise SpecError(NOT_UTF8(file=name, byte=byte, line=line)) from None

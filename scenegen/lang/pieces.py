@@ -245,8 +245,10 @@ def head(statement: ast.Statement) -> Pieces:
             )
         case ast.Objects(declarations):
             yield from ("object", SPACE, FILL, INWARD, *_listed(map(_declaration, declarations)), OUTWARD, CLOSE)
-        case ast.Region(name) | ast.Constant(name):
-            yield from ("region" if isinstance(statement, ast.Region) else "const", SPACE, name.id, SPACE, "=")
+        case ast.Region(name, _, count):
+            yield from ("region", SPACE, name.id, *(() if count is None else ("[", Part(count, SUM), "]")), SPACE, "=")
+        case ast.Constant(name):
+            yield from ("const", SPACE, name.id, SPACE, "=")
         case ast.Definition(name, parameters):
             yield from ("def", SPACE, name.id, *_enclosed("(", map(_parameter, parameters), ")"), SPACE, "=")
         case ast.Require():
@@ -276,6 +278,9 @@ def statement_pieces(statement: ast.Statement) -> Pieces:
     end = tail(statement)
     if end is not None:
         yield from (OPEN, INWARD, LINE, end, OUTWARD, CLOSE)
+    if isinstance(statement, ast.Region) and statement.levels:
+        heights = ([Part(one, SUM)] for one in statement.levels)
+        yield from (SPACE, "at", SPACE, FILL, INWARD, *_listed(heights), OUTWARD, CLOSE)
 
 
 def _interval(interval: ast.Interval) -> Pieces:
@@ -288,6 +293,16 @@ def _declaration(one: ast.Declaration) -> Pieces:
         yield from ("[", Part(one.count, SUM), "]")
     if one.shape is not None:
         yield from (SPACE, "=", SPACE, Part(one.shape, POSTFIX))
+    if one.support is not None:
+        yield from (
+            SPACE,
+            "on",
+            SPACE,
+            *(("any", SPACE, "of", SPACE) if one.choice else ()),
+            Part(one.support, POSTFIX),
+        )
+        if one.choice == "area":
+            yield from (SPACE, "by", SPACE, "area")
     if one.pose is not None:
         yield from (SPACE, "at", SPACE, Part(one.pose, POSTFIX))
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scenegen.primitives import MATH, PRIMITIVES
 from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
+from scenegen.scene.limits import BOARD
 from scenegen.scene.workspace import Workspace
 
 Point = tuple[float, float]
@@ -18,13 +20,15 @@ MEMBERS = (*SIDES, *CORNERS, "corners", *SIZES)
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A part of the table as it was written: bounding box (left, bottom, right, top), centre, and corners
-    counter-clockwise, in metres. A circle has no corners. `kind` is the word that made it."""
+    """A part of the table, or a board at a height, as it was written: bounding box (left, bottom, right, top), centre,
+    and corners counter-clockwise, in metres. A circle has no corners. `kind` is the word that made it; `z` is how high
+    its top is above the table."""
 
     kind: str
     box: tuple[float, float, float, float]
     center: Point
     corners: tuple[Point, ...]
+    z: float = 0.0
 
     @property
     def footprint(self) -> Footprint:
@@ -72,3 +76,10 @@ def whole(workspace: Workspace) -> Area:
     """The workspace as a region."""
     (left, right), (bottom, top) = workspace.x, workspace.y
     return rectangle(left, bottom, right, top, "workspace")
+
+
+def board_gap(one: Area, other: Area) -> float:
+    """The clearance of the boards of two regions, in metres: see `apart`."""
+    gap = PRIMITIVES["gap"].evaluate
+    beside = float(gap(MATH, one.footprint, other.footprint, *one.center, 0.0, *other.center, 0.0))
+    return max(beside, one.z - min(BOARD, one.z) - other.z, other.z - min(BOARD, other.z) - one.z)

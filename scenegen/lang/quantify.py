@@ -8,9 +8,11 @@ from math import comb
 from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import SpecError
+from scenegen.errors.declarations import TOO_MANY_ROUNDS
+from scenegen.errors.language import EMPTY_LIST, EMPTY_RANGE, ONE_NEIGHBOUR, TOO_FEW_TO_CHOOSE
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
 from scenegen.lang.print import print_expr
+from scenegen.lang.provenance import Frame
 from scenegen.lang.rounds import Rounds
 from scenegen.lang.select import whole_number
 from scenegen.lang.trampoline import Call
@@ -38,8 +40,8 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
     if isinstance(domain, AnyValue):
         env = {**env, **{name: AnyValue(origin=origin) for name in names}}
         value: Value = yield lowering.lower(node.body, env, frame)
-        lowering.kinds.formula(value, f"what `{node.kind}` ranges over")
-        return FormulaValue(lowering.kinds.formula(value, ""), origin=origin)
+        lowering.coerce.formula(value, f"what `{node.kind}` ranges over")
+        return FormulaValue(lowering.coerce.formula(value, ""), origin=origin)
     count, choices = _choices(lowering, domain, node, frame)
     around = frame.rounds * count
     lowering.rounds(count, node, frame, around)
@@ -63,8 +65,7 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
 
 def too_many(lowering: Context, node: ast.Expr, frame: Frame) -> SpecError:
     """Whoever nests quantifiers does not see how large a spec gets."""
-    help_ = "use fewer objects, or fewer quantifiers inside each other"
-    return lowering.error(f"quantifiers take more than {MAX_STEPS:,} rounds in all", node, frame, "", help_)
+    return lowering.error(TOO_MANY_ROUNDS, node, frame, limit=MAX_STEPS)
 
 
 def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
@@ -73,13 +74,13 @@ def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: 
         value = yield lowering.lower(end, env, frame)
         if isinstance(value, AnyValue):
             return value
-        number = lowering.kinds.number(value, "an end of a range")
+        number = lowering.coerce.number(value, "an end of a range")
         ends.append(whole_number(lowering, number, end, frame, "an end of a range"))
     lowest, highest = ends
     if lowest > highest:
         written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)
-        help_ = f"write {highest}..{lowest}" if written else ""
-        raise lowering.error(f"the range {lowest}..{highest} is empty", node, frame, "it counts upwards", help_)
+        instead = f"{highest}..{lowest}" if written else None
+        raise lowering.error(EMPTY_RANGE, node, frame, lowest=lowest, highest=highest, instead=instead)
     if highest - lowest >= MAX_STEPS:
         raise too_many(lowering, node, frame)
     return range(lowest, highest + 1)
@@ -99,14 +100,15 @@ def _choices(
     elif isinstance(domain, NeighboursValue):
         items = domain.items
         if many == 1:
-            help_ = f"write {node.kind} p, q in {print_expr(node.domain)}: ..."
-            raise lowering.error("neighbours come in twos or more", node, frame, "one variable given", help_)
+            raise lowering.error(ONE_NEIGHBOUR, node, frame, kind=node.kind, domain=print_expr(node.domain))
     else:
-        items = lowering.kinds.items(domain, f"what `{node.kind}` ranges over")
+        items = lowering.coerce.items(domain, f"what `{node.kind}` ranges over")
     if len(items) < many and not _may_be_empty(lowering, frame):
-        what = f"{len(items)} element{'s' * (len(items) != 1)}"
-        title = "this list is empty" if not items else f"there are no {many} to choose from {what}"
-        raise lowering.error(title, node.domain, frame, f"`{node.kind}` has nothing to range over")
+        needs = f"`{node.kind}` has nothing to range over"
+        if not items:
+            raise lowering.error(EMPTY_LIST, node.domain, frame, needs=needs)
+        found = f"{len(items)} element{'s' * (len(items) != 1)}"
+        raise lowering.error(TOO_FEW_TO_CHOOSE, node.domain, frame, needed=many, found=found, kind=node.kind)
     if isinstance(domain, NeighboursValue):
         count = max(0, len(items) - many + 1)
         return count, (tuple(items[at : at + many]) for at in range(count))

@@ -6,17 +6,43 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from typing import Any
 
 from scenegen.assets.library import PLAIN
-from scenegen.errors import Diagnostic, Source, Span, quoted, suggest
+from scenegen.errors import Diagnostic, Source, Span, quoted
+from scenegen.errors.language import (
+    BUILT_IN_NAME,
+    CIRCULAR_DEFINITION,
+    COORDINATE_WITH_DOT,
+    DEFAULT_BEFORE_REQUIRED,
+    DUPLICATE_ARGUMENT,
+    DUPLICATE_PARAMETER,
+    DUPLICATE_VARIABLE,
+    MISSING_ARGUMENTS,
+    NO_ARGUMENTS,
+    NOT_A_CONSTANT,
+    NOT_A_RELATION,
+    NOT_FINITE,
+    SHADOWED_VARIABLE,
+    SHAPE_IN_FORMULA,
+    TEXT_IN_FORMULA,
+    TOO_MANY_PARAMETERS,
+    UNKNOWN_CONSTANT,
+    UNKNOWN_NAME,
+    UNKNOWN_PARAMETER,
+    UNKNOWN_RELATION,
+    UNNAMED_AFTER_NAMED,
+    WRONG_NUMBER_OF_ARGUMENTS,
+)
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
-from scenegen.scene.workspace import AXES
+from scenegen.pose import NAMES
 
-SHAPES = PLAIN  # what an object can be
+BUILT = ("cabinet",)  # objects of the library that are made to order
+SHAPES = (*PLAIN, *BUILT)  # what an object can be
 FILES = ("urdf", "mesh")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
@@ -45,6 +71,8 @@ def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
         return
     if isinstance(statement, ast.Region):
         yield from _area(statement.shape, scope, source)
+        for expr in (*statement.levels, *(() if statement.count is None else (statement.count,))):
+            yield from _expression(expr, set(), scope, source, True)
         return
     bound: set[str] = set()
     if isinstance(statement, ast.Definition):
@@ -67,6 +95,8 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
             for argument in one.shape.arguments:
                 if not (file and isinstance(argument.value, ast.Name)):
                     yield from _shape_argument(argument, scope, source)
+        if one.support is not None:
+            yield from _expression(one.support, set(), scope, source, False)
         if one.pose is not None:
             yield from _expression(one.pose, set(), scope, source, True)
 
@@ -91,15 +121,13 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
     defaults = False
     if len(definition.parameters) > MAX_PARAMETERS:
         here = definition.parameters[MAX_PARAMETERS].name.span(source)
-        title = f"`{definition.name.id}` has more than {MAX_PARAMETERS} parameters"
-        yield Diagnostic(title, here, "", "give it a list of things instead")
+        yield TOO_MANY_PARAMETERS(here, name=definition.name.id, limit=MAX_PARAMETERS)
     for parameter in definition.parameters:
         here = parameter.name.span(source)
         if parameter.name.id in seen:
-            yield Diagnostic(f"two parameters are called `{parameter.name.id}`", here, "", "rename one of them")
+            yield DUPLICATE_PARAMETER(here, name=parameter.name.id)
         if defaults and parameter.default is None:
-            help_ = "move it before those that have one, or give it a default as well"
-            yield Diagnostic(f"`{parameter.name.id}` has no default, but stands after one that has", here, "", help_)
+            yield DEFAULT_BEFORE_REQUIRED(here, name=parameter.name.id)
         seen.add(parameter.name.id)
         defaults = defaults or parameter.default is not None
 
@@ -109,15 +137,13 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
     while stack:
         node, visible = stack.pop()
         match node:
-            case ast.Member(base, member) if member.id in AXES:
-                help_ = f"write {member.id}({print_expr(base)})"
-                yield Diagnostic("a coordinate is not written with a dot", node.span(source), "", help_)
+            case ast.Member(base, member) if member.id in NAMES:
+                yield COORDINATE_WITH_DOT(node.span(source), axis=member.id, base=print_expr(base))
                 continue
             case ast.Name() if node.id not in visible:
                 yield from _name(node, set(visible), scope, source, constant)
             case ast.Text():
-                help_ = "write names without quotes"
-                yield Diagnostic("a text cannot stand in a formula", node.span(source), "", help_)
+                yield TEXT_IN_FORMULA(node.span(source))
             case ast.Call():
                 yield from _call(node, scope, source)
             case ast.Quantifier():
@@ -136,12 +162,11 @@ def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) ->
     for variable in node.variables:
         here = variable.span(source)
         if variable.id in seen:
-            yield Diagnostic(f"`{variable.id}` is named twice", here, "", "two variables need two names")
+            yield DUPLICATE_VARIABLE(here, name=variable.id)
         elif variable.id in BUILT_IN:
-            yield Diagnostic(f"`{variable.id}` is built in", here, "it cannot be a variable", "choose another name")
+            yield BUILT_IN_NAME(here, name=variable.id, what="built in", use="be a variable")
         elif variable.id in visible:
-            label = "a variable or parameter of that name is in use here"
-            yield Diagnostic(f"`{variable.id}` would hide another `{variable.id}`", here, label, "choose another name")
+            yield SHADOWED_VARIABLE(here, name=variable.id)
         seen.add(variable.id)
 
 
@@ -150,36 +175,19 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
     if node.id in scope.constants or node.id in scope.regions or node.id in BUILT_IN:
         return
     if node.id.lower() in NO_NUMBERS and not scope.knows(node.id):
-        yield no_number(node.id, here)
+        yield NOT_FINITE(here, name=node.id)
     elif constant:
         if node.id in scope.labels:
-            yield Diagnostic(f"`{node.id}` is not a constant", here, "only numbers and constants can stand here")
+            yield NOT_A_CONSTANT(here, name=node.id)
         elif node.id not in scope.things:
-            yield Diagnostic(
-                f"unknown constant `{node.id}`",
-                here,
-                "",
-                suggest(node.id, [*scope.constants, *scope.regions, *scope.things], f"define it: const {node.id} = 1"),
-            )
+            yield UNKNOWN_CONSTANT(here, name=node.id, known=[*scope.constants, *scope.regions, *scope.things])
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
-            usage = signature.usage if signature else ""
-            yield Diagnostic(f"`{node.id}` needs its arguments", here, "", f"write {usage}")
+            yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
         known = {*scope.values(), *bound}
-        declared = f"the objects are {quoted(scope.things)}" if scope.things else ""
-        yield Diagnostic(
-            f"unknown name `{node.id}`",
-            here,
-            "no object, constant or label is called so",
-            suggest(node.id, known, declared or f"declare it: object {node.id}"),
-        )
-
-
-def no_number(name: str, here: Span) -> Diagnostic:
-    help_ = "write a number; where there shall be no limit, leave the comparison out"
-    return Diagnostic(f"there is no `{name}` here", here, "all numbers are finite", help_)
+        yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things))
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -188,18 +196,14 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     here = node.function.span(source)
     if signature is None:
         if scope.knows(name):
-            yield Diagnostic(f"`{name}` is not a relation", here, "it cannot be called")
+            yield NOT_A_RELATION(here, name=name)
             return
         if name in SHAPES or name in AREAS:
             kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
-            help_ = f"give {kind} that shape: {opening} name = {print_expr(node)}"
-            yield Diagnostic(f"`{name}` is the shape of {kind}", here, "a formula cannot hold it", help_)
+            yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
-        close = suggest(name, scope.functions())
-        known = [one for one in scope.definitions if not one.startswith("_")]
-        shown = quoted(known) if len(known) <= SHOWN else f"{', '.join(f'`{one}`' for one in known[:SHOWN])}, ..."
-        help_ = close or f"the relations are {shown}; docs/language.md has all of them"
-        yield Diagnostic(f"unknown relation `{name}`", here, "no relation or function is called so", help_)
+        relations = tuple(one for one in scope.definitions if not one.startswith("_"))
+        yield UNKNOWN_RELATION(here, name=name, known=scope.functions(), relations=relations)
         return
     problem = bind(node, signature, source)
     if isinstance(problem, Diagnostic):
@@ -210,61 +214,57 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
     """The arguments of a call by parameter name, without those left to their default; or what is wrong with them."""
     given: dict[str, ast.Expr] = {}
     count = len(node.arguments)
-    usage = f"write {signature.usage}"
     if signature.variadic:
         if count < 1:
-            return Diagnostic(f"`{signature.name}` takes numbers, or a list of them", node.span(source), "", usage)
+            return NO_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage)
         return {str(number): argument.value for number, argument in enumerate(node.arguments)}
     if count > len(signature.parameters):
         extra = node.arguments[len(signature.parameters)]
         span = Span(source, extra.start, node.arguments[-1].end)
-        return Diagnostic(_arity(signature, count), span, "too many", usage)
+        return WRONG_NUMBER_OF_ARGUMENTS(span, **_arity(signature, count), label="too many")
     known: frozenset[str] | None = None  # the parameters, once an argument has a name
     for position, argument in enumerate(node.arguments):
         if argument.name is None:
             name = signature.parameters[position]
             if known is not None:
-                return Diagnostic(
-                    "an argument without a name after one with a name", argument.span(source), "", f"write {name} = ..."
-                )
+                return UNNAMED_AFTER_NAMED(argument.span(source), name=name)
         else:
             name = argument.name.id
             known = frozenset(signature.parameters) if known is None else known
             if name not in known:
-                help_ = suggest(name, signature.parameters, usage)
-                return Diagnostic(
-                    f"`{signature.name}` has no parameter `{name}`", argument.name.span(source), "", help_
+                here = argument.name.span(source)
+                parameters = signature.parameters
+                return UNKNOWN_PARAMETER(
+                    here, function=signature.name, name=name, known=parameters, usage=signature.usage
                 )
             if name in given:
-                return Diagnostic(f"`{name}` is given twice", argument.span(source), "", usage)
+                return DUPLICATE_ARGUMENT(argument.span(source), name=name, usage=signature.usage)
         given[name] = argument.value
     missing = [name for name in signature.parameters[: signature.needed] if name not in given]
     if missing:
-        return Diagnostic(_arity(signature, count), node.span(source), f"{quoted(missing)} missing", usage)
+        label = f"{quoted(missing)} missing"
+        return WRONG_NUMBER_OF_ARGUMENTS(node.span(source), **_arity(signature, count), label=label)
     return given
 
 
-def _arity(signature: Signature, given: int) -> str:
+def _arity(signature: Signature, given: int) -> dict[str, Any]:
     most = len(signature.parameters)
     takes = str(most) if signature.needed == most else f"{signature.needed} to {most}"
-    plural = "" if takes == "1" else "s"
-    return f"`{signature.name}` takes {takes} argument{plural}, not {given}"
+    plural = "argument" if takes == "1" else "arguments"
+    return {"name": signature.name, "takes": f"{takes} {plural}", "given": given, "usage": signature.usage}
 
 
 def _cycles(scope: Scope) -> Iterator[Diagnostic]:
-    """Constants, definitions and labels that are defined by themselves, one diagnostic per circle."""
-    uses: dict[Declared, list[tuple[Declared, Span]]] = {}
-    groups = (scope.constants, scope.regions, scope.definitions, scope.labels)
-    everything = [declared for group in groups for declared in group.values()]
-    for declared in everything:
-        uses[declared] = list(_references(declared, scope))
+    """Constants, definitions and labels that are defined by themselves, one diagnostic per circle. The prelude has no
+    circles of its own, so of its definitions only those that the spec uses are looked at."""
+    groups = (scope.constants, scope.regions, scope.definitions, scope.replaced, scope.labels)
     state: dict[Declared, int] = {}  # 1 under way, 2 done
-    for start in everything:
-        if start in state:
+    for start in (declared for group in groups for declared in group.values()):
+        if start in state or start.source is scope.prelude:
             continue
         state[start] = 1
         path = [start]
-        stack = [iter(uses[start])]
+        stack = [_references(start, scope)]
         while stack:
             step = next(stack[-1], None)
             if step is None:
@@ -274,13 +274,13 @@ def _cycles(scope: Scope) -> Iterator[Diagnostic]:
             target, span = step
             if state.get(target) == 1:
                 circle = [one.name.id for one in path[path.index(target) :]] + [target.name.id]
-                note = " -> ".join(circle) if len(circle) > 2 else ""
-                yield Diagnostic(f"`{target.name.id}` is defined by itself", span, "it is used here again", note=note)
+                way = " -> ".join(circle) if len(circle) > 2 else None
+                yield CIRCULAR_DEFINITION(span, name=target.name.id, way=way)
                 state[target] = 2
             elif target not in state:
                 state[target] = 1
                 path.append(target)
-                stack.append(iter(uses[target]))
+                stack.append(_references(target, scope))
 
 
 def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Span]]:
@@ -294,7 +294,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
         node, visible = stack.pop()
         target: Declared | None = None
         if isinstance(node, ast.Call):
-            target = scope.definitions.get(node.function.id)
+            target = scope.definition(node.function.id, declared.source)
         elif isinstance(node, ast.Name) and node.id not in visible:
             target = scope.declared(node.id)
         if target is not None:

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from scenegen.errors import SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import MOST_VARIABLES, Frame
 from scenegen.lang.builder import TooLarge
 from scenegen.lang.core import Atom, Const, Junction
 from scenegen.lang.monotone import Chain, chain, evaluate
+from scenegen.lang.provenance import MOST_VARIABLES, Frame
 from scenegen.lang.template import Depends, Template
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import NumberValue, ObjectValue, Value
@@ -83,7 +83,7 @@ class Rounds:
         before = lowering.inside
         chosen = {name: value.moved(value.origin) for name, value in zip(self.names, choice, strict=True)}
         value = yield self._body(chosen)
-        formula = lowering.kinds.formula(value, f"the formula of `{self.node.kind}`")
+        formula = lowering.coerce.formula(value, f"the formula of `{self.node.kind}`")
         if self.left < FEW and not self.templates:
             return formula
         kind = self._kind(choice)
@@ -108,9 +108,9 @@ class Rounds:
             if isinstance(value, ObjectValue):
                 known = self._kinds.get(value.index)
                 if known is None:
-                    kinds = self.lowering.kinds
-                    free = value.index not in kinds.fixed and kinds.footprints
-                    known = self._kinds[value.index] = kinds.covers(value.index) if free else ()
+                    coerce = self.lowering.coerce
+                    free = value.index not in coerce.fixed and coerce.footprints
+                    known = self._kinds[value.index] = coerce.covers(value.index) if free else ()
                 if known == ():
                     return None
                 kind.append(known)
@@ -134,14 +134,14 @@ class Rounds:
         for name, value in zip(self.names, choice, strict=True):
             if isinstance(value, ObjectValue):
                 stand_in = template.thing()
-                lowering.kinds.stand_ins[stand_in] = lowering.kinds.covers(value.index)
+                lowering.coerce.stand_ins[stand_in] = lowering.coerce.covers(value.index)
                 chosen[name] = ObjectValue(stand_in, origin=value.origin)
             elif isinstance(value, NumberValue):
                 chosen[name] = NumberValue(template.number(), value.unit, origin=value.origin)
         lowering.use(template)
         try:
             value = yield self._body(chosen)
-            result = lowering.kinds.formula(value, "")
+            result = lowering.coerce.formula(value, "")
         except (Depends, SpecError):
             return None  # a mistake shows again, where it belongs, in the round itself
         finally:

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from scenegen.errors import Diagnostic, Source, Span
+from scenegen.errors.language import BUILT_IN_NAME, DEFINED_TWICE
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import parse
+from scenegen.pose import NAMES
 from scenegen.primitives import PRIMITIVES
 from scenegen.resources import grammar_file
-from scenegen.scene.workspace import AXES
 
 NO_NUMBERS = ("nan", "inf", "infinity")  # how other languages write what is no number of this one
 
@@ -81,6 +82,7 @@ class Scope:
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
     inferred: bool = False
+    replaced: dict[str, Declared] = field(default_factory=dict)  # definitions of the prelude that the spec has anew
     _signatures: dict[str, Signature] = field(default_factory=dict, repr=False)
 
     def values(self) -> set[str]:
@@ -108,6 +110,23 @@ class Scope:
             self._signatures[name] = signature_of(declared.statement)
         return self._signatures[name]
 
+    def definition(self, name: str, caller: Source) -> Declared | None:
+        """The definition that a call means: the prelude calls what it defines itself, specs their own first."""
+        if caller is self.prelude and name in REPLACEABLE:
+            mine = self.replaced.get(name) or self.definitions.get(name)
+            return mine if mine is not None and mine.source is self.prelude else None
+        return self.definitions.get(name)
+
+    def called(self, name: str, caller: Source) -> Signature | None:
+        """How the definition or function that a call means may be called."""
+        declared = self.definition(name, caller)
+        if declared is None:
+            return signatures().get(name)
+        if declared is self.definitions.get(name):
+            return self.signature(name)
+        assert isinstance(declared.statement, ast.Definition)
+        return signature_of(declared.statement)
+
     def is_own(self, source: Source) -> bool:
         """Whether a source is the spec itself, neither imported nor the prelude."""
         return source is self.source
@@ -130,6 +149,26 @@ LIST_FUNCTIONS = {
     "gaps": "the clearances between neighbours in a list, as a list of lengths",
 }
 
+HEIGHTS = {
+    "z": "how high the lowest point of a is above the table, or a surface or a region; metres",
+    "height": "from the lowest to the highest point of a; metres",
+    "top": "how high the highest point of a is above the table; metres",
+    "apart": "the clearance of two bodies in space; where they share space, minus the smallest shift that parts them",
+    "surfaces": "the surfaces of a that other things can stand on, as a list",
+    "others": "all objects but a, as a list",
+    "bodies": "the items and, as boards, all regions at a height: what noCollision keeps apart",
+    "base": "the surface that a was declared to stand on; for an object on the table its own footprint",
+    "load": "the centre of mass of a and all that stands on it, as a point",
+}
+
+# What the prelude says of heights, and the functions for it, came late: a spec may use these names for definitions of
+# its own. The prelude itself goes on with its own.
+REPLACEABLE = (
+    *HEIGHTS,
+    *("restsOn", "insideOf", "stackedOn", "stacked", "atLevel", "underneath", "supported", "stable"),
+    *("reachableFromAbove", "noCollision"),
+)
+
 # parameters whose name says more than a, b, c
 _PARAMETERS = {"reach": ("a", "heading"), "room": ("a", "area")}
 
@@ -137,15 +176,18 @@ _PARAMETERS = {"reach": ("a", "heading"), "room": ("a", "area")}
 @cache
 def signatures() -> Mapping[str, Signature]:
     """The functions that no definition makes: coordinates, primitives and functions of lists."""
-    table = {axis: Signature(axis, ("a",), 1, usage=f"{axis}(a)") for axis in AXES}
+    table = {axis: Signature(axis, ("a",), 1, usage=f"{axis}(a)") for axis in NAMES}
     for primitive in PRIMITIVES.values():
-        if not primitive.operator:
+        if not (primitive.operator or primitive.hidden):
             names = _PARAMETERS.get(primitive.name, tuple("abcdefgh"[: len(primitive.params)]))
             dots = ", ..." if primitive.variadic else ""
             usage = f"{primitive.name}({', '.join(names)}{dots})"
             table[primitive.name] = Signature(primitive.name, names, len(names), primitive.variadic, usage)
     for name in LIST_FUNCTIONS:
         table[name] = Signature(name, ("items",), 1, usage=f"{name}(items)")
+    for name in HEIGHTS:
+        names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
+        table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     return table
 
 
@@ -171,7 +213,7 @@ def collect(source: Source, placed: Sequence[Placed], bare: ast.Expr | None) -> 
         if isinstance(one.statement, ast.Workspace):
             here = one.statement.span(one.source)
             if workspace is not None:
-                problems.append(_twice("the workspace", here, workspace))
+                problems.append(DEFINED_TWICE(here, what="the workspace", first=workspace.place))
             workspace = here
         for kind, name, node in _names(one.statement):
             here = name.span(one.source)
@@ -212,6 +254,8 @@ def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration
         case ast.Constant():
             scope.constants[name.id] = Declared(source, name, node)
         case ast.Definition():
+            if name.id in scope.definitions:
+                scope.replaced[name.id] = scope.definitions[name.id]
             scope.definitions[name.id] = Declared(source, name, node)
         case ast.Label():
             scope.labels[name.id] = Declared(source, name, node)
@@ -221,28 +265,16 @@ def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration
             return
 
 
-def _twice(what: str, here: Span, first: Span) -> Diagnostic:
-    return Diagnostic(
-        f"{what} is defined twice",
-        here,
-        "defined again here",
-        "remove one of them",
-        note=f"first defined at {first.place}",
-    )
-
-
 def _clash(scope: Scope, kind: str, name: str, here: Span, places: Mapping[str, Span]) -> Diagnostic | None:
     if name in places:
-        return _twice(f"`{name}`", here, places[name])
+        return DEFINED_TWICE(here, what=f"`{name}`", first=places[name].place)
     if name in BUILT_IN:
-        return Diagnostic(f"`{name}` is built in", here, "it cannot be defined", "choose another name")
-    if kind == "definition" and (name in scope.definitions or name in signatures()):
+        return BUILT_IN_NAME(here, name=name, what="built in", use="be defined")
+    if kind == "definition" and name not in REPLACEABLE and (name in scope.definitions or name in signatures()):
         what = "a relation of the prelude" if name in scope.definitions else "a built-in function"
-        return Diagnostic(f"`{name}` is {what}", here, "it cannot be defined again", "choose another name")
+        return BUILT_IN_NAME(here, name=name, what=what, use="be defined again")
     if kind not in ("definition", "constant") and name in scope.constants:
-        return Diagnostic(
-            f"`{name}` is a constant of the prelude", here, f"it cannot name {_a(kind)}", "choose another name"
-        )
+        return BUILT_IN_NAME(here, name=name, what="a constant of the prelude", use=f"name {_a(kind)}")
     return None
 
 

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from scenegen.errors import suggest
+from scenegen.errors import Span
+from scenegen.errors.language import (
+    EMPTY_LIST,
+    INDEX_OUT_OF_RANGE,
+    NO_SUCH_PART,
+    NOT_A_PLAIN_NUMBER,
+    NOT_A_WHOLE_NUMBER,
+    NOT_AN_ARRAY,
+    NOT_CONSTANT,
+    PART_OF_AN_OBJECT,
+)
+from scenegen.errors.names import nearest
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
+from scenegen.lang.heights import surface_values
 from scenegen.lang.places import CORNERS, MEMBERS, SIDES, SIZES, Point
+from scenegen.lang.provenance import Frame
+from scenegen.lang.template import FIRST, Depends
 from scenegen.lang.values import (
     AnyValue,
     ListValue,
@@ -37,24 +50,34 @@ def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: F
             if name == "count":
                 return NumberValue(lowering.builder.const(float(len(items))), BARE, origin=origin)
             if not items:
-                raise lowering.error("this list is empty", node.base, frame, f"it has no `.{name}`")
+                raise lowering.error(EMPTY_LIST, node.base, frame, needs=f"it has no `.{name}`")
             return items[0 if name == "first" else -1]
         case ListValue():
-            help_ = suggest(name, LIST_MEMBERS, f"a list has {', '.join('.' + one for one in LIST_MEMBERS)}")
-            raise lowering.error(f"a list has no `.{name}`", node, frame, "", help_)
+            raise lowering.error(NO_SUCH_PART, node, frame, what="a list", name=name, known=LIST_MEMBERS)
         case ObjectValue(index):
             written = lowering.builder.objects[index]
+            if lowering.shapes:
+                found = _surface(lowering, base, index, name, origin)
+                if found is not None:
+                    return found
             if lowering.scope.inferred:
-                help_ = f"declare it: region {written} = rect(0.3, 0, 0.7, 0.2)"
-                label = "taken for an object: nothing else is called so"
-                raise lowering.error(f"`{written}` has no `.{name}`", node, frame, label, help_)
-            help_ = "only regions and the workspace have named points"
-            if name in SIDES[:4]:
-                help_ += f"; for where the object ends write {name}Edge({written})"
-            raise lowering.error(f"`{written}` has no `.{name}`", node, frame, "this is an object", help_)
+                raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, inferred=written)
+            known = [one.surface.name for one in surface_values(lowering, index, base)] if lowering.shapes else []
+            edge = name if name in SIDES[:4] else None
+            facts = {"meant": nearest(name, {one.partition("[")[0] for one in known}), "surfaces": known}
+            raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, edge=edge, **facts)
         case _:
-            help_ = "only regions, the workspace and lists have parts"
-            raise lowering.error(f"{base.kind} has no `.{name}`", node, frame, "", help_)
+            raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
+
+
+def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
+    """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
+    if index >= FIRST:
+        raise Depends
+    named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
+    if len(named) == 1 and named[0].surface.name == name:
+        return named[0].moved(origin)
+    return ListValue(tuple(named), origin=origin) if named else None
 
 
 def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
@@ -74,11 +97,10 @@ def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: s
     if name in CORNERS and area.kind in ("rect", "workspace"):
         return point(area.corner(name))
     if name in MEMBERS:
-        remedy = f"it has {', '.join('.' + one for one in (*SIDES, *SIZES))}"
         kind = "circle" if area.kind == "circle" else "polygon"
-        raise lowering.error(f"a {kind} has no `.{name}`", node, frame, f"`{region.name}` is a {kind}", remedy)
-    otherwise = f"a region has {', '.join('.' + one for one in MEMBERS)}"
-    raise lowering.error(f"`{region.name}` has no `.{name}`", node, frame, "", suggest(name, MEMBERS, otherwise))
+        parts = (*SIDES, *SIZES)
+        raise lowering.error(NO_SUCH_PART, node, frame, what=f"a {kind}", name=name, parts=parts, region=region.name)
+    raise lowering.error(NO_SUCH_PART, node, frame, what=f"`{region.name}`", name=name, known=MEMBERS)
 
 
 def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
@@ -88,14 +110,13 @@ def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, f
         return AnyValue(origin=origin)
     if isinstance(base, ObjectValue):
         name = lowering.builder.objects[base.index]
-        help_ = f"declare an array: object {name}[7]"
-        raise lowering.error(f"`{name}` is one object, not an array", node, frame, "", help_)
-    items = lowering.kinds.items(base, "what `[` counts in")
+        raise lowering.error(NOT_AN_ARRAY, node, frame, name=name)
+    items = lowering.coerce.items(base, "what `[` counts in")
     which = whole_number(lowering, place, node.index, frame, "an index")
     if not 1 <= which <= len(items):
-        title = f"there is no element {which} of {len(items)}"
-        last = f"it has the elements 1 to {len(items)}" if items else "the list is empty"
-        raise lowering.error(title, node.index, frame, last)
+        raise lowering.error(
+            INDEX_OUT_OF_RANGE, node.index, frame, index=which, count=len(items), last=len(items) or None
+        )
     return items[which - 1]
 
 
@@ -103,9 +124,9 @@ def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: 
     """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
     value = lowering.builder.value(number.node)
     if value is None:
-        raise lowering.error(f"{what} must be a constant", node, frame, "this depends on the scene")
+        raise lowering.error(NOT_CONSTANT, node, frame, what=what)
     if number.unit != BARE:
-        raise lowering.error(f"{what} is a plain number, not {number.unit.words}", node, frame)
+        raise lowering.error(NOT_A_PLAIN_NUMBER, node, frame, what=what, found=number.unit.words)
     if value != int(value):
-        raise lowering.error(f"{what} is a whole number", node, frame, f"this is {value:g}")
+        raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
     return int(value)

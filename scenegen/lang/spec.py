@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scenegen.assets import Shape, shape_of
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import Core
+from scenegen.pose import span_of
 from scenegen.primitives import Footprint
 from scenegen.scene.workspace import Workspace
 
@@ -20,11 +21,49 @@ Pose = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A named part of the table: its footprint at a fixed place, (x, y, heading)."""
+    """A named part of the table: its footprint at a fixed place, (x, y, heading). With a `height` above the table it is
+    the top of a board."""
 
     name: str
     footprint: Footprint
     pose: Pose
+    height: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What an object stands on by declaration: a surface of the object `carrier`, or a region of the table (None).
+
+    `outline` is in the frame of what carries, which `pose` places for a region; `height` is above the carrier's lowest
+    point. On a `walled` surface all of the footprint is inside the outline, elsewhere the centre. `box` is that of a
+    region: left, bottom, right, top.
+    """
+
+    name: str
+    carrier: int | None
+    outline: Footprint
+    height: float
+    walled: bool = False
+    pose: Pose = (0.0, 0.0, 0.0)
+    box: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What an object stands on where the declaration names several surfaces: one of `options` in each scene.
+
+    Which one is a number in [0, 1], x of a further entry `switch` of the core's objects, which no file or picture
+    shows: option k from `ends[k - 1]` up to `ends[k]`. The other numbers of the switch mean nothing.
+    """
+
+    switch: int
+    options: tuple[Support, ...]
+    ends: tuple[float, ...]
+
+    @property
+    def middles(self) -> tuple[float, ...]:
+        """A number for each option."""
+        return tuple((low + high) / 2.0 for low, high in zip((0.0, *self.ends), self.ends, strict=False))
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +72,11 @@ class CheckedSpec:
 
     `source` is the canonical text that scene and model files carry; `name` is where it was read from; `title` is the
     sentence of its opening comment, if it has one. `shapes` has one entry per object (left out: by their names);
-    `fixed` maps the index of each object that the spec holds in place (`at`) to its pose. `warnings` is what the
-    checker noticed and let pass.
+    `fixed` maps the index of each object that the spec holds in place (`at`) to its pose. `supports` maps the index of
+    each object that the spec declares to stand on something (`on`) to its support; `heights` is then how high each
+    object's lowest point is above the table, and empty where no object has a support. `choices` maps the index of each
+    object that stands on one of several surfaces to these; its height, and that of what it carries, is None.
+    `warnings` is what the checker noticed and let pass.
     """
 
     name: str
@@ -45,6 +87,9 @@ class CheckedSpec:
     shapes: tuple[Shape, ...] = ()
     fixed: Mapping[int, Pose] = field(default_factory=dict)
     regions: tuple[Region, ...] = ()
+    supports: Mapping[int, Support] = field(default_factory=dict)
+    heights: tuple[float | None, ...] = ()
+    choices: Mapping[int, Choice] = field(default_factory=dict)
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
@@ -53,7 +98,13 @@ class CheckedSpec:
 
     @property
     def objects(self) -> tuple[str, ...]:
-        return self.core.objects
+        """The objects, without the switches of choices."""
+        return self.core.objects[: len(self.core.objects) - len(self.choices)]
+
+    @property
+    def declares_heights(self) -> bool:
+        """Whether some object has a declared support: all heights are then declared."""
+        return bool(self.supports or self.choices)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -66,7 +117,8 @@ class CheckedSpec:
 
     def box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Lowest and highest value of every row of (3N, B) storage, each (3N,); equal for objects held in place."""
-        lowest, highest = self.workspace.box(len(self.objects))
+        lowest, highest = self.workspace.box(len(self.core.objects))
         for index, pose in self.fixed.items():
-            lowest[3 * index : 3 * index + 3] = highest[3 * index : 3 * index + 3] = pose
+            held = span_of(index, len(pose))
+            lowest[held] = highest[held] = pose
         return lowest, highest

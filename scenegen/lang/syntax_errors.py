@@ -11,53 +11,58 @@ import re
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
-from scenegen.lang.habits import explain_habit
+from scenegen.errors.syntax import (
+    BARE_POINT,
+    BRACES,
+    DEFINITION_WITHOUT_PARAMETERS,
+    EQUALITY,
+    FOREIGN_COMMENT,
+    FOREIGN_OPERATOR,
+    KEYWORD_AS_NAME,
+    KEYWORD_CASE,
+    LABEL_INSIDE_FORMULA,
+    MISSING_COLON,
+    MISSING_LABEL_COLON,
+    MISSING_OPERATOR,
+    NOTHING_ON_LEFT,
+    QUOTED_NAME,
+    SEMICOLON,
+    STATEMENT_AFTER_FORMULA,
+    STRAY_EQUAL,
+    UNCLOSED_TEXT,
+    UNEXPECTED,
+    UNEXPECTED_END,
+    UNFINISHED_STATEMENT,
+    UNKNOWN_STATEMENT,
+    UNKNOWN_UNIT,
+    UNNAMED_FORMULA,
+)
+from scenegen.lang.brackets import BINARY, bracket, open_brackets, unclosed
+from scenegen.lang.expected import expected, shown
+from scenegen.lang.foreign_syntax import explain_foreign_syntax
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending
 
 # operators of other languages -> what to write here
-_FOREIGN = {
-    "&&": ("`&&` is not an operator here", "write `&` (or `and`)"),
-    "||": ("`||` is not an operator here", "write `|` (or `or`)"),
-    "==": ("two numbers are never exactly equal in a random scene", "allow a tolerance: abs(a - b) <= 0.01"),
-    "!=": ("`!=` is not an operator here", "for a distance from a value, write abs(a - b) >= 0.01"),
-    "=>": ("`=>` is not an operator here", "write `->` for `implies`, or `>=` for `at least`"),
-    "=<": ("`=<` is not an operator here", "write `<=`"),
-    "=": ("`=` only stands in `const`, `def`, `object` and `region`", "to compare numbers write `<=` or `>=`"),
-    "**": ("there is no power operator", "write a product: a * a"),
-    "^": ("`^` is not an operator here", "write `&` for `and`; for a power write a product: a * a"),
-    "~": ("`~` is not an operator here", "write `!` (or `not`)"),
-    ";": ("statements are not parted by `;`", "start the next statement on a new line"),
-    "%": ("`%` is not an operator here", "to bring an angle to one turn write wrap(a)"),
-    "'": ("names stand without quotes", 'write leftOf(mug, plate); file names stand in "double quotes"'),
-    "{": ("braces mean nothing here", "group with ( ), list with [ ]"),
-    "}": ("braces mean nothing here", "group with ( ), list with [ ]"),
-    "//": ("`//` opens no comment here", "comments start with `#`"),
-    "/*": ("`/*` opens no comment here", "comments start with `#`"),
+_FOREIGN = {  # what to write instead
+    "&&": (FOREIGN_OPERATOR, "`&` (or `and`)"),
+    "||": (FOREIGN_OPERATOR, "`|` (or `or`)"),
+    "==": (EQUALITY, ""),
+    "!=": (FOREIGN_OPERATOR, "abs(a - b) >= 0.01 for a distance from a value"),
+    "=>": (FOREIGN_OPERATOR, "`->` for `implies`, or `>=` for `at least`"),
+    "=<": (FOREIGN_OPERATOR, "`<=`"),
+    "=": (STRAY_EQUAL, ""),
+    "**": (FOREIGN_OPERATOR, "a product: a * a"),
+    "^": (FOREIGN_OPERATOR, "`&` for `and`; for a power write a product: a * a"),
+    "~": (FOREIGN_OPERATOR, "`!` (or `not`)"),
+    ";": (SEMICOLON, ""),
+    "%": (FOREIGN_OPERATOR, "wrap(a) to bring an angle to one turn"),
+    "'": (QUOTED_NAME, ""),
+    "{": (BRACES, ""),
+    "}": (BRACES, ""),
+    "//": (FOREIGN_COMMENT, ""),
+    "/*": (FOREIGN_COMMENT, ""),
 }
-_BINARY = ("&", "|", "->", "<=", ">=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥")
 _KNOWN = frozenset("()[],.:<>+-*/&|!≤≥∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
-_CLOSING = {")": "(", "]": "["}
-_TOKEN = re.compile(r'#[^\n]*|"[^"\n]*"|\s+|.', re.DOTALL)
-
-# what can stand at a place, by the tokens that would have been accepted there; the first that fits is said
-_EXPECTED = (
-    ({"NAME", "QUANTITY", "LPAR"}, "a formula, a name or a number"),
-    ({"_AND", "_OR", "COMPARE"}, "an operator such as `&`, `|`, `->` or `<=`, or the end of the formula"),
-    ({"RSQB", "COMMA"}, "`,` or `]`"),
-    ({"RPAR", "COMMA"}, "`,` or `)`"),
-    ({"LABEL", "OBJECT", "CONST"}, "a statement such as `object`, `const`, `def` or `task: ...`"),
-    ({"COMMA", "IN"}, "`in` and what to range over"),
-    ({"X"}, "`x` and the second interval: workspace [0, 1] x [0, 1]"),
-    ({"LSQB"}, "an interval such as [0, 1]"),
-    ({"LPAR"}, "`(`"),
-    ({"EQUAL"}, "`=`"),
-    ({"COLON"}, "`:`"),
-    ({"STRING"}, 'a text in double quotes, such as "table.spec"'),
-    ({"NAME"}, "a name"),
-    ({"COMMA"}, "`,`"),
-    ({"RPAR"}, "`)`"),
-    ({"RSQB"}, "`]`"),
-)
 
 
 def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Diagnostic:
@@ -73,18 +78,18 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
         _unfinished(source, start, end, accepts)
-        or explain_habit(source, start, end, len(_open_brackets(text, start)[0]), accepts)
+        or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
-        or _bracket(source, start)
+        or bracket(source, start)
         or _statement(source, start, end, accepts)
         or _two_operands(source, start, end, accepts)
         or _keyword(source, start, end, accepts)
         or _number(source, start, accepts)
-        or Diagnostic(
-            f"unexpected {_shown(text[start:end])}",
+        or UNEXPECTED(
             Span(source, start, end),
-            f"expected {_expected(accepts)}",
-            _character_help(text[start:end], accepts),
+            found=shown(text[start:end]),
+            expected=expected(accepts),
+            instead=_character_help(text[start:end], accepts),
         )
     )
 
@@ -96,14 +101,6 @@ def stop(text: str, error: UnexpectedToken | UnexpectedCharacters) -> int:
     return len(text) if error.token.type == "$END" else int(error.token.start_pos or 0)
 
 
-def _shown(text: str) -> str:
-    return f"`{text}`" if text.isprintable() else f"character U+{ord(text[0]):04X}"
-
-
-def _expected(accepts: set[str]) -> str:
-    return next((words for needed, words in _EXPECTED if needed <= accepts), "something else")
-
-
 def _character_help(text: str, accepts: set[str]) -> str:
     if len(text) == 1 and ord(text) > 127 and text.isalpha():
         return "names are made of the letters a-z and A-Z, digits and `_`"
@@ -112,30 +109,15 @@ def _character_help(text: str, accepts: set[str]) -> str:
     return "put `&` (and), `|` (or) or `->` (implies) in its place" if "_AND" in accepts else "remove it"
 
 
-def _open_brackets(text: str, end: int) -> tuple[list[int], int | None]:
-    """Offsets of the brackets open at `end`, and the offset of the first one that closes nothing."""
-    stack: list[int] = []
-    for match in _TOKEN.finditer(text, 0, end):
-        char = match[0]
-        if char in "([":
-            stack.append(match.start())
-        elif char in _CLOSING:
-            if not stack or text[stack[-1]] != _CLOSING[char]:
-                return stack, match.start()
-            stack.pop()
-    return stack, None
-
-
 def _foreign(source: Source, start: int) -> Diagnostic | None:
     text = source.text
     if text[start] == '"' and '"' not in source.line(start)[source.position(start)[1] :]:
-        return Diagnostic("this text is never closed", Span(source, start, start + 1), "", 'add `"` where it ends')
+        return UNCLOSED_TEXT(Span(source, start, start + 1))
     line = text[text.rfind("\n", 0, start) + 1 : start].strip()
     if text[start] == "=" and re.fullmatch(r"def\s+\w+", line):
-        help_ = f"write {line}(a, b) = ..., or {line}() = ... if it has none; for a number write const"
-        return Diagnostic("a definition needs its parameters", Span(source, start, start + 1), "expected `(`", help_)
+        return DEFINITION_WITHOUT_PARAMETERS(Span(source, start, start + 1), head=line)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
-        return Diagnostic("a formula is named with `:`", Span(source, start, start + 1), "", f"write `{line}: ...`")
+        return MISSING_LABEL_COLON(Span(source, start, start + 1), name=line, formula="...")
     # `&&` is noticed at its second character: look one back as well.
     for at, length in ((start - 1, 2), (start, 2), (start, 1)):
         found = text[at : at + length] if at >= 0 else ""
@@ -144,36 +126,8 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
             and found in _FOREIGN
             and not (length == 2 and at < start and found not in ("&&", "||", "==", "**", "//"))
         ):
-            title, help_ = _FOREIGN[found]
-            return Diagnostic(title, Span(source, at, at + length), "", help_)
-    return None
-
-
-def _bracket(source: Source, start: int) -> Diagnostic | None:
-    text = source.text
-    if text[start] not in _CLOSING:
-        return None
-    stack, _ = _open_brackets(text, start)
-    closing = text[start]
-    if not stack:
-        return Diagnostic(
-            f"this `{closing}` closes nothing", Span(source, start, start + 1), "", "remove it, or open it before"
-        )
-    if text[stack[-1]] != _CLOSING[closing]:
-        opened = text[stack[-1]]
-        line, column = source.position(stack[-1])
-        want = {"(": ")", "[": "]"}[opened]
-        return Diagnostic(
-            f"`{closing}` cannot close `{opened}`",
-            Span(source, start, start + 1),
-            f"expected `{want}`",
-            note=f"`{opened}` was opened in line {line}, column {column}",
-        )
-    before = text[:start].rstrip()
-    if before.endswith((",", "(", "[", "!", "-", *_BINARY)):
-        last = before[-2:] if before[-2:] in ("->", "<=", ">=") else before[-1]
-        where = "an argument" if last == "," else "something inside" if last in "([" else f"something after `{last}`"
-        return Diagnostic(f"expected {where} before `{closing}`", Span(source, start, start + 1), "nothing stands here")
+            kind, instead = _FOREIGN[found]
+            return kind(Span(source, at, at + length), operator=found, instead=instead)
     return None
 
 
@@ -187,40 +141,38 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     previous = found[0] if found else ""
     here = Span(source, start, end)
     if word.lower() in KEYWORDS and word != word.lower():
-        return Diagnostic(f"unknown word `{word}`", here, "", f"keywords are lower case: `{word.lower()}`")
+        return KEYWORD_CASE(here, word=word, keyword=word.lower())
     if "COLON" in accepts:
-        return Diagnostic("missing `:`", here, "expected `:` before the formula", "write forall i in 1..6: formula")
+        return MISSING_COLON(here)
     if previous == "workspace":
-        help_ = "write workspace [0, 1] x [0, 1]"
-        return Diagnostic(f"unexpected {_shown(word)}", here, "expected an interval such as [0, 1]", help_)
-    stack, _ = _open_brackets(text, start)
+        instead = "write workspace [0, 1] x [0, 1]"
+        return UNEXPECTED(here, found=shown(word), expected="an interval such as [0, 1]", instead=instead)
+    stack, _ = open_brackets(text, start)
     opening = nearest(previous, STATEMENTS) if previous not in KEYWORDS else None
     if opening is not None and before[: len(before) - len(previous)].rstrip()[-1:] in ("", "\n", ")", "]"):
         place = Span(source, len(before) - len(previous), len(before))
-        return Diagnostic(f"unknown statement `{previous}`", place, "", f"did you mean `{opening}`?")
+        return UNKNOWN_STATEMENT(place, name=previous, nearest=opening)
     known = [one for one in ("and", "or", "implies") if f"_{one.upper()}" in accepts]
     if text[end : end + 1] != "(":
         known += [one for one in STATEMENTS if one.upper() in accepts]
     close = nearest(word, known) if word.isidentifier() else None
     if close is not None and len(word) > 2 and word not in KEYWORDS:
-        return Diagnostic(f"unexpected `{word}`", here, "", f"did you mean `{close}`?")
+        return UNEXPECTED(here, found=f"`{word}`", nearest=close)
     if not accepts & {"_AND", "_OR", "PLUS"}:
         return _unnamed_formula(here, accepts)
     between = text[len(before) : start]
     if previous[:1].isdigit() and word.isidentifier() and word not in KEYWORDS and "\n" not in between:
-        return Diagnostic(f"unknown unit `{word}`", here, "", "units are m, cm, mm, rad, deg and turn")
-    join = "join the two parts with `&` (and), `|` (or) or `->` (implies)"
-    label = f"expected an operator before {_shown(word)}"
+        return UNKNOWN_UNIT(here, name=word)
     if stack and "COMMA" in accepts:
-        help_ = "part arguments by `,`; join formulas with `&` (and), `|` (or) or `->` (implies)"
-        return Diagnostic("missing `,` or operator", here, label.replace("an operator", "`,` or an operator"), help_)
-    if previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between:
-        join = f"arguments stand in parentheses: {previous}({word}, ...)"
-    elif not stack and "\n" in between:
-        join += ",\nor give every formula a name: `task: ...` and `safe: ...`"
-    elif word == "(":
-        join += "; only a name can be called"
-    return Diagnostic("missing operator", here, label, join)
+        return MISSING_OPERATOR(here, before=shown(word), comma="`,`")
+    names = previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between
+    return MISSING_OPERATOR(
+        here,
+        before=shown(word),
+        call=f"{previous}({word}, ...)" if names else None,
+        labels="`task: ...` and `safe: ...`" if not names and not stack and "\n" in between else None,
+        only="a name" if not names and word == "(" and (stack or "\n" not in between) else None,
+    )
 
 
 def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
@@ -229,32 +181,27 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
     if "LABEL" in accepts and word.isidentifier():
         rest = here.source.text[here.end :].lstrip()
         if rest.startswith("("):
-            help_ = f"a formula among statements needs a name: `task: {word}(...)`"
-            return Diagnostic("a formula without a name", here, "expected a statement", help_)
+            return UNNAMED_FORMULA(here, formula=f"{word}(...)")
         if re.match(r"[A-Za-z_]\w*\s*\(", rest):
-            return Diagnostic("a formula is named with `:`", here, "", f"write `{word}: ...`")
-        label = "expected `,` or a statement" if "COMMA" in accepts else f"expected {_expected(accepts)}"
-        return Diagnostic(f"unexpected `{word}`", here, label, "names in a list are parted by `,`")
-    return Diagnostic(f"unexpected {_shown(word)}", here, f"expected {_expected(accepts)}")
+            return MISSING_LABEL_COLON(here, name=word, formula="...")
+        wanted = "`,` or a statement" if "COMMA" in accepts else expected(accepts)
+        return UNEXPECTED(here, found=f"`{word}`", expected=wanted, instead="separate names in a list with `,`")
+    return UNEXPECTED(here, found=shown(word), expected=expected(accepts))
 
 
 def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     if source.text[start - 1 : end] == "->":  # where a number may stand, `-` is taken for its sign
         start -= 1
     word = source.text[start:end]
-    if word in (*_BINARY, "and", "or", "implies") and "NAME" in accepts:
-        return Diagnostic(
-            f"`{word}` has nothing on its left", Span(source, start, end), "expected a formula or a number before it"
-        )
+    if word in (*BINARY, "and", "or", "implies") and "NAME" in accepts:
+        return NOTHING_ON_LEFT(Span(source, start, end), word=word)
     if word == ":" and "COLON" not in accepts:
         return _colon(source, start)
     word = next((key for key in KEYWORDS if re.match(rf"{key}(?!\w)", source.text[start:])), "")
     if not word or "NAME" not in accepts:
         return None
     end = start + len(word)
-    return Diagnostic(
-        f"`{word}` is a keyword", Span(source, start, end), f"expected {_expected(accepts)}", "choose another name"
-    )
+    return KEYWORD_AS_NAME(Span(source, start, end), word=word, expected=expected(accepts))
 
 
 def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -263,13 +210,12 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
     named = word.isidentifier() and re.match(r"\s*:", text[end:]) is not None
     if not (named or word in STATEMENTS) or accepts & {"NAME", "IN", "COLON"}:
         return None
-    stack, _ = _open_brackets(text, start)
+    stack, _ = open_brackets(text, start)
     if stack:
-        return _unclosed(source, stack)
+        return unclosed(source, stack)
     if "$END" not in accepts or "LABEL" in accepts or ending(r"\bworkspace\s*$", text[:start]):
         return None
-    help_ = "give the formula before it a name: `task: ...`"
-    return Diagnostic(f"unexpected `{word}`", Span(source, start, end), "an unnamed formula stands alone", help_)
+    return STATEMENT_AFTER_FORMULA(Span(source, start, end), word=word)
 
 
 def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -283,31 +229,20 @@ def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diag
         return None
     if column(text, opened) or (opened == start and word == ":") or not text[:opened].strip():
         return None
-    stack, _ = _open_brackets(text, opened)
+    stack, _ = open_brackets(text, opened)
     if stack:
-        return _unclosed(source, stack)
+        return unclosed(source, stack)
     if word == ":":
         return None
-    label = f"expected {_expected(accepts)} before it"
-    return Diagnostic("a statement opens here", Span(source, start, end), label, "finish the statement before it")
+    return UNFINISHED_STATEMENT(Span(source, start, end), expected=expected(accepts))
 
 
 def _colon(source: Source, start: int) -> Diagnostic:
     found = ending(r"\w+$", source.text[:start].rstrip())
     if found is not None and found[0] in KEYWORDS:
-        return Diagnostic(
-            f"`{found[0]}` is a keyword",
-            Span(source, found.start(), found.end()),
-            "it cannot name a formula",
-            "choose another name",
-        )
+        return KEYWORD_AS_NAME(Span(source, found.start(), found.end()), word=found[0])
     opens = found.start() if found is not None else start
-    return Diagnostic(
-        "a name with `:` opens a statement",
-        Span(source, opens, start + 1),
-        "it cannot stand inside a formula",
-        "finish the formula before it",
-    )
+    return LABEL_INSIDE_FORMULA(Span(source, opens, start + 1))
 
 
 def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
@@ -319,9 +254,7 @@ def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
     if re.match(r"\.\d", text[start:]) and "NAME" in accepts:
         number = re.match(r"\.\d+", text[start:])
         shown = number[0] if number else "."
-        return Diagnostic(
-            "a number starts with a digit", Span(source, start, start + len(shown)), "", f"write 0{shown}"
-        )
+        return BARE_POINT(Span(source, start, start + len(shown)), mended=f"0{shown}")
     return None
 
 
@@ -329,33 +262,19 @@ def _dot(source: Source, end: int) -> Diagnostic:
     """A number such as `5.` that ends just before `end`."""
     found = ending(r"\d+\.$", source.text[:end])
     assert found is not None
-    return Diagnostic("a number ends with a digit", Span(source, found.start(), end), "", f"write {found[0]}0")
-
-
-def _unclosed(source: Source, stack: list[int]) -> Diagnostic:
-    opened = source.text[stack[-1]]
-    closing = {"(": ")", "[": "]"}[opened]
-    return Diagnostic(
-        f"this `{opened}` is never closed",
-        Span(source, stack[-1], stack[-1] + 1),
-        f"`{closing}` is missing" + (f" ({len(stack)} brackets are open)" if len(stack) > 1 else ""),
-        f"add `{closing}` where it ends",
-    )
+    return BARE_POINT(Span(source, found.start(), end), mended=f"{found[0]}0")
 
 
 def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
     text = source.text
     stop = len(text.rstrip())
-    stack, _ = _open_brackets(text, len(text))
+    stack, _ = open_brackets(text, len(text))
     if stack and accepts & {"RPAR", "RSQB"}:
-        return _unclosed(source, stack)
+        return unclosed(source, stack)
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
     word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|[^\w\s])$", _without_comments(text).rstrip())
-    after = f" after `{word[0]}`" if word else ""
-    return Diagnostic(
-        f"the text ends{after}", Span(source, stop, stop), f"expected {_expected(accepts)}", "finish the formula"
-    )
+    return UNEXPECTED_END(Span(source, stop, stop), last=word[0] if word else None, expected=expected(accepts))
 
 
 def _without_comments(text: str) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from itertools import count
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast
 
 from scenegen.errors import Span
 from scenegen.lang.builder import CoreBuilder
@@ -19,6 +19,8 @@ from scenegen.lang.core import Apply, Atom, Const, Coord, Junction, Node
 from scenegen.lang.describe import LONGEST, describe, number_text
 from scenegen.primitives import PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
+
+T = TypeVar("T")
 
 FIRST = 1 << 40  # placeholders are numbered from here on, far above all nodes and objects
 
@@ -48,24 +50,10 @@ class _Unknown(float):
         return self.mark
 
 
-class _Nodes(Sequence[Node]):
-    """The nodes of the builder below, and those of the template."""
+class _Overlay(Sequence[T]):
+    """The entries below, and those of the template: nodes, or names and marks of objects."""
 
-    def __init__(self, below: Sequence[Node], own: dict[int, Node]) -> None:
-        self._below, self._own = below, own
-
-    def __len__(self) -> int:
-        return len(self._below)
-
-    def __getitem__(self, index: Any) -> Any:
-        own = self._own.get(index)
-        return self._below[index] if own is None else own
-
-
-class _Names(Sequence[str]):
-    """The names of the objects below, and the marks of the placeholders."""
-
-    def __init__(self, below: Sequence[str], own: dict[int, str]) -> None:
+    def __init__(self, below: Sequence[T], own: dict[int, T]) -> None:
         self._below, self._own = below, own
 
     def __len__(self) -> int:
@@ -97,8 +85,8 @@ class Template(CoreBuilder):
         self.given: list[int] = []
         self._known: dict[object, int] = {}
         self._texts: dict[str, Text] = {}
-        self.nodes = cast(list[Node], _Nodes(below.nodes, self.own))
-        self.objects = cast(tuple[str, ...], _Names(below.objects, self._names))
+        self.nodes = cast(list[Node], _Overlay(below.nodes, self.own))
+        self.objects = cast(tuple[str, ...], _Overlay(below.objects, self._names))
 
     # ---- placeholders
 

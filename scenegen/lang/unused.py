@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence, Set
 
 from scenegen.errors import Diagnostic, Source
+from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.scope import Scope
@@ -24,17 +25,23 @@ def unused(
         match one.statement:
             case ast.Definition(name, parameters, body):
                 if name.id not in by_formulas:
-                    out.append(_never(f"definition `{name.id}`", name, one.source, "no formula calls it"))
+                    out.append(
+                        UNUSED_NAME(
+                            name.span(one.source), kind="definition", name=name.id, reason="no formula calls it"
+                        )
+                    )
                 inside = _free_names(body)
                 for parameter in parameters:
                     out.extend(_hidden(parameter.name, "parameter", scope, one.source))
                     if parameter.name.id not in inside:
-                        what = f"parameter `{parameter.name.id}`"
-                        out.append(_never(what, parameter.name, one.source, f"the body of `{name.id}` has none"))
+                        here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
+                        out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
             case ast.Constant(name) | ast.Region(name):
                 if name.id not in by_anything:
                     kind = "constant" if isinstance(one.statement, ast.Constant) else "region"
-                    out.append(_never(f"{kind} `{name.id}`", name, one.source, "nothing mentions it"))
+                    out.append(
+                        UNUSED_NAME(name.span(one.source), kind=kind, name=name.id, reason="nothing mentions it")
+                    )
             case _:
                 pass
         for expr in ast.expressions(one.statement):
@@ -42,11 +49,6 @@ def unused(
     if bare is not None:
         out.extend(_variables(bare, scope, scope.source))
     return out
-
-
-def _never(what: str, name: ast.Name, source: Source, label: str) -> Diagnostic:
-    help_ = "remove it, or use it"
-    return Diagnostic(f"the {what} is never used", name.span(source), label, help_, severity="warning")
 
 
 def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -60,9 +62,7 @@ def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator
         what = "a label"
     else:
         return
-    title = f"the {kind} `{name.id}` hides {what} of that name"
-    label = f"here `{name.id}` means the {kind}"
-    yield Diagnostic(title, name.span(source), label, "choose another name", severity="warning")
+    yield HIDDEN_NAME(name.span(source), kind=kind, name=name.id, what=what)
 
 
 def _variables(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -74,8 +74,8 @@ def _variables(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnos
             for variable in node.variables:
                 yield from _hidden(variable, "variable", scope, source)
                 if variable.id not in inside:
-                    label = "every round says the same"
-                    yield _never(f"variable `{variable.id}`", variable, source, label)
+                    here, reason = variable.span(source), "every round says the same"
+                    yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
         stack.extend(reversed(ast.children(node)))
 
 

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, overload
 
-from scenegen.errors import Diagnostic, Span, SpecError
+from scenegen.assets.surfaces import Surface
+from scenegen.errors import Span, SpecError
+from scenegen.errors.language import WRONG_TYPE
 from scenegen.lang.places import Area
 from scenegen.primitives.units import BARE, Unit
 
@@ -51,6 +53,15 @@ class RegionValue(Value):
     kind: ClassVar[str] = "a region"
     name: str
     area: Area
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceValue(Value):
+    """A surface of an object, which moves with it. As a place it is the centre of the object."""
+
+    kind: ClassVar[str] = "a surface"
+    carrier: int
+    surface: Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +131,10 @@ class AnyValue(Value):
 
 def wrong_kind(value: Value, wanted: str, place: str) -> SpecError:
     """The diagnostic for a value of the wrong kind; `place` says what wanted it where the value has no role."""
-    title = f"{value.role or place} must be {wanted}, not {value.kind}"
-    return SpecError(Diagnostic(title, value.origin, f"this is {value.kind}", _remedy(value, wanted)))
+    role = value.role or place
+    return SpecError(
+        WRONG_TYPE(value.origin, role=role, wanted=wanted, found=value.kind, remedy=_remedy(value, wanted))
+    )
 
 
 def _remedy(value: Value, wanted: str) -> str:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scenegen.errors.facts import as_json
+from scenegen.errors.program import INTERNAL_ERROR
 from scenegen.lsp.complete import Item, complete
 from scenegen.lsp.define import Symbol, definition, refusal, symbols, uses
 from scenegen.lsp.diagnose import Problem, problems
@@ -73,15 +75,21 @@ class Question:
 
 
 def answer(page: Page, question: Question) -> Any:
-    """The result of a request as JSON. What a feature fails at is logged and answered with nothing. Raises Refusal."""
+    """The result of a request as JSON. An exception in a feature is logged, and the answer is empty. Raises Refusal."""
     try:
         return ANSWERS[question.feature](page, page.lines.offset(question.line, question.character), question)
     except Refusal:
         raise
-    except Exception as error:  # nothing that a text holds may end the server
+    except Exception as error:  # no text may end the server
         LOG.exception("%s of %s failed", question.feature, page.uri)
-        failure = Problem(0, 0, f"scenegen itself failed: {type(error).__name__}: {error}", "error")
-        return [_diagnostic(page, failure)] if question.feature == "diagnostics" else None
+        return failure(f"{type(error).__name__}: {error}") if question.feature == "diagnostics" else None
+
+
+def failure(error: str) -> list[Json]:
+    """The diagnostics of a text that could not be analysed, because of a bug or for lack of memory."""
+    failed = INTERNAL_ERROR(error=error)
+    problem = Problem(0, 0, failed.title, failed.code, failed.severity, as_json(failed.facts))
+    return [_diagnostic(Lines("", "utf-16"), problem)]
 
 
 def _span(lines: Lines, start: int, end: int) -> Json:
@@ -90,25 +98,27 @@ def _span(lines: Lines, start: int, end: int) -> Json:
     return {"start": places[0], "end": places[1]}
 
 
-def _diagnostic(page: Page, problem: Problem) -> Json:
+def _diagnostic(lines: Lines, problem: Problem) -> Json:
     found: Json = {
-        "range": page.span(problem.start, problem.end),
+        "range": _span(lines, problem.start, problem.end),
         "message": problem.message,
+        "code": problem.code,
         "severity": ERROR if problem.severity == "error" else WARNING,
         "source": "scenegen",
+        "data": {"facts": problem.facts},
     }
     if problem.unused:
         found["tags"] = [UNNECESSARY]
     if problem.elsewhere is not None:
         other = problem.elsewhere
-        place = _span(Lines(other.source.text, page.encoding), other.start, other.end)
+        place = _span(Lines(other.source.text, lines.encoding), other.start, other.end)
         location = {"uri": Path(other.source.name).resolve().as_uri(), "range": place}
         found["relatedInformation"] = [{"location": location, "message": "it is here"}]
     return found
 
 
 def _diagnostics(page: Page, offset: int, question: Question) -> list[Json]:
-    return [_diagnostic(page, one) for one in problems(page.document)]
+    return [_diagnostic(page.lines, one) for one in problems(page.document)]
 
 
 def _hover(page: Page, offset: int, question: Question) -> Json | None:

@@ -1,12 +1,14 @@
-"""What can stand at the cursor, told by the tokens before it: the text there is unfinished by nature."""
+"""Completion: what can follow at the cursor, from the tokens before it, because the text there is unfinished."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
-from scenegen.assets import ASSETS
+from scenegen.assets import ASSETS, shape_of
+from scenegen.assets.surfaces import surfaces_of
 from scenegen.lang.places import CORNERS, MEMBERS, SIDES, SIZES
 from scenegen.lang.resolve import AREAS, SHAPES
 from scenegen.lang.scope import BUILT_IN
@@ -42,7 +44,7 @@ class _Here:
     end: int
 
     def back(self, steps: int) -> str:
-        """The text of the token so many steps before the word, "" where there is none."""
+        """The text of the token so many steps before the word, "" if there is none."""
         return self.before[-steps].text if len(self.before) >= steps else ""
 
     def item(self, word: str, group: Group, detail: str = "", about: str = "") -> Item:
@@ -50,7 +52,7 @@ class _Here:
 
 
 def complete(document: Document, offset: int) -> list[Item]:
-    """The words that fit at an offset, those nearest at hand first; none inside comments."""
+    """The words that fit at an offset, the most local ones first; none inside comments."""
     line = document.text.rfind("\n", 0, offset) + 1
     written = list(scan(document.text[line:offset]))
     if written and written[-1].kind == "comment":
@@ -90,6 +92,8 @@ def _items(here: _Here) -> Iterator[Item]:
         if not last.text[-1:].isalpha() and here.document.text[last.end : here.start].strip(" \t") == "":
             yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNITS.items())
         yield from _after_operand(here, kind)
+    elif kind == "object" and _opens_support(here):
+        yield from _supports(here)
     elif last is None or _can_end(last):
         yield from _after_operand(here, kind)
         if last is None and len(here.document.index.statements) <= 1:
@@ -99,7 +103,7 @@ def _items(here: _Here) -> Iterator[Item]:
     elif kind == "object" and last.text == "=" and _depth(here.before) == 0:
         yield from _assets(here)
         yield from _functions(here, SHAPES)
-    elif kind == "region" and last.text == "=" and len(here.before) == 3:
+    elif kind == "region" and last.text == "=":
         yield from _functions(here, AREAS)
     elif last.text not in ("region", "const", "def", "import", "forall", "exists") and not _in_header(here, kind):
         yield from _operands(here, kind)
@@ -138,6 +142,9 @@ def _after_operand(here: _Here, kind: str) -> Iterator[Item]:
         return
     if kind == "object" and _depth(here.before) == 0:
         yield from _keywords(here, "at")
+        words = ("by area",) if _in_support(here.before) else ("on",)
+        for word in words:
+            yield here.item(word, "keyword", about=vocabulary.CLAUSES[word])
     elif kind in ("label", "def", "require", "formula"):
         waiting = [one.text for one in here.before if one.text in ("forall", "exists", "∀", "∃", ":")]
         if waiting[-1:] not in ([], [":"]) and here.back(1) != "in":
@@ -167,10 +174,63 @@ def _files(document: Document, offset: int) -> Iterator[Item]:
             yield Item(path.name, "file", "", "", start, offset)
 
 
+# ---- what objects stand on
+
+
+def _in_support(tokens: tuple[Token, ...]) -> bool:
+    """Whether the tokens of an `object` statement end in a clause `on ...`."""
+    for at in range(len(tokens) - 1, 1, -1):
+        if tokens[at].text == "," and _depth(tokens[: at + 1]) == 0:
+            return False
+        before = tokens[at - 1].text
+        if tokens[at].text == "on" and _depth(tokens[:at]) == 0 and before not in ("object", ",", "=", "."):
+            return True
+    return False
+
+
+def _opens_support(here: _Here) -> bool:
+    """Whether a surface is being written: after `on`, after `any of`, or in a list after these."""
+    if not _in_support(here.before):
+        return False
+    return here.back(1) == "on" or (here.back(1), here.back(2)) == ("of", "any") or here.back(1) in ("[", ",")
+
+
+def _supports(here: _Here) -> Iterator[Item]:
+    """What can carry an object: other objects with a surface, regions, the table."""
+    if here.back(1) == "on":
+        yield here.item("any of", "keyword", about=vocabulary.CLAUSES["any of"])
+    tokens = here.before
+    mine = [
+        after.text
+        for at, (one, after) in enumerate(pairwise(tokens))
+        if one.text in ("object", ",") and _depth(tokens[: at + 1]) == 0
+    ]
+    for name, binding in sorted(here.document.values.items()):
+        if name in mine[-1:]:
+            continue
+        if binding.kind == "region" or (binding.kind == "object" and _surfaces(binding)):
+            yield here.item(name, binding.kind, *here.document.notes[binding])
+    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN["workspace"])
+
+
+def _surfaces(binding: Binding) -> tuple[str, ...]:
+    """The names of an object's surfaces, as its declaration says what it is."""
+    written = binding.source.text[binding.end : binding.closes]
+    shape = written.partition("=")[2].split("(")[0].split()
+    word = shape[0] if shape and not written.lstrip().startswith(("on", "at")) else binding.name
+    if word in SHAPES:
+        return ("top",)
+    return tuple(one.name for one in surfaces_of(shape_of(word)))
+
+
 # ---- members
 
 
 def _members(here: _Here) -> Iterator[Item]:
+    binding = here.document.values.get(here.back(2))
+    if binding is not None and binding.kind == "object" and not binding.is_array:
+        for name in _surfaces(binding):
+            yield here.item(name, "member", about="a surface that things can stand on")
     for name in _members_of(here):
         yield here.item(name, "member", about=vocabulary.MEMBERS[name])
 

@@ -66,8 +66,8 @@ def symbols(document: Document) -> list[Symbol]:
 
 
 def uses(document: Document, offset: int) -> list[Occurrence]:
-    """Every place of this file where the name at an offset stands with the same meaning; empty where it is declared
-    in another file, built in, or unknown."""
+    """Every place of this file where the name at an offset has the same meaning; empty if it is declared in another
+    file, built in, or unknown."""
     found = document.occurrence(offset)
     binding = document.meaning(found) if found is not None else None
     if binding is None or binding.source is not document.source:
@@ -77,7 +77,7 @@ def uses(document: Document, offset: int) -> list[Occurrence]:
 
 
 def refusal(document: Document, offset: int, name: str) -> str:
-    """Why the name at an offset cannot become `name`; "" where it can."""
+    """Why the name at an offset cannot become `name`; "" if it can."""
     places = uses(document, offset)
     if not places:
         return "only names that this file declares can be renamed"

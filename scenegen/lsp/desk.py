@@ -1,7 +1,7 @@
 """The open documents of one client, each with a worker process of its own.
 
-A document that takes long to check cannot slow another one down, nor the event loop, and a check that nobody waits for
-any more is ended with its process. All methods run in the thread of the event loop.
+A document that takes long to check does not slow down another one or the event loop, and an obsolete check is ended
+with its process. All methods run in the thread of the event loop.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from lsprotocol import types
 from pygls.exceptions import JsonRpcContentModified, JsonRpcException
 from pygls.uris import to_fs_path
 
-from scenegen.lsp.answers import Question, Refusal
+from scenegen.lsp.answers import Question, Refusal, failure
 from scenegen.lsp.process import Gone, Process
 
 PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
-# seconds that work on an old text may go on; twice the last check's if that is more, for a new process costs some, too
+# seconds for which work on an old text may continue, or twice the last check's: a new process also costs time
 GRACE = 1.0
-MOST = 8  # worker processes; of more, those of the documents that were left alone longest are ended
+MOST = 8  # worker processes; if there are more, the least recently used ones are ended
 LOG = logging.getLogger("scenegen.lsp")
 
 NOTHING = b"null"
@@ -33,7 +33,7 @@ _IMPORT = re.compile(r'\bimport\s*"')
 
 
 class RequestFailed(JsonRpcException):
-    """What a client wants cannot be done, and it learns why: no failure of the server."""
+    """A client's request cannot be fulfilled, and the client is told why: not a failure of the server."""
 
     CODE = types.LSPErrorCodes.RequestFailed.value
 
@@ -55,7 +55,7 @@ class Opened:
 
 
 class Desk:
-    """`publish` sends the diagnostics of a document; nothing outside `root` is read (left out: each file's folder)."""
+    """`publish` sends the diagnostics of a document; nothing outside `root` is read (default: each file's folder)."""
 
     def __init__(self, publish: Callable[[str, int | None, bytes], None], root: Path | None = None) -> None:
         self.encoding = "utf-16"
@@ -119,7 +119,7 @@ class Desk:
             try:
                 return await future
             except Gone:
-                if one.process is process:  # it died of itself: what killed it would do so again
+                if one.process is process:  # it died by itself, and would do so again
                     one.process = None
                     raise
             finally:
@@ -173,29 +173,26 @@ class Desk:
                 future.set_exception(JsonRpcContentModified("the text has changed"))
 
     def _break_off(self, one: Opened, process: Process, question: int) -> None:
-        """End a process that is still at work for a text that has changed."""
+        """End a process that still works on a text that has changed."""
         if one.process is process and question in process.under_way:
             one.process = None  # questions about the new text go to another one
             process.end()
 
     async def _check(self, one: Opened) -> None:
-        """Say what is wrong with a text, unless it changes soon: the longer a check takes, the later it begins."""
+        """Send the diagnostics of a text, unless it changes soon: the longer a check takes, the later it begins."""
         await asyncio.sleep(min(max(PAUSE, one.took / 2.0), LONGEST_PAUSE))
         began = asyncio.get_running_loop().time()
         try:
             found = await self._ask(one, Question("diagnostics"))
         except Gone as how:
             LOG.error("the process that analyses %s %s", one.uri, how)
-            nowhere = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}}
-            message = f"scenegen itself failed: the process that analyses this document {how}"
-            failure = {"range": nowhere, "message": message, "severity": 1, "source": "scenegen"}
-            found = json.dumps([failure]).encode()
+            found = json.dumps(failure(f"the process that analyses this document {how}")).encode()
         one.took = asyncio.get_running_loop().time() - began
         self._publish(one.uri, one.version, found)
 
 
 def _path(uri: str) -> Path | None:
-    """The file of a URI, None where it names none: an unsaved text, or what no file can be called."""
+    """The file of a URI, None if there is none: for unsaved texts and invalid file names."""
     try:
         found = to_fs_path(uri) if uri.startswith("file:") else None
         return Path(found).resolve() if found else None

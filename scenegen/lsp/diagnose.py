@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
-from scenegen.api.hopeless import hopeless
+from scenegen.api.feasibility import infeasible
 from scenegen.bounds import label_bounds
-from scenegen.errors import Diagnostic, ScenegenError, Span
+from scenegen.errors import Diagnostic, ScenegenError, Severity, Span
+from scenegen.errors.facts import as_json
+from scenegen.errors.language import PHI_TOO_LARGE, UNUSED_NAME
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lsp.document import Document
@@ -19,13 +21,15 @@ from scenegen.lsp.document import Document
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Characters `start` to `end` of the open text, and what to say about them. `elsewhere` is the place in another
-    file that the problem is really at; `unused` marks what could be removed."""
+    """Characters `start` to `end` of the open text, what to say about them, and the diagnostic's facts as JSON.
+    `elsewhere` is the place in another file that the problem is really at; `unused` marks what could be removed."""
 
     start: int
     end: int
     message: str
-    severity: Literal["error", "warning"]
+    code: str
+    severity: Severity
+    facts: dict[str, Any]
     unused: bool = False
     elsewhere: Span | None = None
 
@@ -37,19 +41,19 @@ def problems(document: Document) -> list[Problem]:
         return [_problem(document, one) for one in checked]
     found = [_problem(document, one) for one in checked.warnings]
     beyond = list(_overflow(document, checked))
-    return found + (beyond or [_problem(document, one) for one in hopeless(checked)])
+    return found + (beyond or [_problem(document, one) for one in infeasible(checked)])
 
 
 def _problem(document: Document, one: Diagnostic) -> Problem:
     said = [one.title, one.label, f"note: {one.note}" if one.note else "", f"help: {one.help}" if one.help else ""]
     message = "\n".join(part for part in said if part)
-    unused = one.severity == "warning" and one.title.endswith("is never used")
+    found = Problem(0, 0, message, one.code, one.severity, as_json(one.facts), one.kind == UNUSED_NAME)
     if one.span is None:
-        return Problem(0, 0, message, one.severity)
+        return found
     if one.span.source.name == document.source.name:
-        return Problem(one.span.start, max(one.span.start, one.span.end), message, one.severity, unused)
+        return replace(found, start=one.span.start, end=max(one.span.start, one.span.end))
     start, end = _importing(document, one.span)
-    return Problem(start, end, f"{one.span.place}: {message}", one.severity, unused, one.span)
+    return replace(found, start=start, end=end, message=f"{one.span.place}: {message}", elsewhere=one.span)
 
 
 def _importing(document: Document, span: Span) -> tuple[int, int]:
@@ -73,8 +77,8 @@ def _overflow(document: Document, spec: CheckedSpec) -> Iterator[Problem]:
         lowest, highest = label_bounds(core, *spec.box())
     for name, low, high in zip(core.labels, lowest, highest, strict=True):
         if not (np.isfinite(low) and np.isfinite(high)):
-            message = f"phi of `{name}` can be larger than a computer's numbers\nhelp: use smaller constants"
-            yield Problem(*_place(document, name), message, "error")
+            start, end = _place(document, name)
+            yield replace(_problem(document, PHI_TOO_LARGE(label=name)), start=start, end=end)
 
 
 def _place(document: Document, name: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""One version of an open file: its names, its tree, its meaning; each worked out when it is first needed, and kept."""
+"""One version of an open file: its names, its tree, its meaning; each is computed when first needed, and cached."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from scenegen.lsp.names import Binding, Index, Occurrence, index
 from scenegen.lsp.once import once
 from scenegen.resources import grammar_file
 
-SALVAGES = 4  # how often what is wrong is left out before a text counts as hopeless
+SALVAGES = 4  # how often faulty statements are left out before giving up
 
 
 @dataclass(slots=True)
 class EditedProject(Project):
-    """A project some of whose files are open in the editor: their texts there count, not those on the disk."""
+    """A project with files that are open in the editor: the editor's texts are used, not those on the disk."""
 
     open_texts: Mapping[Path, str] = field(default_factory=dict)
 
@@ -43,8 +43,8 @@ def prelude_index() -> Index:
 
 
 class Document:
-    """A spec's text as it stands in the editor. `path` is its file, None where it has none yet; `open_texts` are the
-    texts of all open files by their resolved path; nothing outside `root` is read (left out: the file's folder)."""
+    """A spec's text in the editor. `path` is its file, None if it has none yet; `open_texts` are the texts of all open
+    files by their resolved path; nothing outside `root` is read (default: the file's folder)."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class Document:
 
     @once
     def imported(self) -> list[Index]:
-        """The files that this one imports, and those that they import; what cannot be read is left out."""
+        """The files that this one imports, directly or indirectly; unreadable ones are left out."""
         project = self.project()
         found: dict[Path, Index] = {}
         waiting = [self.index]
@@ -98,7 +98,7 @@ class Document:
 
     @once
     def values(self) -> dict[str, Binding]:
-        """What stands for something by itself anywhere in the spec: objects, regions, constants, labels."""
+        """Names with a meaning of their own anywhere in the spec: objects, regions, constants, labels."""
         return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
 
     @once
@@ -107,14 +107,14 @@ class Document:
         return {one.name: one for one in self._declared() if one.kind == "definition"}
 
     def _declared(self) -> Iterator[Binding]:
-        """All declarations; of two with one name the first counts, but any counts more than the prelude's."""
+        """All declarations; of two with one name the first counts, and any takes precedence over the prelude's."""
         own = [one for file in (self.index, *self.imported) for one in file.declarations]
         yield from prelude_index().declarations
         yield from reversed(own)
 
     @once
     def _inferred(self) -> dict[str, Binding]:
-        """Without an `object` statement anywhere, the names in formulas that nothing else explains are objects."""
+        """Without an `object` statement, undefined names in formulas are objects."""
         files = (self.index, *self.imported)
         if any(statement.kind == "object" for file in files for statement in file.statements):
             return {}
@@ -133,11 +133,11 @@ class Document:
 
     @once
     def notes(self) -> dict[Binding, tuple[str, str]]:
-        """Of every declaration what completion shows beside it: its usage or value, and what it is for."""
+        """For every declaration what completion shows beside it: its usage or value, and its purpose."""
         return {one: vocabulary.notes(one) for one in (*self.values.values(), *self.functions.values())}
 
     def meaning(self, occurrence: Occurrence) -> Binding | None:
-        """What a name stands for; None for what is built in, for members and assets, and for what nobody declares."""
+        """The declaration of a name; None for built-in names, members and assets, and undeclared names."""
         match occurrence.role:
             case "declaration":
                 return occurrence.local
@@ -174,12 +174,12 @@ class Document:
 
     @once
     def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:
-        """The statements that parse, and what is wrong with the rest."""
+        """The statements that parse, and the errors of the rest."""
         return parse_tolerant(self.source)
 
     @once
     def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
-        """What the text means, or all that is wrong with it."""
+        """The checked spec, or all errors."""
         module, problems = self.parsed
         if problems or module is None:
             return tuple(problems)

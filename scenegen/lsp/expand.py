@@ -1,8 +1,8 @@
-"""What the expression under the cursor stands for, and the bounds of its phi.
+"""The value of the expression under the cursor, and the bounds of its phi.
 
-The core has no place for every sub-formula, so the statements that lead to the cursor are expanded once more, by the
-checker's own code, and what comes out at the nodes around the cursor is kept. Inside a definition or a quantifier one
-node has many outcomes, one for each call and each round.
+The core does not record the source of every sub-formula, so the statements that lead to the cursor are expanded once
+more, by the checker's own code, and the results at the nodes around the cursor are kept. Inside a definition or a
+quantifier one node has many results, one for each call and each iteration.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ import numpy as np
 from scenegen.bounds import node_bounds
 from scenegen.errors import Source, SpecError
 from scenegen.lang import ast
-from scenegen.lang.blame import Frame
 from scenegen.lang.builder import TRUE, CoreBuilder, TooLarge
 from scenegen.lang.core import Atom, Core
 from scenegen.lang.declare import name_objects
 from scenegen.lang.imports import inline
 from scenegen.lang.lower import Lowering
 from scenegen.lang.places import whole
+from scenegen.lang.provenance import Frame
+from scenegen.lang.regions import areas
 from scenegen.lang.scope import Scope, collect
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.trampoline import Call, run
@@ -34,7 +35,7 @@ from scenegen.primitives.units import LENGTH, Unit
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """What an expression can be anywhere in the workspace: low to high over all of its `count` outcomes.
+    """The values that an expression can have anywhere in the workspace: low to high over all of its `count` results.
 
     A formula (of phi, infinite where it always or never holds) and a number have one interval, a point has two, of x
     and y. `unit` is None where units mix.
@@ -80,8 +81,8 @@ def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.
 
 
 def extents(document: Document, offset: int) -> list[Extent]:
-    """The extents of the expressions around an offset, innermost first; empty where the text has no meaning as it
-    stands, and where nothing that could be expanded is there."""
+    """The extents of the expressions around an offset, innermost first; empty if the text has errors, or if there is
+    nothing to expand."""
     part = document.salvaged
     if part is None:
         return []
@@ -93,7 +94,7 @@ def extents(document: Document, offset: int) -> list[Extent]:
 
 
 def of_constant(document: Document, name: str) -> Extent | None:
-    """The value of a constant; None where it has none as the text stands."""
+    """The value of a constant; None if the text gives it none."""
     part = document.salvaged
     node = ast.Name(name)
     found = [] if part is None else _outcomes(document, *part, [(document.source, node)], [node])
@@ -101,7 +102,7 @@ def of_constant(document: Document, name: str) -> Extent | None:
 
 
 def _roots(module: ast.Module, statement: ast.Statement | None) -> list[tuple[Source, ast.Expr]]:
-    """What must be expanded to meet everything that a statement comes to: itself, of a definition all formulas."""
+    """The statements to expand for all uses of a statement: the statement itself, or all formulas for a definition."""
     if module.bare is not None:
         return [(module.source, module.bare)]
     if isinstance(statement, ast.Definition):
@@ -118,7 +119,7 @@ def _outcomes(
     path: Sequence[ast.Expr],
     fresh: bool = False,
 ) -> list[Extent]:
-    """`fresh`: without what is known of definitions, whose bodies would not be met again."""
+    """`fresh`: without cached definitions, whose bodies would not be expanded again."""
     try:
         lowering = _lowering(document, module, spec, fresh)
         lowering.recorded = {id(node): [] for node in path}
@@ -149,10 +150,14 @@ def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _Rec
     builder = CoreBuilder(())
     lowering = _Recording(scope, builder)
     lowering.areas["workspace"] = whole(spec.workspace)
+    for region in scope.regions.values():
+        run(areas(lowering, region))
     scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
-    builder.objects = tuple(scope.objects)
-    lowering.kinds.footprints = tuple(shape.footprint for shape in spec.shapes)
-    lowering.kinds.fixed = spec.fixed
+    builder.objects = spec.core.objects
+    lowering.shapes, lowering.supports, lowering.choices = spec.shapes, spec.supports, spec.choices
+    lowering.heights = spec.heights or (0.0,) * len(spec.shapes)
+    lowering.coerce.footprints = tuple(shape.footprint for shape in spec.shapes)
+    lowering.coerce.fixed = spec.fixed
     return lowering
 
 

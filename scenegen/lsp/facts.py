@@ -1,4 +1,4 @@
-"""What is known of the things that a spec declares: sizes, places, values; as far as the text has a meaning."""
+"""Facts about the declarations of a spec: sizes, places, values; as far as the text has no errors."""
 
 from __future__ import annotations
 

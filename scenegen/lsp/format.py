@@ -19,7 +19,7 @@ class Change:
 
 
 def formatted(document: Document) -> Change | None:
-    """What turns the document into its canonical layout; None where it has that, or where it does not parse."""
+    """The change that turns the document into its canonical layout; None if it has that already, or does not parse."""
     try:
         wanted = format_source(document.source)
     except SpecError:

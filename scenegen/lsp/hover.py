@@ -1,4 +1,4 @@
-"""What to say about the place under the cursor, in Markdown."""
+"""Hover texts for the place under the cursor, in Markdown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Hover:
 
 
 def hover(document: Document, offset: int) -> Hover | None:
-    """What the name or sign at an offset means, and what the formula around it can be; None where there is nothing."""
+    """The meaning of the name or sign at an offset, and the values of the formula around it; None if there is
+    nothing."""
     token = _token(document, offset)
     if token is None:
         return None
@@ -88,7 +89,8 @@ def _about_name(document: Document, found: Occurrence, around: Sequence[Extent])
 
 
 def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
-    """Whether the name is what the expression is about: itself, the function of a call, what stands behind a dot."""
+    """Whether the name is the head of the expression: the name itself, the function of a call, the member behind a
+    dot."""
     match node:
         case ast.Call(function):
             return function.start == found.start

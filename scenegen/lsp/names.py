@@ -1,8 +1,8 @@
 """The names of one file, found by its tokens: what each statement declares, and where each name is used.
 
-Editors ask about texts that do not parse, so nothing here needs a tree. What a name means is told as the grammar tells
-it: a call by its parenthesis, a member by its dot, a label by its colon; parameters and variables of quantifiers hide
-everything else while they last.
+Editors send texts that do not parse, so nothing here needs a tree. The kind of a name follows from its context, as in
+the grammar: a call from its parenthesis, a member from its dot, a label from its colon; parameters and variables of
+quantifiers hide other names within their scope.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Binding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occurrence:
-    """A name in the text. `local` is its meaning where this file alone decides: declarations, parameters, variables.
+    """A name in the text. `local` is its meaning if this file alone determines it: declarations, parameters, variables.
     `of` is the function of a named argument, and the name before the dot of a member."""
 
     name: str
@@ -77,7 +77,7 @@ class Statement:
 
 @dataclass(slots=True)
 class Index:
-    """Everything the tokens of a file say, each list in the order of the text."""
+    """All findings from the tokens of a file, each list in the order of the text."""
 
     source: Source
     path: Path | None
@@ -136,6 +136,15 @@ class _Quantifier:
     depth: int
     variables: list[Binding] = field(default_factory=list)
     begins: int = -1
+
+
+def _chooses(before: str, word: str, after: str) -> bool:
+    """Whether a word belongs to a choice of supports: after an object, not its name."""
+    return (
+        (before, word, after) == ("on", "any", "of")
+        or (before, word) in (("any", "of"), ("by", "area"))
+        or ((word, after) == ("by", "area"))
+    )
 
 
 class _Walk:
@@ -216,6 +225,10 @@ class _Walk:
             self._bind("object", token, token.start, closes, is_array=after == "[")
         elif kind == "object" and depth == 0 and before == "=" and after != "(":
             self._use(token, "asset")
+        elif kind == "object" and depth == 0 and token.text == "on" and before != "on":
+            return  # `object book on shelf`: no keyword elsewhere
+        elif kind == "object" and depth == 0 and _chooses(before, token.text, after):
+            return  # `on any of [...] by area`
         elif kind == "workspace" and depth == 0 and token.text == "x":
             return
         elif self.in_header and depth == 1 and before in ("(", ","):

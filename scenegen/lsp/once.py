@@ -1,4 +1,4 @@
-"""What is worked out once for an object, whichever thread needs it first; the others wait for it."""
+"""Properties that are computed once per object, by the first thread that needs them; others wait."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ T = TypeVar("T")
 
 
 class Once(Generic[T]):
-    """A property that is computed when it is first read, and kept. Unlike `functools.cached_property` (from Python 3.12
-    on) two threads never compute the same, and (up to 3.11) two objects never wait for each other."""
+    """A property that is computed when it is first read, and cached. Unlike `functools.cached_property` (from Python
+    3.12 on) two threads never compute the same, and (up to 3.11) two objects never wait for each other."""
 
     def __init__(self, compute: Callable[[Any], T]) -> None:
         self._compute = compute

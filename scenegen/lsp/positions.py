@@ -22,7 +22,7 @@ class Lines:
     """The lines of a text with plain line breaks, in one of the encodings that language servers know."""
 
     def __init__(self, text: str, encoding: str = "utf-16") -> None:
-        self.text = text
+        self.text, self.encoding = text, encoding
         self._units = _UNITS[encoding]
         self._starts = [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 

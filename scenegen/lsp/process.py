@@ -1,24 +1,16 @@
-"""One worker process as the language server sees it: started with the first question, ended at any time."""
+"""One worker process, seen from the language server: started with the first question, can be ended at any time."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import json
-import os
-import sys
 from typing import Any
 
 from scenegen.lsp.answers import Question, Refusal
+from scenegen.processes.process import command, environment, search_path
 
 LONGEST = 1 << 30  # bytes of one answer
-
-# An interrupt from the keyboard reaches the whole group: the server answers it and ends its workers.
-_PROGRAM = (
-    "import json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
-    " sys.path[:] = json.loads(sys.stdin.buffer.readline()); from scenegen.lsp.worker import main; main()"
-)
-_SINGLE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
@@ -34,7 +26,7 @@ class Process:
         self.under_way: dict[int, asyncio.Future[bytes]] = {}  # questions that it has not answered, the oldest first
         self._number = 0
         self._process: asyncio.subprocess.Process | None = None
-        self._unsent = [json.dumps([str(entry) for entry in sys.path]).encode() + b"\n"]
+        self._unsent = [search_path()]
         self._task = asyncio.get_running_loop().create_task(self._live())
 
     def tell(self, message: dict[str, Any]) -> None:
@@ -69,11 +61,11 @@ class Process:
     async def _live(self) -> None:
         try:
             process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-c", _PROGRAM),
+                *command("scenegen.lsp.worker"),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 limit=LONGEST,
-                env={**os.environ, **_SINGLE},
+                env=environment(),
             )
         except OSError as error:
             self.ended = True

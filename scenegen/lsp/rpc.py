@@ -1,7 +1,7 @@
-"""JSON-RPC as its specification wants it: every request gets an answer, malformed ones included.
+"""JSON-RPC according to its specification: every request gets an answer, malformed ones included.
 
-pygls drops what it cannot read; here it is answered with the code of the error and what is wrong. Results of the
-features come as the bytes of JSON and are sent as they are.
+pygls drops messages that it cannot read; here they get an answer with an error code and the reason. Results of the
+features are JSON bytes and are sent unchanged.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ LOG = logging.getLogger("scenegen.lsp")
 
 
 class Protocol(LanguageServerProtocol):
-    """The protocol of pygls with strict answers. Open documents are the server's business: see desk.py."""
+    """The protocol of pygls with strict answers. Open documents are handled by the server: see desk.py."""
 
     lsp_text_document__did_open = None  # type: ignore[assignment]
     lsp_text_document__did_change = None  # type: ignore[assignment]
     lsp_text_document__did_close = None  # type: ignore[assignment]
 
     def receive(self, body: bytes | Fault) -> None:
-        """Handle a message, or answer with what is wrong with it."""
+        """Handle a message, or answer with its error."""
         message: dict[str, Any] = {}
         try:
             message = _parsed(body)
@@ -117,7 +117,7 @@ def _parsed(body: bytes | Fault) -> dict[str, Any]:
 
 
 def _check(message: dict[str, Any]) -> None:
-    """Raises JsonRpcException for what is no message of JSON-RPC."""
+    """Raises JsonRpcException for anything that is not a JSON-RPC message."""
     if message.get("jsonrpc") != Protocol.VERSION:
         raise JsonRpcInvalidRequest('a message has "jsonrpc": "2.0"')
     if "id" in message and (not isinstance(message["id"], str | int) or isinstance(message["id"], bool)):

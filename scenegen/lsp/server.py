@@ -36,7 +36,7 @@ _REQUESTS: list[tuple[str, str, Any]] = [
 
 
 class Server(LanguageServer):
-    """A server with every feature, for one client. What goes wrong is logged, not shown in the client's windows."""
+    """A server with every feature, for one client. Errors are logged, not shown in the client's windows."""
 
     protocol: Protocol
 
@@ -77,7 +77,7 @@ class Server(LanguageServer):
                 self.protocol.receive(message)
             except SystemExit as goodbye:
                 end(goodbye.code if isinstance(goodbye.code, int) else 0)
-            except Exception:  # nothing that a client sends may end the server
+            except Exception:  # no message of a client may end the server
                 LOG.exception("a message could not be handled")
 
         def listen() -> None:  # in a thread of its own, so that the loop never waits for the client
@@ -150,7 +150,7 @@ def serve(root: Path | None = None) -> int:
     logging.basicConfig(handlers=[messages], level=logging.WARNING, format="%(name)s: %(message)s")
     sys.stdout.flush()
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever else writes to standard output would break the protocol
+    os.dup2(2, 1)  # other output on standard output would break the protocol
     # Read by a thread that may still wait when the program ends: not through sys.stdin, which Python closes then.
     stream = os.fdopen(os.dup(0), "rb")
     try:

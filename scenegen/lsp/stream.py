@@ -1,7 +1,7 @@
 """The frames of a stream: headers with a `Content-Length`, an empty line, and a body of so many bytes.
 
-Where a header is wrong, nobody knows where its body ends. The reader says so once and goes on at the next line that
-ends in a header as it should be: the message is lost, the session is not.
+If a header is wrong, the end of its body is unknown. The reader reports this once and continues at the next valid
+header: the message is lost, the session is not.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ _HEADER = re.compile(rb"[A-Za-z][A-Za-z-]*:[^\r\n]*\r?\n")
 
 
 class Fault(ValueError):  # noqa: N818 - is not raised but stands among the frames
-    """Bytes that are no frame; says what is wrong with them."""
+    """Bytes that are not a frame, and the reason."""
 
 
 def frames(stream: BinaryIO) -> Iterator[bytes | Fault]:
-    """The bodies of a stream in order, and a Fault in the place of what cannot be read; ends with the stream."""
+    """The bodies of a stream in order, and a Fault in place of unreadable ones; ends with the stream."""
     lost = False  # looking for a header, after a fault
     length = -1
     while line := stream.readline(LINE):

@@ -1,4 +1,4 @@
-"""What keywords, functions and definitions are for, in one line each."""
+"""The purpose of keywords, functions and definitions, in one line each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scenegen.lang import ast
 from scenegen.lang.measure import SIGNATURES
 from scenegen.lang.parse import parse
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import LIST_FUNCTIONS, signature_of, signatures
+from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, signature_of, signatures
 from scenegen.lang.tokens import scan
 from scenegen.lsp.names import Binding
 from scenegen.primitives import PRIMITIVES
@@ -36,6 +36,12 @@ KEYWORDS: Mapping[str, str] = {
     "false": "holds in no scene",
 }
 
+CLAUSES: Mapping[str, str] = {
+    "on": "what an object stands on: object mug on tray, book on shelfunit.shelf[2]",
+    "any of": "one of several surfaces, all equally likely: object mug on any of [tray, workspace]",
+    "by area": "surfaces are as likely as they are large: object mug on any of [tray, workspace] by area",
+}
+
 BUILT_IN: Mapping[str, str] = {
     "objects": "the list of all objects",
     "workspace": "the table as a region, with .left .right .top .bottom .center",
@@ -53,6 +59,7 @@ _SHAPES = {
     "prism": "an upright prism over a convex polygon",
     "urdf": "a robot description file; its outline is the hull of its collision shapes",
     "mesh": "a mesh file, .obj or .stl in metres; its outline is its convex hull",
+    "cabinet": "a chest of drawers: how many, and by which share they are open: 0.6 is the top one, a list is one each",
     "rect": "a rectangle, by the coordinates of its sides",
     "circle": "a disc",
     "polygon": "a convex polygon, by its corners",
@@ -88,7 +95,7 @@ UNITS: Mapping[str, str] = {
 
 @cache
 def functions() -> Mapping[str, tuple[str, str]]:
-    """Usage and meaning of every function that no definition makes, shapes of objects and regions included."""
+    """Usage and meaning of every built-in function, including shapes of objects and regions."""
     table = {name: (signature.usage, _meaning(name)) for name, signature in signatures().items()}
     return table | {name: (SIGNATURES[name].usage, words) for name, words in _SHAPES.items()}
 
@@ -96,6 +103,8 @@ def functions() -> Mapping[str, tuple[str, str]]:
 def _meaning(name: str) -> str:
     if name in _COORDINATES:
         return _COORDINATES[name]
+    if name in HEIGHTS:
+        return HEIGHTS[name]
     return LIST_FUNCTIONS[name] if name in LIST_FUNCTIONS else PRIMITIVES[name].doc
 
 
@@ -127,7 +136,7 @@ def remark(binding: Binding) -> str:
 
 
 def notes(binding: Binding) -> tuple[str, str]:
-    """What a list of words shows beside a declaration: its usage or value, and what it is for."""
+    """The text beside a declaration in a list of completions: its usage or value, and its purpose."""
     if binding.kind == "definition":
         called, formula = usage(binding)
         return called, remark(binding) or formula
@@ -142,7 +151,7 @@ def usage(definition: Binding) -> tuple[str, str]:
 
 @lru_cache(maxsize=10_000)
 def _usage(name: str, written: str) -> tuple[str, str]:
-    """Kept by text: of a definition that stays as it is while others are edited it is known already."""
+    """Cached by text, so definitions that do not change are not parsed again."""
     with contextlib.suppress(SpecError):
         for statement in parse(Source("<definition>", written)).statements:
             if isinstance(statement, ast.Definition):

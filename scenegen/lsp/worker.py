@@ -1,9 +1,9 @@
 """The program that analyses one open document for the language server, message by message, a line each.
 
 `{"text": ..., "revision": n, ...}` is a new version of the text; `{"ask": k, "revision": n, "feature": ...}` a question
-about one, answered by `k result JSON` or `k refused JSON`: the server passes the JSON on unread. Two threads answer:
-what needs the meaning of the text, which can take long to find, never holds up what its names are enough for. Both
-share one analysis of the version. Nothing here can be cancelled half-way: the server ends the program instead.
+about one, answered by `k result JSON` or `k refused JSON`: the server passes the JSON on unread. Two threads answer, so
+that features which need the checked text, which can take long, do not delay features which need only its names. Both
+share one analysis of the version. Work cannot be cancelled half-way: the server ends the program instead.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Worker:
 
     def _answer(self, number: int, revision: int, question: Question) -> None:
         page, newest = self._page, self._revision
-        if revision != newest:  # nobody waits for the answer any more
+        if revision != newest:  # the answer is obsolete
             self._say(number, "result", None)
             return
         try:
@@ -67,7 +67,7 @@ def main() -> None:
     """Serve standard input until it ends."""
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever else writes to standard output would break the conversation
+    os.dup2(2, 1)  # other output on standard output would break the protocol
     lock = threading.Lock()
 
     def say(number: int, kind: str, value: Any) -> None:

@@ -54,7 +54,7 @@ class Encoder(nn.Module):
         super().__init__()
         self.positions, self.angles = len(layout.positions), len(layout.angles)
         self.branches = layout.branches
-        inputs = layout.coordinates + layout.noise + 2 * layout.labels + layout.branches
+        inputs = layout.coordinates + layout.noise + layout.told + layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + 2 * layout.noise), SLOPE)
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -106,7 +106,8 @@ class AAE(ConditionedModel):
         return noise(len(features), self.layout, generator, features.device)
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        features, branch, positions = self.view.features(batch.phi), batch.branch, len(self.layout.positions)
+        wanted = self.wanted(batch, generator)
+        features, branch, positions = self.view.features(wanted), batch.branch, len(self.layout.positions)
         x = self.view.encode(batch.x)
         code = self.encoder(x, self._noise(features, generator), features, branch)
         angles = code[:, positions:].chunk(2, dim=1)
@@ -117,7 +118,7 @@ class AAE(ConditionedModel):
         prior = self._noise(features, generator)
         aim = torch.cat([prior[:, :positions], directions(prior[:, positions:])], dim=1)
         critic, ruling, deceit = contest(self.critic, aim, code, features, branch, self.penalty)
-        off = self.inconsistency(self.decoder(prior, features, branch), batch.phi, branch)
+        off = self.inconsistency(self.decoder(prior, features, branch), wanted, branch)
         surprise = self.selector.loss(features, branch)
         self.descend(apart + ruling + self.match * deceit + self.weight * off + surprise)
         return detached(reconstruction=apart, critic=critic, phi=off, branch=surprise)

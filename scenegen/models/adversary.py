@@ -28,7 +28,7 @@ class Critic(nn.Module):
     def __init__(self, layout: Layout, rows: int, width: int, depth: int) -> None:
         super().__init__()
         self.branches = layout.branches
-        self.body = Mlp((rows + 2 * layout.labels + layout.branches, *[width] * depth), SLOPE)
+        self.body = Mlp((rows + layout.told + layout.branches, *[width] * depth), SLOPE)
         # no bias: only differences of scores count
         self.head = nn.Linear(width, 1, bias=False, device="meta")
 

@@ -10,10 +10,12 @@ import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.errors.models import STATE_MISFIT, WEIGHTS_MISFIT
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout
+from scenegen.models.spec_loss import SpecLoss
+from scenegen.pose import row_count
 
 
 class Hyper(BaseModel):
@@ -40,6 +42,8 @@ class SceneModel(nn.Module, ABC):
     """
 
     hyper_class: ClassVar[type[Hyper]]
+    before: ClassVar[Mapping[str, float]] = {}
+    """Settings that files of earlier versions do not name, as they were then."""
     branched: ClassVar[bool] = False
     """Whether the model wants its layout read off the spec, and examples sorted into branches."""
     TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()
@@ -61,7 +65,7 @@ class SceneModel(nn.Module, ABC):
     @property
     def width(self) -> int:
         """Coordinates of a scene, 3N."""
-        return 3 * self.objects
+        return row_count(self.objects)
 
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights from `generator`."""
@@ -74,7 +78,7 @@ class SceneModel(nn.Module, ABC):
         self.label_lowest, self.label_highest = examples.phi.amin(0), examples.phi.amax(0)
 
     @abstractmethod
-    def start(self, lr: float, judge: Judge) -> None:
+    def start(self, lr: float, spec_loss: SpecLoss) -> None:
         """Make the optimisers with this learning rate and whatever else `update` needs, on the model's device."""
 
     @abstractmethod
@@ -112,11 +116,11 @@ class SceneModel(nn.Module, ABC):
         check_tensors(self, weights)
         self.load_state_dict(weights, assign=True)
 
-    def restore(self, state: Mapping[str, Tensor], lr: float, judge: Judge, device: torch.device) -> None:
+    def restore(self, state: Mapping[str, Tensor], lr: float, spec_loss: SpecLoss, device: torch.device) -> None:
         """Take up the state of `training_state` and `start`. Raises DataError where it is not this model's."""
         self.load_weights({name[6:]: tensor for name, tensor in state.items() if name.startswith("model.")})
         self.to(device)
-        self.start(lr, judge)
+        self.start(lr, spec_loss)
         for name, optimiser in self.optimisers.items():
             parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
             slots: dict[int, dict[str, Any]] = {}
@@ -128,7 +132,7 @@ class SceneModel(nn.Module, ABC):
                     continue
                 fits = index.isdecimal() and int(index) < len(parameters)
                 if not fits or (tensor.ndim and tensor.shape != parameters[int(index)].shape) or not _finite(tensor):
-                    raise DataError(Diagnostic(f"`{key}` of the training state does not fit the model"))
+                    raise DataError(STATE_MISFIT(reason=f"`{key}` is not of this model"))
                 slots.setdefault(int(index), {})[slot] = tensor
             optimiser.load_state_dict({"state": slots, "param_groups": optimiser.state_dict()["param_groups"]})
 
@@ -138,16 +142,16 @@ def check_tensors(model: nn.Module, tensors: Mapping[str, Tensor]) -> None:
     expected = model.state_dict()
     for name, parameter in expected.items():
         if name not in tensors:
-            raise DataError(Diagnostic(f"the weights `{name}` are missing"))
+            raise DataError(WEIGHTS_MISFIT(name=name, reason="are missing"))
         tensor = tensors[name]
         if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:
             have, want = tuple(tensor.shape), tuple(parameter.shape)
-            raise DataError(Diagnostic(f"the weights `{name}` have shape {have}, {tensor.dtype}; expected {want}"))
+            raise DataError(WEIGHTS_MISFIT(name=name, reason=f"have shape {have}, {tensor.dtype}; expected {want}"))
         if not _finite(tensor):
-            raise DataError(Diagnostic(f"the weights `{name}` are not all finite"))
+            raise DataError(WEIGHTS_MISFIT(name=name, reason="are not all finite"))
     extra = sorted(set(tensors) - set(expected))
     if extra:
-        raise DataError(Diagnostic(f"the weights `{extra[0]}` belong to no part of the model"))
+        raise DataError(WEIGHTS_MISFIT(name=extra[0], reason="belong to no part of the model"))
 
 
 def _finite(tensor: Tensor) -> bool:

@@ -65,9 +65,26 @@ class ValidationData(_Strict):
         return self
 
 
+class QualityData(_Strict):
+    """Measured when training was done, at some wanted values of one label or two (scenegen.evaluation.measure): the
+    mean of |phi - wanted phi|; coverage, and that of other exact scenes (`truth`); KS, sliced KS and energy distance;
+    the share of the scenes that meet what the spec requires."""
+
+    wanted: dict[Name, FiniteFloat]
+    error: FiniteFloat
+    coverage: FiniteFloat
+    truth: FiniteFloat
+    ks: FiniteFloat
+    sliced: FiniteFloat
+    energy: FiniteFloat
+    required: FiniteFloat
+
+
 class ModelCard(_Strict):
     """What a model file says about itself. `hyper` are the model's own settings, `training` the training's. Where
     training was told to keep the best epoch, `kept_epoch` is the one whose weights these are; else it was the last.
+    `corrected`: the last step of a scene is the spec's (scenegen.models.correction). `quality` is
+    empty until the model has been measured.
 
     Files of version 0.1 name no recipe, no layout, no data and no validation: their networks are the published ones.
     """
@@ -87,6 +104,8 @@ class ModelCard(_Strict):
     data: DataData | None = None
     validation: ValidationData | None = None
     kept_epoch: Annotated[int, Field(ge=1)] | None = None
+    corrected: bool = False
+    quality: list[QualityData] = Field(default=[], max_length=1000)
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

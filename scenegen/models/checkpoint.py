@@ -7,14 +7,15 @@ from pathlib import Path
 import torch
 from pydantic import ValidationError
 
-from scenegen.errors import DataError, Diagnostic, ScenegenError
+from scenegen.errors import DataError, ScenegenError
+from scenegen.errors.models import MODEL_OF_ANOTHER_SPEC, MODEL_SETTING
 from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
 from scenegen.models.card import FORMAT, ModelCard
 from scenegen.models.codec import Codec
+from scenegen.models.registry import model_class
 from scenegen.models.safefile import pack, read_card, unpack
-from scenegen.models.table import model_class
 from scenegen.models.trained import TrainedModel
 
 WHAT = "a model file"
@@ -22,31 +23,39 @@ WHAT = "a model file"
 
 def save_model(path: Path, model: SceneModel, card: ModelCard) -> None:
     """Write a model file, whole or not at all. The same model and card give the same bytes. Raises OutputError."""
-    write_whole(path, pack(FORMAT, card.model_dump_json(), model.sampler_state()))
+    write_whole(path, packed(model, card))
 
 
-def load_model(path: Path, spec: CheckedSpec | None = None, *, device: str = "cpu") -> TrainedModel:
-    """Read a model file; with `spec`, insist that the model was trained on it.
+def packed(model: SceneModel, card: ModelCard) -> bytes:
+    """The bytes of a model file."""
+    return pack(FORMAT, card.model_dump_json(), model.sampler_state())
+
+
+def load_model(
+    path: Path, spec: CheckedSpec | None = None, *, device: str = "cpu", data: bytes | None = None
+) -> TrainedModel:
+    """Read a model file, or `data`, its bytes; with `spec`, insist that the model was trained on it.
 
     Raises DataError for a file that is missing, damaged, not a model, of another version, whose weights do not fit what
     it says of itself or are not finite, or that was trained on another spec.
     """
-    text, tensors = unpack(path, FORMAT, WHAT)
+    text, tensors = unpack(path, FORMAT, WHAT, data)
     card = read_card(ModelCard, text, path, WHAT)
     if spec is not None:
         check_spec(card, spec, path)
     try:
         kind = model_class(card.model, card.recipe)
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
-        model = kind(card.sizes, kind.hyper_class.model_validate(card.hyper))
+        hyper = card.hyper if card.corrected else {**kind.before, **card.hyper}
+        model = kind(card.sizes, kind.hyper_class.model_validate(hyper))
         model.drop_training_parts()
         model.load_weights(tensors)
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise DataError(Diagnostic(f"{path}: model `{card.model}` cannot have its setting `{place}`")) from error
+        raise DataError(MODEL_SETTING(path=path, model=card.model, name=place)) from error
     except ScenegenError as error:
-        first = error.diagnostics[0]
-        raise DataError(Diagnostic(f"{path}: {first.title}", help=first.help)) from error
+        first = error.diagnostics[0].but(path=path)
+        raise DataError(first) from error
     model.to(torch.device(device)).eval()
     return TrainedModel(model, Codec(card.area, len(card.objects)), card)
 
@@ -55,10 +64,5 @@ def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:
     """Raises DataError unless the model was trained on this very spec (canonical text, layout aside)."""
     if card.spec.sha256 == spec.sha256:
         return
-    raise DataError(
-        Diagnostic(
-            f"{path} was trained on another spec: `{card.spec.name}`, not `{spec.name}`",
-            note=f"the model's spec has SHA-256 {card.spec.sha256[:12]}, the one given {spec.sha256[:12]}",
-            help="sample the model with its own spec, or train one on the spec given",
-        )
-    )
+    hashes = {"hash_found": card.spec.sha256[:12], "hash_wanted": spec.sha256[:12]}
+    raise DataError(MODEL_OF_ANOTHER_SPEC(path=path, found=card.spec.name, wanted=spec.name, **hashes))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from typing import ClassVar
 
@@ -9,10 +10,10 @@ import torch
 from torch import Tensor
 
 from scenegen.models.base import Hyper, SceneModel
-from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
+from scenegen.models.examples import EVERY, Examples
 from scenegen.models.layout import Layout
 from scenegen.models.selector import Selector
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.models.view import View
 
 
@@ -41,8 +42,8 @@ class ConditionedModel(SceneModel):
         spread = examples.phi.std(0, unbiased=False)
         self.label_scale = torch.where(spread > 0.0, spread, torch.ones_like(spread))
 
-    def start(self, lr: float, judge: Judge) -> None:
-        self.judge = judge
+    def start(self, lr: float, spec_loss: SpecLoss) -> None:
+        self.spec_loss = spec_loss
         self.optimisers = {"all": torch.optim.Adam(self.parameters(), lr=lr, betas=self.betas, fused=True)}
 
     def descend(self, loss: Tensor) -> None:
@@ -52,12 +53,22 @@ class ConditionedModel(SceneModel):
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
 
+    def wanted(self, batch: Examples, generator: torch.Generator) -> Tensor:
+        """phi of a batch (B, L) with NaN for the labels that the networks are not told this time."""
+        if not self.layout.partial:
+            return batch.phi
+        return torch.where(given(batch, generator), batch.phi, torch.full_like(batch.phi, math.nan))
+
     def inconsistency(self, u: Tensor, phi: Tensor, branch: Tensor) -> Tensor:
         """How far phi of made scenes u (B, C) is from what was wanted, and the branch's atom from deciding it: the mean
         of both absolute errors, summed over labels, in standard deviations of the label. The second term pulls where
-        another atom has taken over, and the first is then silent about the one that ought to decide."""
-        reached, atoms = self.judge(self.view.unit(u), branch)
-        return (((reached - phi).abs() + (atoms - phi).abs()) / self.label_scale).sum(1).mean()
+        another atom has taken over, and the first is then silent about the one that ought to decide. Labels that are
+        NaN are free."""
+        reached, atoms = self.spec_loss(self.view.unit(u), branch)
+        off = ((reached - phi).abs() + (atoms - phi).abs()) / self.label_scale
+        if self.layout.partial:
+            off = torch.where(torch.isnan(phi), torch.zeros_like(off), off)
+        return off.sum(1).mean()
 
     @abstractmethod
     def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
@@ -71,6 +82,24 @@ class ConditionedModel(SceneModel):
         features = features.expand(n, -1)
         branch = self.selector.draw(features, generator)
         return self.view.scenes(self.make(features, branch, generator), generator)
+
+
+ALONE, PAIR = 0.4, 0.4  # shares of scenes with one label given, and with two; the others have all
+
+
+def given(batch: Examples, generator: torch.Generator) -> Tensor:
+    """Which labels a network is told of each scene, (B, L) bool: the one by which the scenes were balanced, and at
+    random none, one or all of the others; all, where the scenes were balanced by all."""
+    count, labels = batch.phi.shape
+    device = batch.phi.device
+    first, other = (torch.randint(labels, (count,), generator=generator, device=device) for _ in range(2))
+    fate = torch.rand(count, generator=generator, device=device)
+    if batch.balanced is not None:
+        first = torch.where(batch.balanced >= 0, batch.balanced, first)
+        fate = torch.where(batch.balanced == EVERY, torch.ones_like(fate), fate)
+    place = torch.arange(labels, device=device)
+    some = (place == first[:, None]) | ((place == other[:, None]) & (fate >= ALONE)[:, None])
+    return some | (fate >= ALONE + PAIR)[:, None]
 
 
 def detached(**losses: Tensor) -> dict[str, Tensor]:

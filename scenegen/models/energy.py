@@ -51,12 +51,13 @@ class Energy(ConditionedModel):
         return made
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        features = self.view.features(batch.phi)
+        wanted = self.wanted(batch, generator)
+        features = self.view.features(wanted)
         x = self.view.encode(batch.x)
         one, two = (self.make(features, batch.branch, generator) for _ in range(2))
         pairs = torch.randint(x.shape[1], (2, PAIRS), generator=generator, device=x.device)
         score = 0.5 * (_distance(x, one, pairs) + _distance(x, two, pairs) - _distance(one, two, pairs)).mean()
-        off = self.inconsistency(one, batch.phi, batch.branch)
+        off = self.inconsistency(one, wanted, batch.branch)
         surprise = self.selector.loss(features, batch.branch)
         self.descend(score + self.weight * off + surprise)
         return detached(energy=score, phi=off, branch=surprise)

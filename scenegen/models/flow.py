@@ -1,22 +1,29 @@
-"""Flow matching that is learnt to be taken in one jump.
+"""Flow matching, taken in a few steps.
 
 For a scene x of the training data, a point z of the base distribution and a time s, the point (1 - s) z + s x lies on a
 straight path between them. The mean direction of all such paths through a point is a velocity field that carries the
 base distribution over into that of the scenes (Lipman et al., "Flow matching for generative modeling", ICLR 2023).
-Following it takes many small steps, because straight paths cross and the field is curved. So the same network learns
-its long jumps as well (the semigroup condition of flow maps; Frans et al., "One step diffusion via shortcut models",
-ICLR 2025; Boffi et al., "How to build a consistency model", 2025): a jump from s to t must land where two jumps, from s
-to a random time between and on to t, land. Losses, all at once from the first step on:
+Following it exactly takes many small steps, because straight paths cross and the field is curved; three by the midpoint
+rule are enough to land near the scenes of the wanted phi, and the correction (scenegen.models.correction) does the
+rest. Losses:
 
 * `velocity`: |goal(x_s, s, s) - x|^2, weighted by 1 / (1 - s)^2, that is the squared error of the velocity;
-* `jumps`: |jump(x_s, s, t) - jump(jump(x_s, s, m), m, t)|^2 with no gradient through the two, weighted alike;
-* `phi`: the inconsistency (scenegen.models.conditioned) of the scenes that jumps to t = 1 arrive at;
 * `branch`: the selector's cross-entropy.
+
+With the setting `jumps` the same network learns long jumps as well, to be taken in one (the semigroup condition of flow
+maps; Frans et al., "One step diffusion via shortcut models", ICLR 2025; Boffi et al., "How to build a consistency
+model", 2025): a jump from s to t must land where two jumps, from s to a random time between and on to t, land. That
+takes three times as long for each step of training, and of several pieces of a level set it blurs the edges:
+
+* `jumps`: |jump(x_s, s, t) - jump(jump(x_s, s, m), m, t)|^2 with no gradient through the two, weighted alike;
+* `phi`: the inconsistency (scenegen.models.conditioned) of the scenes that jumps to t = 1 arrive at.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
+from typing import ClassVar
 
 import torch
 from pydantic import Field
@@ -28,28 +35,30 @@ from scenegen.models.examples import Examples
 from scenegen.models.flowmap import FlowMap, departure
 from scenegen.models.layout import Layout
 
-JUMPS = 5.0  # weight; more of it brings coverage with one jump nearer to that with many, and costs accuracy
 LEAST = 0.2  # of time left that weights count: later errors would outweigh all else
 
 
 class FlowHyper(Hyper):
-    """`width` and `depth` of the hidden layers; `consistency`: weight of the error of phi; `steps`: jumps that a scene
-    takes when it is made (training does not depend on it)."""
+    """`width` and `depth` of the hidden layers; `jumps`: weight of the loss of long jumps, 0 to do without it;
+    `consistency`: weight of the error of phi, beside `jumps` only; `steps` that a scene takes when it is made (training
+    does not depend on it): each is one evaluation of the network with `jumps`, two without."""
 
-    width: int = Field(default=256, ge=1, le=8192)
-    depth: int = Field(default=4, ge=1, le=64)
+    width: int = Field(default=160, ge=1, le=8192)
+    depth: int = Field(default=3, ge=1, le=64)
+    jumps: float = Field(default=0.0, ge=0.0, le=1e6)
     consistency: float = Field(default=2.5, ge=0.0, le=1e6)
-    steps: int = Field(default=1, ge=1, le=1000)
+    steps: int = Field(default=3, ge=1, le=1000)
 
 
 class Flow(ConditionedModel):
     """See the module's text."""
 
     hyper_class = FlowHyper
+    before: ClassVar[Mapping[str, float]] = {"jumps": 5.0}
 
     def __init__(self, layout: Layout, hyper: FlowHyper) -> None:
         super().__init__(layout, hyper)
-        self.weight = hyper.consistency
+        self.weight, self.jumps = hyper.consistency, hyper.jumps
         self.steps = hyper.steps
         self.flow = FlowMap(layout, hyper.width, hyper.depth)
 
@@ -58,19 +67,31 @@ class Flow(ConditionedModel):
         x = departure(len(features), self.layout, generator, features.device)
         time = torch.linspace(0.0, 1.0, self.steps + 1, device=x.device)[:, None, None].expand(-1, len(x), 1)
         for start, end in pairwise(time):
-            x = self.flow.jump(x, start, end, context)
+            x = self.flow.jump(x, start, end, context) if self.jumps else self._halfway(x, start, end, context)
         return x
 
+    def _halfway(self, x: Tensor, start: Tensor, end: Tensor, context: Tensor) -> Tensor:
+        """A step with the velocity of its middle (the midpoint rule): two evaluations, an error of second order."""
+        middle = 0.5 * (start + end)
+        there = self.flow.jump(x, start, middle, context, velocity=True)
+        velocity = (self.flow.goal(there, middle, middle, context) - there) / (1.0 - middle)
+        return x + (end - start) * velocity
+
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        features = self.view.features(batch.phi)
+        wanted = self.wanted(batch, generator)
+        features = self.view.features(wanted)
         context = self.flow.context(features, batch.branch)
         x = self.view.encode(batch.x)
         z = departure(len(x), self.layout, generator, x.device)
+        surprise = self.selector.loss(features, batch.branch)
+        if not self.jumps:
+            velocity = self._velocity(z, x, context, generator)
+            self.descend(velocity + surprise)
+            return detached(velocity=velocity, branch=surprise)
         rest = len(x) // 2  # half as many velocities as jumps do, and save a fifth of the time
         velocity = self._velocity(z[rest:], x[rest:], context[rest:], generator)
-        jumps, off = self._jumps(z, x, context, batch, generator)
-        surprise = self.selector.loss(features, batch.branch)
-        self.descend(velocity + JUMPS * jumps + self.weight * off + surprise)
+        jumps, off = self._jumps(z, x, context, wanted, batch.branch, generator)
+        self.descend(velocity + self.jumps * jumps + self.weight * off + surprise)
         return detached(velocity=velocity, jumps=jumps, phi=off, branch=surprise)
 
     def _velocity(self, z: Tensor, x: Tensor, context: Tensor, generator: torch.Generator) -> Tensor:
@@ -80,7 +101,7 @@ class Flow(ConditionedModel):
         return _squared(goal - x, time)
 
     def _jumps(
-        self, z: Tensor, x: Tensor, context: Tensor, batch: Examples, generator: torch.Generator
+        self, z: Tensor, x: Tensor, context: Tensor, wanted: Tensor, branch: Tensor, generator: torch.Generator
     ) -> tuple[Tensor, Tensor]:
         """How far long jumps land from where two shorter ones do, and the inconsistency of phi where they arrive.
 
@@ -95,10 +116,10 @@ class Flow(ConditionedModel):
         middle = torch.lerp(start, end, _uniform(count, generator, x.device))
         x = torch.lerp(z, x, start)
         with torch.no_grad():
-            wanted = self.flow.jump(self.flow.jump(x, start, middle, context), middle, end, context)
+            target = self.flow.jump(self.flow.jump(x, start, middle, context), middle, end, context)
         landed = self.flow.jump(x, start, end, context)
-        off = self.inconsistency(landed[:arriving], batch.phi[:arriving], batch.branch[:arriving])
-        return _squared(landed - wanted, start), off
+        off = self.inconsistency(landed[:arriving], wanted[:arriving], branch[:arriving])
+        return _squared(landed - target, start), off
 
 
 def _uniform(count: int, generator: torch.Generator, device: torch.device) -> Tensor:

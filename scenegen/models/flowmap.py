@@ -30,7 +30,7 @@ class FlowMap(nn.Module):
         super().__init__()
         self.positions, self.angles, self.branches = len(layout.positions), len(layout.angles), layout.branches
         self.coordinates = layout.coordinates
-        inputs = layout.coordinates + 2 + 2 * layout.labels + layout.branches
+        inputs = layout.coordinates + 2 + layout.told + layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + layout.noise), SLOPE)
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -55,10 +55,11 @@ class FlowMap(nn.Module):
         lever = gate[:, positions:].repeat(1, 2)
         return torch.cat([spread, lever * x[:, positions:] + shift[:, positions:]], dim=1)
 
-    def jump(self, x: Tensor, start: Tensor, end: Tensor, context: Tensor) -> Tensor:
-        """The place at `end` of the path that leads through x at `start`, (B, C)."""
+    def jump(self, x: Tensor, start: Tensor, end: Tensor, context: Tensor, *, velocity: bool = False) -> Tensor:
+        """The place at `end` of the path that leads through x at `start`, (B, C); with `velocity`, along the straight
+        line in which it leaves."""
         part = (end - start) / (1.0 - start).clamp_min(SMALLEST)
-        return torch.lerp(x, self.goal(x, start, end, context), part)
+        return torch.lerp(x, self.goal(x, start, start if velocity else end, context), part)
 
 
 def departure(count: int, layout: Layout, generator: torch.Generator, device: torch.device) -> Tensor:

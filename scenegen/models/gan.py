@@ -63,10 +63,11 @@ class GAN(ConditionedModel):
         return made
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        features = self.view.features(batch.phi)
+        wanted = self.wanted(batch, generator)
+        features = self.view.features(wanted)
         true, made = self.view.encode(batch.x), self.make(features, batch.branch, generator)
         critic, ruling, deceit = contest(self.critic, true, made, features, batch.branch, self.penalty)
-        off = self.inconsistency(made, batch.phi, batch.branch)
+        off = self.inconsistency(made, wanted, batch.branch)
         surprise = self.selector.loss(features, batch.branch)
         self.steps = self.steps + 1
         weight = self.weight * (self.steps / self.ramp).clamp(START, 1.0)

@@ -28,7 +28,7 @@ class Generator(nn.Module):
     def __init__(self, layout: Layout, width: int, depth: int) -> None:
         super().__init__()
         self.positions, self.angles = len(layout.positions), len(layout.angles)
-        inputs = layout.noise + 2 * layout.labels + layout.branches
+        inputs = layout.noise + layout.told + layout.branches
         self.branches = layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + layout.noise), SLOPE)
 

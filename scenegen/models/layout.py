@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from scenegen.lang.core import Coord, Core, children
+from scenegen.pose import is_angle, row_count
 
 Row = Annotated[int, Field(ge=0, lt=30_000)]
 
@@ -17,7 +18,8 @@ class Layout(BaseModel):
     `positions` and `angles` are the rows of (3N, B) storage on which phi or the requirement depends. All other rows
     are free: the base distribution has them uniform whatever phi is, so nothing about them is to be learnt. `branches`
     counts the ways in which phi is decided (scenegen.models.branches). The published networks know neither and take
-    every row: they have no positions, no angles and one branch.
+    every row: they have no positions, no angles and one branch. `partial`: the network can be told some of the labels
+    only, and is told which.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -27,11 +29,12 @@ class Layout(BaseModel):
     positions: tuple[Row, ...] = ()
     angles: tuple[Row, ...] = ()
     branches: int = Field(default=1, ge=1, le=4096)
+    partial: bool = False
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
         rows = [*self.positions, *self.angles]
-        if len(set(rows)) != len(rows) or any(row >= 3 * self.objects for row in rows):
+        if len(set(rows)) != len(rows) or any(row >= row_count(self.objects) for row in rows):
             raise ValueError("a row occurs twice or is of no object")
         return self
 
@@ -39,6 +42,11 @@ class Layout(BaseModel):
     def coordinates(self) -> int:
         """Learnt coordinates of a scene: one a position, two (cosine and sine) an angle."""
         return len(self.positions) + 2 * len(self.angles)
+
+    @property
+    def told(self) -> int:
+        """Numbers by which a network is told the labels: two a label, and a third where it may be left out."""
+        return (3 if self.partial else 2) * self.labels
 
     @property
     def noise(self) -> int:
@@ -52,9 +60,10 @@ def layout_of(core: Core, branches: int = 1) -> Layout:
     return Layout(
         objects=len(core.objects),
         labels=len(core.labels),
-        positions=tuple(row for row in rows if row % 3 < 2),
-        angles=tuple(row for row in rows if row % 3 == 2),
+        positions=tuple(row for row in rows if not is_angle(row)),
+        angles=tuple(row for row in rows if is_angle(row)),
         branches=branches,
+        partial=len(core.labels) > 1,
     )
 
 

@@ -18,7 +18,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import from_json
 from torch import Tensor
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.errors.models import DAMAGED_MODEL, MODEL_VERSION, NOT_A_MODEL
 from scenegen.formats.files import read_bytes
 
 KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
@@ -44,12 +45,13 @@ def pack(format_name: str, card: str, tensors: Mapping[str, Tensor]) -> bytes:
     return safetensors.torch.save(cpu, {KEY: envelope.model_dump_json()})
 
 
-def unpack(path: Path, format_name: str, what: str) -> tuple[str, dict[str, Tensor]]:
-    """The card and the tensors of a file written by `pack`; `what` names its role ("a model file").
+def unpack(path: Path, format_name: str, what: str, data: bytes | None = None) -> tuple[str, dict[str, Tensor]]:
+    """The card and the tensors of a file written by `pack`; `what` names its role ("a model file"), `data` are its
+    bytes, if they have been read.
 
     Raises DataError for a file that is missing, damaged, not of this format or of another version of it.
     """
-    data = read_bytes(path, what, limit=LIMIT)
+    data = read_bytes(path, what, limit=LIMIT) if data is None else data
     text = _metadata(data, path, what)
     _check_format(text, path, format_name, what)
     try:
@@ -66,7 +68,7 @@ def unpack(path: Path, format_name: str, what: str) -> tuple[str, dict[str, Tens
 
 def _metadata(data: bytes, path: Path, what: str) -> str:
     """The envelope's text, read from the safetensors header: its length (8 bytes, little-endian), then JSON."""
-    foreign = Diagnostic(f"{path} is not {what}", help="name a file that `scenegen train` wrote")
+    foreign = NOT_A_MODEL(path=path, what=what)
     length = int.from_bytes(data[:8], "little")
     if len(data) < 10 or length > len(data) - 8 or data[8:9] != b"{":
         # The start of one of ours, cut short, is damage rather than a foreign file.
@@ -88,15 +90,10 @@ def _check_format(text: str, path: Path, format_name: str, what: str) -> None:
     except ValueError as error:
         raise _damaged(path, what) from error
     if not isinstance(envelope, dict) or envelope.get("format") != format_name:
-        raise DataError(Diagnostic(f"{path} is not {what}", help="name a file that `scenegen train` wrote"))
+        raise DataError(NOT_A_MODEL(path=path, what=what))
     version = envelope.get("version")
     if isinstance(version, int) and version != 1:
-        raise DataError(
-            Diagnostic(
-                f"{path} is of version {version} of the format {format_name}; this scenegen reads version 1",
-                help="update scenegen, or train the model again",
-            )
-        )
+        raise DataError(MODEL_VERSION(path=path, found=version, format=format_name))
 
 
 def read_card(kind: type[Card], text: str, path: Path, what: str) -> Card:
@@ -106,16 +103,11 @@ def read_card(kind: type[Card], text: str, path: Path, what: str) -> Card:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the card"
-        raise DataError(
-            Diagnostic(f"{path} is not {what} that can be used: {place}: {first['msg'].lower()}", help=_HELP)
-        ) from error
-
-
-_HELP = "copy it again from where it came from, or train the model again"
+        raise DataError(DAMAGED_MODEL(path=path, what=what, reason=f"{place}: {first['msg'].lower()}")) from error
 
 
 def _damaged(path: Path, what: str) -> DataError:
-    return DataError(Diagnostic(f"{path} is damaged; it is not {what} that can be used", help=_HELP))
+    return DataError(DAMAGED_MODEL(path=path, what=what))
 
 
 def _digest(card: str, tensors: Mapping[str, Tensor]) -> str:

@@ -18,7 +18,7 @@ class Selector(nn.Module):
     def __init__(self, layout: Layout) -> None:
         super().__init__()
         self.branches = layout.branches
-        self.body = Mlp((2 * layout.labels, WIDTH, WIDTH, layout.branches), 0.1)
+        self.body = Mlp((layout.told, WIDTH, WIDTH, layout.branches), 0.1)
 
     def initialise(self, generator: torch.Generator) -> None:
         self.body.initialise(generator)

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.given import whole
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.models import ARRAY_NOT_FINITE, OUTPUT_NOT_FINITE, WRONG_PHI_SHAPE
+from scenegen.errors.requests import OUT_OF_RANGE, STEPS_FIXED
+from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
 from scenegen.models.card import ModelCard
 from scenegen.models.codec import Codec
+from scenegen.models.correction import Correction
+from scenegen.validation import as_int
 
 MOST_STEPS = 1000
+BATCH = 2048  # scenes that a network makes at a time: its layers stay in cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +31,7 @@ class TrainedModel:
     model: SceneModel
     codec: Codec
     card: ModelCard
+    correction: Correction | None = None
 
     @property
     def name(self) -> str:
@@ -53,33 +60,64 @@ class TrainedModel:
     def in_steps(self, steps: int) -> TrainedModel:
         """The same network, taken in another number of steps. Raises RequestError where there is no such choice."""
         if self.steps is None:
-            title = f"a scene of the {self.name} is one evaluation of its network: there are no steps to choose"
-            raise RequestError(Diagnostic(title, help="leave the steps out, or take a flow"))
-        steps = whole("steps", steps)
+            raise RequestError(STEPS_FIXED(model=self.name))
+        steps = as_int("steps", steps)
         if not 1 <= steps <= MOST_STEPS:
-            title = f"{steps} is no number of steps"
-            raise RequestError(Diagnostic(title, help=f"choose 1 to {MOST_STEPS:,}; 1 is the fastest"))
+            wanted, hint = f"from 1 to {MOST_STEPS:,}", "1 is the fastest"
+            raise RequestError(OUT_OF_RANGE(argument="steps", value=steps, wanted=wanted, hint=hint))
         model: Any = copy.copy(self.model)  # shares the weights
         model.steps = steps
         return replace(self, model=model)
+
+    @property
+    def partial(self) -> bool:
+        """Whether labels can be left free."""
+        return self.card.sizes.partial
+
+    def asked(self, phi: Tensor, labels: Collection[str]) -> Tensor:
+        """Wanted phi (L, n) with all other labels left free, as far as the model can do that."""
+        free = [place for place, label in enumerate(self.labels) if label not in labels]
+        if not self.partial or len(free) == len(self.labels):
+            return phi
+        return phi.index_fill(0, torch.tensor(free, dtype=torch.int64), torch.nan)
+
+    def corrected(self, spec: CheckedSpec) -> TrainedModel:
+        """With the correction that belongs to the model, where one does; `spec` is the one it was trained on."""
+        if not self.card.corrected:
+            return self
+        spans = torch.tensor([high - low for low, high in self.label_ranges.values()])
+        return replace(self, correction=Correction(spec, spans))
+
+    @property
+    def network(self) -> TrainedModel:
+        """The network alone."""
+        return replace(self, correction=None)
+
+    def _made(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+        alike = phi[:, :1].expand_as(phi) if phi.shape[1] > 1 and bool(_same(phi, phi[:, :1]).all()) else phi
+        made = [self.model.sample(part.shape[1], part.T, generator) for part in torch.split(alike, BATCH, dim=1)]
+        return self.codec.decode(torch.cat(made)).cpu()
 
     @torch.no_grad()
     def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:
         """One scene per column of `phi` (L, n), labels in order, in metres and radians -> rows (3N, n) float32.
 
-        Centres lie in the workspace, theta in [0, 2 pi), phi only roughly where it was wanted. Labels outside
-        `label_ranges` reach the network as they are; what it makes of them is extrapolation. `generator` lives on the
-        model's device, and alone decides the outcome.
+        NaN leaves a label free, where the model is `partial`. Centres lie in the workspace, theta in [0, 2 pi), phi
+        only roughly where it was wanted, also after the correction. Labels outside `label_ranges` reach the network as
+        they are; what it makes of them is extrapolation. `generator` lives on the model's device, and alone decides the
+        outcome.
         """
         if phi.ndim != 2 or phi.shape[0] != len(self.card.labels):
-            raise DataError(
-                Diagnostic(
-                    f"phi has the shape {tuple(phi.shape)}; expected ({len(self.card.labels)}, n), one row a label"
-                )
-            )
-        rows = self.codec.decode(self.model.sample(phi.shape[1], phi.T, generator))
+            raise DataError(WRONG_PHI_SHAPE(found=str(tuple(phi.shape)), labels=len(self.card.labels)))
+        if not self.partial and bool(torch.isnan(phi).any()):
+            raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
+        phi = phi.to(torch.float32)
+        correction = self.correction
+        rows = self._made(phi, generator) if correction is None else correction(self._made, phi, generator)
         if not bool(torch.isfinite(rows.sum())):
-            raise DataError(
-                Diagnostic("the model's output is not finite", help="the model file is damaged; train anew")
-            )
+            raise DataError(OUTPUT_NOT_FINITE())
         return rows
+
+
+def _same(a: Tensor, b: Tensor) -> Tensor:
+    return (a == b) | (torch.isnan(a) & torch.isnan(b))

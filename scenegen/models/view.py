@@ -3,18 +3,18 @@
 A scene becomes the C coordinates that phi depends on (scenegen.models.layout): positions stretched so that the training
 data spans [-1, 1], angles as (cos, sin), which has no seam. Free coordinates are left out and drawn uniformly when a
 scene is made. A label becomes two numbers: its rank in the training data, which gives rare and crowded values equal
-room, and its place in the range; both span [-1, 1].
+room, and its place in the range; both span [-1, 1]. Of several labels any may be free: then both numbers are 0, and a
+third, 1 where the label is given, is 0 as well.
 """
 
 from __future__ import annotations
-
-import math
 
 import torch
 from torch import Tensor, nn
 
 from scenegen.models.examples import Examples
 from scenegen.models.layout import Layout
+from scenegen.pose import TWO_PI, row_count
 
 KNOTS = 65  # quantiles of a label that are kept
 NARROW = 1e-6  # of the workspace: a coordinate that varies less is as good as constant
@@ -34,9 +34,9 @@ class View(nn.Module):
 
     def __init__(self, layout: Layout) -> None:
         super().__init__()
-        self.positions, self.angles = len(layout.positions), len(layout.angles)
+        self.positions, self.angles, self.partial = len(layout.positions), len(layout.angles), layout.partial
         learnt = [*layout.positions, *layout.angles]
-        free = [row for row in range(3 * layout.objects) if row not in set(learnt)]
+        free = [row for row in range(row_count(layout.objects)) if row not in set(learnt)]
         for name, size in (("low", len(layout.positions)), ("high", len(layout.positions))):
             self.register_buffer(name, torch.empty(size, device="meta"))
         for name in ("free_low", "free_high"):
@@ -59,21 +59,27 @@ class View(nn.Module):
         self.knots = phi.sort(dim=0).values[places].T.contiguous()
 
     def features(self, phi: Tensor) -> Tensor:
-        """Labels (B, L) -> (B, 2L). Beyond the training data both numbers go on linearly."""
+        """Labels (B, L), NaN where one is free, -> (B, told). Beyond the training data the numbers go on linearly."""
         values = phi.T.contiguous()
+        given = ~torch.isnan(values)
+        if self.partial:
+            values = torch.where(given, values, self.knots[:, :1])
         upper = torch.searchsorted(self.knots, values).clamp(1, KNOTS - 1)
         below, above = self.knots.gather(1, upper - 1), self.knots.gather(1, upper)
         rank = (upper - 1 + (values - below) / (above - below).clamp_min(1e-9)) * (2.0 / (KNOTS - 1)) - 1.0
         lowest, highest = self.knots[:, :1], self.knots[:, -1:]
         place = (values - lowest) * 2.0 / (highest - lowest).clamp_min(1e-9) - 1.0
         # Between equal knots, as of a label that hardly varies, the quotient may be huge.
-        return torch.cat([rank.clamp(-3.0, 3.0), place.clamp(-9.0, 9.0)]).T
+        rank, place = rank.clamp(-3.0, 3.0), place.clamp(-9.0, 9.0)
+        if not self.partial:
+            return torch.cat([rank, place]).T
+        return torch.cat([rank * given, place * given, given.to(rank)]).T
 
     def encode(self, x: Tensor) -> Tensor:
         """Unit coordinates (B, 3N) -> (B, C)."""
         learnt = x[:, self._learnt]
         spread = (learnt[:, : self.positions] - self.low) / (self.high - self.low) * 2.0 - 1.0
-        turns = learnt[:, self.positions :] * (2.0 * math.pi)
+        turns = learnt[:, self.positions :] * TWO_PI
         return torch.cat([spread, torch.cos(turns), torch.sin(turns)], dim=1)
 
     def unit(self, u: Tensor, free: Tensor | None = None) -> Tensor:
@@ -84,7 +90,7 @@ class View(nn.Module):
         count, angles = len(u), self.angles
         x = (u[:, : self.positions] + 1.0) * (0.5 * (self.high - self.low)) + self.low
         cosine, sine = u[:, self.positions : self.positions + angles], u[:, self.positions + angles :]
-        turns = torch.atan2(sine, cosine) / (2.0 * math.pi)
+        turns = torch.atan2(sine, cosine) / TWO_PI
         turns = turns + (turns < 0.0)
         rest = (
             u.new_zeros(count, len(self.free_low)) if free is None else torch.lerp(self.free_low, self.free_high, free)

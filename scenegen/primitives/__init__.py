@@ -1,4 +1,4 @@
-"""Scalar primitives of the language: each written once, over any array namespace, beside its unit and interval rule."""
+"""Scalar primitives of the language: each written once, for any array namespace, with its unit and interval rule."""
 
 from scenegen.primitives.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.primitives.interval import Interval

@@ -1,10 +1,10 @@
-"""Contraction: what the arguments of a primitive can still be, given what its result is wanted to be.
+"""Contraction: the remaining intervals of a primitive's arguments, given a target interval for its result.
 
 One rule for each primitive, as in HC4-revise (Benhamou et al. 1999, "Revising hull and box consistency"). A rule gets
-the wanted interval of the result, then the current intervals of the arguments: arrays that broadcast together, one
-element per box. It returns an interval for each argument that lies within the current one and holds every value that
-takes part in a solution: arguments within their intervals whose *computed* result (in float64, by any namespace) lies
-within the wanted one. An empty interval has lo > hi and is not raised; a rule promises nothing for empty input. An end
+the target interval of the result, then the current intervals of the arguments: arrays that broadcast together, one
+element per box. It returns an interval for each argument that lies within the current one and contains every value that
+is part of a solution: arguments within their intervals whose *computed* result (in float64, by any namespace) lies
+within the target. An empty interval has lo > hi and is not an error; for empty input the result is undefined. An end
 that cannot be computed (infinity minus infinity) is NaN, and NaN narrows nothing.
 """
 
@@ -15,9 +15,11 @@ from collections.abc import Callable
 from functools import wraps
 
 import numpy as np
+import numpy.typing as npt
 
+from scenegen.pose import TWO_PI
 from scenegen.primitives import interval as iv
-from scenegen.primitives.interval import TWO_PI, Array, Interval
+from scenegen.primitives.interval import Array, Interval
 
 EPS = 8 * 2.0**-53  # a few roundings, relative
 TINY = 2.0**-1022  # what underflow can lose
@@ -27,7 +29,7 @@ Rule = Callable[..., Intervals]
 
 
 def quiet(rule: Rule) -> Rule:
-    """Infinite ends are ordinary here: their overflow and NaN are not worth a warning."""
+    """Infinite ends are normal here: suppress warnings about overflow and NaN."""
 
     @wraps(rule)
     def silent(*args: object) -> Intervals:
@@ -39,6 +41,12 @@ def quiet(rule: Rule) -> Rule:
 
 def size(*parts: Interval) -> Array:
     """The sum of the magnitudes of all finite ends: what the rounding error is relative to."""
+    whole: Array = np.zeros(())
+    for part in parts:
+        whole = whole + np.abs(part.lo)
+        whole = whole + np.abs(part.hi)
+    if np.isfinite(whole).all():  # nearly always, and half the work
+        return whole
     magnitude: Array = np.zeros(())
     for part in parts:
         for end in part:
@@ -47,7 +55,7 @@ def size(*parts: Interval) -> Array:
 
 
 def meet(a: Interval, other: Interval) -> Interval:
-    """The intersection; an end of `other` that is NaN says nothing."""
+    """The intersection; NaN ends of `other` are ignored."""
     return Interval(np.fmax(a.lo, other.lo), np.fmin(a.hi, other.hi))
 
 
@@ -84,7 +92,7 @@ def mul(result: Interval, a: Interval, b: Interval) -> Intervals:
 
 @quiet
 def div(result: Interval, a: Interval, b: Interval) -> Intervals:
-    """The divisor is a constant other than 0 (the checker sees to that)."""
+    """The divisor is a constant other than 0 (guaranteed by the checker)."""
     wanted = iv.loosen(result, EPS * size(result) + TINY)
     product = iv.mul(wanted, b)
     return meet(a, iv.loosen(product, EPS * size(product) + TINY)), b
@@ -103,7 +111,7 @@ def absolute(result: Interval, a: Interval) -> Intervals:
 
 
 def minimum(result: Interval, *parts: Interval) -> Intervals:
-    """Every part is at least the result; where one alone can be that small, it is the result."""
+    """Every part is at least the result; if only one can be that small, it equals the result."""
     can = [part.lo <= result.hi for part in parts]
     count = np.sum(np.broadcast_arrays(*can), axis=0)
     return tuple(
@@ -132,9 +140,26 @@ def mean(result: Interval, *parts: Interval) -> Intervals:
     return total(iv.loosen(Interval(count * result.lo, count * result.hi), EPS * count * size(result) + TINY), *parts)
 
 
+def pick(result: Interval, switch: Interval, end: Interval, before: Interval, after: Interval) -> Intervals:
+    """A side that the result rules out takes its part of the switch with it; the side that is left is the result."""
+    early = (switch.lo < end.hi) & (before.lo <= result.hi) & (before.hi >= result.lo)
+    late = (switch.hi >= end.lo) & (after.lo <= result.hi) & (after.hi >= result.lo)
+    every = Interval(np.full((), -np.inf), np.full((), np.inf))
+
+    def side(part: Interval, other: npt.NDArray[np.bool_]) -> Interval:
+        met = meet(part, result)
+        return Interval(np.where(other, part.lo, met.lo), np.where(other, part.hi, met.hi))
+
+    left = Interval(np.where(early, every.lo, end.lo), np.where(late, every.hi, end.hi))
+    none = ~(early | late)
+    switch = meet(switch, Interval(np.where(none, np.inf, left.lo), np.where(none, -np.inf, left.hi)))
+    return switch, end, side(before, late), side(after, early)
+
+
 @quiet
 def wrap(result: Interval, a: Interval) -> Intervals:
-    """a is the result and any number of turns: the first and the last that a's interval meets are its new ends."""
+    """a is the result plus any number of full turns: the first and the last that a's interval contains are its new
+    ends."""
     slack, half = 2 * EPS * (size(a) + TWO_PI), np.full((), math.pi)
     wanted = meet(iv.loosen(result, slack), iv.loosen(Interval(-half, half), slack))
     first, last = np.ceil((a.lo - wanted.hi) / TWO_PI), np.floor((a.hi - wanted.lo) / TWO_PI)
@@ -142,7 +167,7 @@ def wrap(result: Interval, a: Interval) -> Intervals:
 
 
 def _factor(wanted: Interval, a: Interval, b: Interval) -> Interval:
-    """What is left of `a` where a * b lies in `wanted`: a quotient for each sign that b can have."""
+    """The remaining interval of `a` if a * b lies in `wanted`: a quotient for each sign that b can have."""
     # Adding 0.0 turns -0.0, whose quotients have the wrong sign, into 0.0.
     positive = Interval(np.maximum(b.lo, 0.0) + 0.0, b.hi + 0.0)
     negative = Interval(np.maximum(-b.hi, 0.0) + 0.0, -b.lo + 0.0)
@@ -164,13 +189,13 @@ def _quotient(wanted: Interval, b: Interval) -> Interval:
 
 
 def _either_sign(result: Interval, a: Interval) -> Interval:
-    """What is left of `a` where abs(a) lies in `result`."""
+    """The remaining interval of `a` if abs(a) lies in `result`."""
     least = np.maximum(result.lo, 0.0)
     return hull(meet(a, Interval(least, result.hi)), meet(a, Interval(-result.hi, -least)))
 
 
 def _leg(result: Interval, leg: Interval, other: Interval) -> Interval:
-    """What is left of one leg of a right-angled triangle whose hypotenuse lies in `result`."""
+    """The remaining interval of one leg of a right-angled triangle whose hypotenuse lies in `result`."""
     across = iv.absolute(other)
     least, most = np.maximum(result.lo, 0.0), result.hi
     # The slack is on the squares: their difference cancels, and its root can be far larger than its rounding error.

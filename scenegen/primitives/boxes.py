@@ -48,7 +48,6 @@ def _outline(ns: Namespace, box: Box, other: tuple[Any, Any, Any, Any], x: Any, 
     x, y = ns.absolute(x), ns.absolute(y)
     across_x, across_y = x - (reach_x + half_length), y - (reach_y + half_width)
     along_x, along_y = ns.copysign(y, side) - off_x, ns.copysign(x, side) - off_y
-    past_x = along_x - ns.clip(along_x, -half_width, half_width)
-    past_y = along_y - ns.clip(along_y, -half_length, half_length)
+    past_x, past_y = ns.beyond(along_x, half_width), ns.beyond(along_y, half_length)
     square = ns.minimum(across_x * across_x + past_x * past_x, across_y * across_y + past_y * past_y)
     return ns.maximum(across_x, across_y), square

@@ -1,7 +1,7 @@
 """Clearance, room, reach and bearing of footprints on the table.
 
-Poses are numbers of the namespace, floats or arrays that broadcast; footprints are constants. All values are exact but
-for rounding: plain floats and numpy differ by no more than the last bits of sin, cos and atan2 make.
+Poses are numbers of the namespace, floats or arrays that broadcast; footprints are constants. All values are exact up
+to rounding: plain floats and numpy differ only by the effect of the last bits of sin, cos and atan2.
 
 With h the support function of a convex set, the signed clearance of A and B is the maximum over all directions n of
 -h_A(n) - h_B(-n): the signed distance of the origin from their Minkowski difference (Cameron and Culley 1986). For
@@ -24,7 +24,8 @@ Pairs = list[tuple[Any, Any]]
 def gap(
     ns: Namespace, a: Footprint, b: Footprint, ax: Any, ay: Any, a_theta: Any, bx: Any, by: Any, b_theta: Any
 ) -> Any:
-    """The distance of two footprints; minus the smallest translation that parts them where they overlap; in metres."""
+    """The distance of two footprints; if they overlap, minus the smallest translation that separates them; in
+    metres."""
     dx, dy = bx - ax, by - ay
     if isinstance(a, Circle):
         if isinstance(b, Circle):
@@ -45,8 +46,9 @@ def gap(
 def room(
     ns: Namespace, a: Footprint, b: Footprint, ax: Any, ay: Any, a_theta: Any, bx: Any, by: Any, b_theta: Any
 ) -> Any:
-    """How far a's footprint stays inside b's: the smallest slack to b's boundary (to the lines through its edges, where
-    b is a polygon), negative by how far a sticks out; in metres. At least 0 if and only if a lies in b."""
+    """How far a's footprint stays inside b's: the smallest slack to b's boundary (if b is a polygon, to the lines
+    through its edges); if a extends beyond b, minus the distance by which it does; in metres. At least 0 if and only if
+    a lies in b."""
     dx, dy = ax - bx, ay - by
     if isinstance(b, Circle):
         if isinstance(a, Circle):
@@ -74,7 +76,7 @@ def reach(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, heading: 
 
 def bearing(ns: Namespace, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     """The direction of b seen from a, in (-pi, pi]; 0 where they coincide."""
-    # x - y is -0.0 for the zeros -0.0 and 0.0, and atan2 tells them apart.
+    # x - y is -0.0 for the zeros -0.0 and 0.0, and atan2 distinguishes them.
     return ns.atan2(by - ay + 0.0, bx - ax + 0.0)
 
 
@@ -100,8 +102,7 @@ def _half_diagonals(box: Box, cos: Any, sin: Any) -> Pairs:
 
 def _square(ns: Namespace, box: Box, x: Any, y: Any) -> Any:
     """The squared distance of a point from a box, in the box's frame."""
-    x = x - ns.clip(x, -box.length / 2.0, box.length / 2.0)
-    y = y - ns.clip(y, -box.width / 2.0, box.width / 2.0)
+    x, y = ns.beyond(x, box.length / 2.0), ns.beyond(y, box.width / 2.0)
     return x * x + y * y
 
 

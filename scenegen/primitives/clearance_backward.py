@@ -1,6 +1,6 @@
 """Backward rules of gap and room (see scenegen.primitives.backward): they narrow positions; headings stay as they are.
 
-A bound that holds in one direction, along x or y, or for the discs around and inside the footprints, is turned round.
+They invert bounds that hold in one direction, along x or y, or for the discs around and inside the footprints.
 """
 
 from __future__ import annotations

@@ -22,8 +22,9 @@ from scenegen.primitives.interval import Array, Interval
 from scenegen.primitives.namespace import NUMPY
 from scenegen.primitives.outline import Measures, half_width, measures
 
-ERROR = 2.0**-46  # 128 roundings: more than a value and its bound take together, relative to all lengths that enter
+ERROR = 2.0**-46  # 128 roundings: more than in a value and its bound together, relative to all lengths involved
 DIRECTIONS = 8
+ANGLES = tuple(k * (2.0 * math.pi / DIRECTIONS) for k in range(DIRECTIONS))
 
 
 def gap(
@@ -60,7 +61,7 @@ def room(
     ends, middle = _at_corners(clearance.room, a, b, dx, dy, a_mid, b_mid, flip=True)
     bound = narrow(bound, ends.min(0) - turn, middle + spread(dx, dy) + turn)
     slack = mitred(other, within(dx, dy, at, bt, a, b, directions(bound.lo)).min(0))
-    # Whatever the poses: b with its border moved in by the room still holds the disc in a, so it is that wide.
+    # For all poses: b, shrunk by the room, still contains the disc in a, so it is that wide.
     slack = np.minimum(slack, half_width(b) - max(one.inner, 0.0))
     return iv.loosen(narrow(bound, -math.inf, slack), rounding(one, other, ax, ay, at, bx, by, bt))
 
@@ -74,7 +75,7 @@ def reach(a: Footprint, ax: Interval, ay: Interval, at: Interval, heading: Inter
 
 
 def bearing(ax: Interval, ay: Interval, bx: Interval, by: Interval) -> Interval:
-    """The arc between the corners of the box of differences; the whole circle where that box holds the origin or
+    """The arc between the corners of the box of differences; the whole circle if that box contains the origin or
     crosses the jump at pi."""
     dx, dy = iv.sub(bx, ax), iv.sub(by, ay)
     dx, dy = (Interval(side.lo + 0.0, side.hi + 0.0) for side in (dx, dy))  # no -0.0, see clearance.bearing
@@ -89,7 +90,7 @@ def bearing(ax: Interval, ay: Interval, bx: Interval, by: Interval) -> Interval:
 
 
 def support(a: Footprint, angle: Interval) -> Interval:
-    """The support function over an arc, in the footprint's own frame and but for rounding."""
+    """The support function over an arc, in the footprint's own frame, up to rounding."""
     size = measures(a)
     middle, half = split(angle)
     value = clearance.reach(NUMPY, a, 0.0, 0.0, 0.0, middle)
@@ -100,24 +101,24 @@ def support(a: Footprint, angle: Interval) -> Interval:
 
 def directions(like: Array) -> Array:
     """Angles all around, along a new first axis before those of `like`."""
-    angles: Array = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
-    return angles.reshape(-1, *(1 for _ in np.shape(like)))
+    return np.array(ANGLES).reshape(DIRECTIONS, *(1,) * np.ndim(like))
 
 
 def apart(dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array) -> Array:
-    """For each direction, how far b lies beyond a at the least; no gap is smaller. But for rounding."""
+    """For each direction, a lower bound of how far b lies beyond a, and so of the gap, up to rounding."""
     along = _least_along(dx, dy, angles)
     return along - support(a, iv.sub(_points(angles), at)).hi - support(b, iv.sub(_points(angles + math.pi), bt)).hi
 
 
 def within(dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array) -> Array:
-    """For each direction, how much farther than a b reaches at the most, for a at (dx, dy) from b. But for rounding."""
+    """For each direction, an upper bound of how much farther b extends than a, for a at (dx, dy) from b, up to
+    rounding."""
     along = _least_along(dx, dy, angles)
     return support(b, iv.sub(_points(angles), bt)).hi - support(a, iv.sub(_points(angles), at)).lo - along
 
 
 def mitred(b: Measures, slack: Array) -> Array:
-    """The most that room can be where b reaches `slack` farther than a in some direction.
+    """An upper bound of room if b extends `slack` farther than a in some direction.
 
     Edges alone make room, and between the normals of two edges a negative slack is up to `mitre` times theirs.
     """
@@ -149,7 +150,7 @@ def rounding(
 
 
 def narrow(a: Interval, lo: Array | float, hi: Array | float) -> Interval:
-    """`a` cut to [lo, hi]; ends that are NaN say nothing."""
+    """`a` cut to [lo, hi]; NaN ends are ignored."""
     return Interval(np.fmax(a.lo, lo), np.fmin(a.hi, hi))
 
 
@@ -175,8 +176,9 @@ def _at_corners(
 ) -> tuple[Array, Array]:
     """Values at the four corners of the box of translations, (4, ...), and at its midpoint, for given headings."""
     shape = np.broadcast_shapes(np.shape(dx.lo), np.shape(dy.lo), np.shape(at), np.shape(bt))
-    x = np.stack([np.broadcast_to(end, shape) for end in (dx.lo, dx.lo, dx.hi, dx.hi, split(dx)[0])])
-    y = np.stack([np.broadcast_to(end, shape) for end in (dy.lo, dy.hi, dy.lo, dy.hi, split(dy)[0])])
+    x, y = np.empty((5, *shape)), np.empty((5, *shape))
+    x[:2], x[2:4], x[4] = dx.lo, dx.hi, split(dx)[0]
+    y[:3:2], y[1:4:2], y[4] = dy.lo, dy.hi, split(dy)[0]
     here, there = ((x, y), (0.0, 0.0)) if flip else ((0.0, 0.0), (x, y))
     values = function(NUMPY, a, b, *here, at, *there, bt)
     return values[:4], values[4]

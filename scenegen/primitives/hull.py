@@ -16,7 +16,7 @@ def convex_hull(points: Iterable[Point]) -> Polygon:
     """The smallest convex polygon around points in metres, counter-clockwise from the lowest of the leftmost, without
     corners that lie on a straight edge (monotone chain, Andrew 1979).
 
-    Raises ValueError where fewer than three points are distinct or all lie on one line.
+    Raises ValueError if fewer than three points are distinct or all lie on one line.
     """
     ordered = sorted(set(points))
     lower, upper = _chain(ordered), _chain(ordered[::-1])
@@ -67,7 +67,7 @@ def centroid(polygon: Polygon) -> Point:
 
 
 def clipped(points: Sequence[Point], within: Rectangle) -> tuple[Point, ...]:
-    """The corners of what a convex polygon and a rectangle share, none where that is nothing (Sutherland and Hodgman
+    """The corners of the intersection of a convex polygon and a rectangle, none if it is empty (Sutherland and Hodgman
     1974)."""
     ring = list(points)
     for axis, sign, edge in ((0, 1.0, within[0]), (1, 1.0, within[1]), (0, -1.0, within[2]), (1, -1.0, within[3])):

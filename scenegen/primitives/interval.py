@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import TWO_PI
+
 Array = npt.NDArray[np.float64]
-TWO_PI = 2.0 * math.pi
 
 
 class Interval(NamedTuple):
@@ -56,7 +57,7 @@ def mul(a: Interval, b: Interval) -> Interval:
 
 
 def div(a: Interval, b: Interval) -> Interval:
-    """a / b for a divisor that is a constant other than 0 (the checker sees to that)."""
+    """a / b for a divisor that is a constant other than 0 (guaranteed by the checker)."""
     ends = (a.lo / b.lo, a.hi / b.lo)
     return Interval(np.minimum(*ends), np.maximum(*ends))
 
@@ -88,6 +89,15 @@ def mean(*parts: Interval) -> Interval:
     return div(total(*parts), point(len(parts)))
 
 
+def pick(switch: Interval, end: Interval, before: Interval, after: Interval) -> Interval:
+    """`before` where the switch is below the end, and `after` elsewhere."""
+    early, late = switch.lo < end.hi, switch.hi >= end.lo
+    return Interval(
+        np.where(early & late, np.minimum(before.lo, after.lo), np.where(late, after.lo, before.lo)),
+        np.where(early & late, np.maximum(before.hi, after.hi), np.where(late, after.hi, before.hi)),
+    )
+
+
 def hypot(a: Interval, b: Interval) -> Interval:
     a, b = absolute(a), absolute(b)
     return Interval(np.sqrt(a.lo * a.lo + b.lo * b.lo), np.sqrt(a.hi * a.hi + b.hi * b.hi))
@@ -96,7 +106,7 @@ def hypot(a: Interval, b: Interval) -> Interval:
 def wrap(a: Interval) -> Interval:
     """To (-pi, pi]: exact where the interval does not cross an odd multiple of pi, the whole circle where it does."""
     turns_lo, turns_hi = np.ceil((a.lo - math.pi) / TWO_PI), np.ceil((a.hi - math.pi) / TWO_PI)
-    # Rounding may put a value that is a hair from the jump on its other side: stay away from the jump.
+    # Rounding may move a value across the jump: keep a distance from it.
     room = 8 * np.spacing(np.maximum(np.maximum(np.abs(a.lo), np.abs(a.hi)), math.pi))
     lo, hi = a.lo - TWO_PI * turns_lo - room, a.hi - TWO_PI * turns_hi + room
     whole = (turns_lo != turns_hi) | (lo <= -math.pi) | (hi >= math.pi)

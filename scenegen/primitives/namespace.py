@@ -1,8 +1,8 @@
 """The functions a primitive may use, for plain floats and for numpy arrays (torch's are in scenegen.robustness).
 
-All three round alike, operation by operation, so that the scalar interpreter and numpy give the same bits but for sin,
-cos and atan2, whose last bit is the library's. So does torch, but for its sqrt as well: on large batches it may be off
-by one unit in the last place.
+All three round each operation alike, so the scalar interpreter and numpy give the same bits, except for sin, cos and
+atan2, whose last bit depends on the library. torch does, too, except that its sqrt may be off by one unit in the last
+place on large batches.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ class Namespace(Protocol):
         """The number nearest to `a` between two constants."""
         ...
 
+    def beyond(self, a: Any, half: float) -> Any:
+        """How far `a` lies outside of [-half, half], with its sign or without; 0 inside."""
+        ...
+
     def sign(self, a: Any) -> Any:
         """1.0 or -1.0; of zero, either. Without a gradient."""
         ...
@@ -67,6 +71,10 @@ def _math_hypot(a: float, b: float) -> float:
 
 def _math_clip(a: float, lowest: float, highest: float) -> float:
     return min(max(a, lowest), highest)
+
+
+def _math_beyond(a: float, half: float) -> float:
+    return a - _math_clip(a, -half, half)
 
 
 def _math_where(condition: bool, a: float, b: float) -> float:
@@ -105,6 +113,10 @@ def _numpy_clip(a: Any, lowest: float, highest: float) -> Any:
     return np.minimum(np.maximum(a, lowest), highest)
 
 
+def _numpy_beyond(a: Any, half: float) -> Any:
+    return a - _numpy_clip(a, -half, half)
+
+
 class _Math:
     """Plain Python floats: the oracle of the tests."""
 
@@ -120,6 +132,7 @@ class _Math:
     hypot = staticmethod(_math_hypot)
     atan2 = staticmethod(math.atan2)
     clip = staticmethod(_math_clip)
+    beyond = staticmethod(_math_beyond)
     sign = staticmethod(_math_sign)
     copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
@@ -140,6 +153,7 @@ class _Numpy:
     hypot = staticmethod(_numpy_hypot)
     atan2 = staticmethod(np.arctan2)
     clip = staticmethod(_numpy_clip)
+    beyond = staticmethod(_numpy_beyond)
     sign = staticmethod(_numpy_sign)
     copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
@@ -150,12 +164,12 @@ NUMPY: Namespace = _Numpy()
 
 
 class Turning:
-    """A namespace that works out the sine and cosine of each of the `angles` once, however many footprints turn by it.
-    The values are the same bits; an angle is known by being the same object."""
+    """A namespace that computes the sine and cosine of each of the `angles` only once, for any number of footprints.
+    The values are bit for bit the same; angles are identified by object identity."""
 
     def __init__(self, of: Namespace, angles: Iterable[Any] = ()) -> None:
         self._of = of
-        self._angles: dict[int, Any] = {}  # kept: an id is good for as long as its object lives
+        self._angles: dict[int, Any] = {}  # keeps the objects alive, so that their ids stay valid
         self._known: dict[tuple[str, int], Any] = {}
         for angle in angles:
             self.keep(angle)
@@ -164,11 +178,11 @@ class Turning:
         return getattr(self._of, name)
 
     def keep(self, angle: Any) -> None:
-        """From now on, the angle's sine and cosine are kept."""
+        """From now on, the angle's sine and cosine are cached."""
         self._angles[id(angle)] = angle
 
     def drop(self, angle: Any) -> None:
-        """The angle is not needed any more, nor are its sine and cosine."""
+        """Drops the angle with its sine and cosine."""
         if self._angles.pop(id(angle), None) is not None:
             for function in ("sin", "cos", "turn"):
                 self._known.pop((function, id(angle)), None)

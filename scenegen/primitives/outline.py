@@ -1,4 +1,4 @@
-"""What the clearance of footprints needs to know of one footprint: constants, worked out once."""
+"""Constants of one footprint for computing clearance, computed once."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from scenegen.pose import TWO_PI
 from scenegen.primitives import backward as back
 from scenegen.primitives import clearance, clearance_backward, clearance_bounds
 from scenegen.primitives import interval as iv
@@ -17,8 +18,6 @@ from scenegen.primitives.backward import Rule
 from scenegen.primitives.interval import Interval
 from scenegen.primitives.namespace import Namespace
 from scenegen.primitives.units import ANGLE, BARE, LENGTH, Unit, agree, over, times
-
-TWO_PI = 2.0 * math.pi
 
 Shape = Literal["number", "place", "footprint"]
 """What an argument is in the language. A place (an object or a point) reaches the primitive as two numbers, x and y; a
@@ -32,7 +31,8 @@ class Primitive:
 
     evaluate(ns, *shapes, *numbers) computes it over the namespace `ns`; interval(*shapes, *intervals) bounds it;
     unit(*units) gives the result's unit from one unit per argument (that of a place or footprint is LENGTH) or raises
-    UnitMismatch. `operator` is set for those written infix.
+    UnitMismatch. `operator` is set for those written infix; specs cannot
+    call those that are `hidden`.
     backward(*shapes, wanted, *intervals) narrows the intervals of the arguments to what the wanted interval of the
     result leaves, see scenegen.primitives.backward; None: the arguments stay as they are.
     """
@@ -46,6 +46,7 @@ class Primitive:
     variadic: bool = False
     operator: str = ""
     backward: Rule | None = None
+    hidden: bool = False
 
 
 def _wrap(ns: Namespace, a: Any) -> Any:
@@ -188,6 +189,16 @@ PRIMITIVES: dict[str, Primitive] = {
             "the mean of all arguments",
             variadic=True,
             backward=back.mean,
+        ),
+        Primitive(
+            "pick",
+            ("number", "number", "number", "number"),
+            lambda ns, switch, end, before, after: ns.where(switch < end, before, after),
+            iv.pick,
+            lambda switch, end, before, after: agree(before, after),
+            "one number where the switch of a choice is below an end, another elsewhere",
+            hidden=True,
+            backward=back.pick,
         ),
         Primitive("sin", ("number",), lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle"),
         Primitive("cos", ("number",), lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle"),

@@ -37,7 +37,7 @@ class Unit:
 
     @property
     def words(self) -> str:
-        """The unit as people say it."""
+        """The unit as text."""
         known = {LENGTH: "a length", ANGLE: "an angle", BARE: "a plain number", Unit(2, 0): "an area"}
         return known.get(self, f"a quantity in {self}")
 
@@ -56,7 +56,7 @@ class UnitMismatch(Exception):  # noqa: N818 - a signal between primitives and t
 
 
 def agree(*units: Unit) -> Unit:
-    """The common unit of numbers that are added or compared. Raises UnitMismatch where there is none."""
+    """The common unit of numbers that are added or compared. Raises UnitMismatch if there is none."""
     result = BARE
     for unit in units:
         if unit == BARE:

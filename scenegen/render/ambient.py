@@ -1,7 +1,8 @@
-"""The light of the whole sky: corners and the table beside things get less of it, so that things sit on the table.
+"""Ambient light from the sky: corners and the table beside objects get less of it, so that objects look placed on the
+table.
 
-Seen straight from above, the scene is a landscape of heights. Blurred over a distance `r`, it says how high the
-surroundings of a point are; where those are `h` higher, they hide the share h^2 / (h^2 + r^2) of the sky from it.
+Seen from above, the scene is a height map. Blurred over a distance `r`, it gives the height of a point's surroundings;
+if these are `h` higher than the point, they hide the share h^2 / (h^2 + r^2) of the sky from it.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ import numpy as np
 
 from scenegen.render.camera import Camera, Floats, downwards
 from scenegen.render.picture import Image, Rows
-from scenegen.render.stage import Stage
+from scenegen.scene.stage import Stage
 
-MAP = 512  # pixels along a side of the landscape
-SCALES = ((0.008, 0.40), (0.025, 0.35), (0.065, 0.25))  # distances in metres, and how much each counts
-STEEPEST = 3.0  # what is higher than so many distances hides no more for it
+MAP = 512  # pixels along a side of the height map
+SCALES = ((0.008, 0.40), (0.025, 0.35), (0.065, 0.25))  # distances in metres, and their weights
+STEEPEST = 3.0  # surroundings higher than so many distances hide no more
 BIAS = 0.001  # metres; lower steps hide nothing
 
 
@@ -42,7 +43,7 @@ class Ambient:
         self._texel = 2.0 / float(matrix[1, 1]) / MAP, 2.0 / float(matrix[0, 0]) / MAP  # metres, by rows and columns
 
     def landscape(self, buffer: Image) -> Sequence[Image]:
-        """The surroundings' height, blurred over every scale, from the landscape's depth buffer."""
+        """The surroundings' height, blurred over every scale, from the height map's depth buffer."""
         heights = np.maximum(np.float32(-self.camera.view[2, 3]) - self.camera.depth(buffer), np.float32(0.0))
         blurred = []
         for reach, _ in SCALES:

@@ -1,7 +1,7 @@
 """Cameras: view and projection matrices, and where a point of the table falls in a picture.
 
 World: metres, x to the right, y away from the viewer, z up. Pictures: (0, 0) is the upper left corner, x grows to the
-right and y downwards, in pixels. Nothing else in scenegen turns one into the other.
+right and y downwards, in pixels. All conversions between the two are here.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 VIEWS = ("top", "perspective", "front", "three-quarter")
-USUAL = ("top", "perspective")  # what is drawn where nothing else is asked for
+USUAL = ("top", "perspective")  # the default views
 
 FIELD = math.radians(32.0)  # height of a picture in perspective, as an angle
 # Where cameras in perspective stand: degrees to the right of the viewer's side, and down from the horizontal.
 PLACES = {"perspective": (0.0, 50.0), "front": (0.0, 24.0), "three-quarter": (38.0, 36.0)}
-ROOM = 0.955  # share of the picture that what is framed may fill
+ROOM = 0.955  # share of the picture that the framed points may fill
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +59,14 @@ class Camera:
         return Camera(self.view, self.projection, size)
 
     def centred(self) -> Camera:
-        """The camera whose pixels, sampled at their lower left corners, show this one's pixels at their centres."""
+        """The camera whose pixels, sampled at their lower left corners, equal this camera's pixels sampled at their
+        centres."""
         shift = np.eye(4)
         shift[:2, 3] = -1.0 / self.size[0], -1.0 / self.size[1]
         return Camera(self.view, shift @ self.projection, self.size)
 
     def rays(self, columns: npt.ArrayLike, rows: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Origins and directions, (..., 3) each, of the lines seen at pixels; depth 1 is one direction further on."""
+        """Origins and directions, (..., 3) each, of the rays of pixels; depth 1 is origin plus direction."""
         ndc_x = 2.0 * np.asarray(columns, dtype=np.float64) / self.size[0] - 1.0
         ndc_y = 1.0 - 2.0 * np.asarray(rows, dtype=np.float64) / self.size[1]
         right, up, back = self.view[:3, :3]
@@ -77,14 +78,14 @@ class Camera:
         return np.broadcast_to(eye, slope.shape), slope - back
 
     def depth(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Distance along the view direction, in metres, of pybullet's depth buffer, which it fills by the formula for
-        perspective whatever the projection is."""
+        """Distance along the view direction, in metres, from pybullet's depth buffer, which pybullet fills by the
+        formula for perspective for any projection."""
         near, far = self._planes()
         return np.asarray(1.0 / (near - buffer * np.float32(near - far)), dtype=np.float32)
 
     def for_card(self) -> Floats:
-        """The projection for a graphics card, whose depth without perspective is what it should be, linear, and which
-        samples pixels in their middle."""
+        """The projection for a graphics card, whose depth without perspective is linear, as it should be, and which
+        samples pixels at their centres."""
         projection = self.projection.copy()
         if self.orthographic:
             near, far = (1.0 / plane for plane in self._planes())
@@ -94,7 +95,7 @@ class Camera:
         return np.asarray(shift @ projection)
 
     def from_card(self, buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """A card's depth buffer as the software renderer would have filled it."""
+        """Converts a card's depth buffer to that of the software renderer."""
         if not self.orthographic:
             return buffer
         near, far = self._planes()
@@ -102,7 +103,7 @@ class Camera:
         return np.asarray((near - 1.0 / depth) / (near - far), dtype=np.float32)
 
     def _planes(self) -> tuple[float, float]:
-        """Reciprocals of the distances, in metres, of what is nearest and farthest in the picture."""
+        """Reciprocals of the distances, in metres, of the near and far planes."""
         scale, offset = float(self.projection[2, 2]), float(self.projection[2, 3])
         return (scale - 1.0) / offset, (scale + 1.0) / offset
 
@@ -112,7 +113,7 @@ def _orthographic(half_width: float, half_height: float, near: float, far: float
         [
             [1.0 / half_width, 0.0, 0.0, 0.0],
             [0.0, 1.0 / half_height, 0.0, 0.0],
-            # pybullet reads the planes from this row by the formula for perspective, whatever the last row says.
+            # pybullet computes the planes from this row by the formula for perspective, and ignores the last row.
             [0.0, 0.0, -(far + near) / (far - near), -2.0 * far * near / (far - near)],
             [0.0, 0.0, 0.0, 1.0],
         ]
@@ -140,7 +141,7 @@ def _view(eye: Floats, right: Floats, up: Floats, forward: Floats) -> Floats:
 def downwards(low: Sequence[float], high: Sequence[float], size: tuple[int, int], shear: Sequence[float]) -> Camera:
     """Straight down on the rectangle from (x, y) `low` to `high`, x to the right and y up.
 
-    `shear` slides what is at height z by z * shear, as a slanting light slides shadows. It sees heights from minus one
+    `shear` shifts points at height z by z * shear, as slanting light shifts shadows. Visible heights are from minus one
     to plus three times the rectangle's longer side.
     """
     width, height = high[0] - low[0], high[1] - low[1]
@@ -171,7 +172,8 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
     ahead = points @ forward
 
     def fit(axis: Floats, tangent: float) -> tuple[float, float]:
-        # Every point inside the view's two planes on this axis: how far back the eye must be, and where along the axis.
+        # All points between the view's two planes of this axis: this gives the eye's distance and its place on the
+        # axis.
         along = points @ axis
         above, below = float((along - tangent * ahead).max()), float((-along - tangent * ahead).max())
         return -(above + below) / (2.0 * tangent), (above - below) / 2.0

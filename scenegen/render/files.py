@@ -18,8 +18,8 @@ STEP = 1e-4  # metres: the unit of depth in PNG files, 6.5 m at most
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """What is drawn of every scene."""
+class PictureOptions:
+    """The pictures to draw of every scene."""
 
     views: tuple[str, ...]
     size: tuple[int, int]
@@ -30,25 +30,26 @@ class Wanted:
 
     @property
     def names(self) -> bool:
-        """Whether the names of unknown objects are written on pictures: not on those that programs learn from."""
+        """Whether the names of unknown objects are written on pictures: not if depth or masks are saved for
+        programs."""
         return not (self.depth or self.masks)
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Of the files of one view of one scene, in the order in which they are made."""
+        """Endings of the files of one view of one scene, in the order in which they are made."""
         extra = [ending for ending, asked in (("_depth.png", self.depth), ("_mask.png", self.masks)) if asked]
         return (".png", *extra, *([".npz"] if extra else []))
 
 
-def encode(shot: Shot, wanted: Wanted, ids: int) -> Sequence[bytes]:
-    """The files of a shot, in the order of `wanted.endings`; masks hold numbers below `ids`."""
+def encode(shot: Shot, options: PictureOptions, ids: int) -> Sequence[bytes]:
+    """The files of a shot, in the order of `options.endings`; masks hold numbers below `ids`."""
     files = [png(shot.color)]
     arrays: dict[str, Any] = {}
-    if wanted.depth:
+    if options.depth:
         ticks = np.clip(np.rint(shot.depth / STEP), 0, 65535).astype(np.uint16)
         files.append(_saved(Images.fromarray(ticks)))
         arrays["depth"] = shot.depth
-    if wanted.masks:
+    if options.masks:
         files.append(_mask(shot, ids))
         arrays["mask"] = shot.mask
     if arrays:
@@ -64,7 +65,7 @@ def png(picture: Picture) -> bytes:
 
 
 def _mask(shot: Shot, ids: int) -> bytes:
-    """The numbers themselves; up to 256 of them as an indexed picture, so that eyes tell them apart too."""
+    """The numbers themselves; up to 256 of them as an indexed picture, so that people can distinguish them too."""
     if ids > 256:
         return _saved(Images.fromarray(shot.mask))
     image = Images.fromarray(shot.mask.astype(np.uint8))

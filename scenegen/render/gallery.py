@@ -11,27 +11,27 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.assets import ASSETS, shape_of
-from scenegen.assets.library import Asset
+from scenegen.assets import ASSETS, Shape, shape_of
+from scenegen.assets.library import Asset, cabinet_shape
+from scenegen.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
 from scenegen.primitives import Circle
+from scenegen.processes.process import cores
 from scenegen.render.camera import PLACES
-from scenegen.render.files import Wanted
+from scenegen.render.files import PictureOptions
 from scenegen.render.pool import draw
-from scenegen.render.process import cores
-from scenegen.render.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
-from scenegen.render.stage import MARGIN, Stage, Thing
+from scenegen.scene.stage import MARGIN, Stage, Thing
 
-TABLES = (0.08, 0.10, 0.13, 0.16, 0.19, 0.24, 0.33, 0.44)  # metres: sides of the pieces of table
-RISES = (0.05, 0.4, 0.8, 1.2)  # how far assets rise above its far edge in a picture, in its sides: groups end here
-TURN = math.radians(-32.0)  # of the headings: to the right, and a little towards the viewer
+TABLES = (0.08, 0.10, 0.13, 0.16, 0.19, 0.24, 0.33, 0.44, 0.62)  # metres: sides of the pieces of table
+RISES = (0.05, 0.4, 0.8, 1.2)  # heights above the far edge, in sides of the table: limits between groups
+TURN = math.radians(-32.0)  # heading of the assets: to the right, and a little towards the viewer
 VIEW = "perspective"
-ASIDE = 50.0  # metres: where the other assets wait
+ASIDE = 50.0  # metres: the place of assets that are not in the picture
 COLUMNS = 8
 
 
 def gallery(names: Sequence[str], size: tuple[int, int], workers: int | None = None) -> dict[str, bytes]:
-    """Name -> PNG file of the asset on its own, for names of the library. It stands on a piece of table that just
-    holds it, and the picture is as high as it needs: assets of about one size and height share these."""
+    """Name -> PNG file of the asset alone, for names of the library. It stands on a piece of table of about its size,
+    and the picture has about its height: assets of similar size and height share these."""
     groups: dict[tuple[float, int], list[str]] = {}
     for name in names:
         side = next((side for side in TABLES if _reach(ASSETS[name]) <= side), TABLES[-1])
@@ -52,27 +52,33 @@ def _extent(asset: Asset) -> tuple[float, float]:
 
 
 def _reach(asset: Asset) -> float:
-    """How large a piece of table an asset wants, in metres: what is tall is not to stand on a pillar."""
+    """The side of an asset's piece of table, in metres; larger for tall assets, whose table would otherwise look like a
+    pillar."""
     return max(*_extent(asset), 0.45 * asset.height)
 
 
 def _room(asset: Asset, side: float) -> float:
-    """How far a picture must reach above the far edge of such a piece of table, in metres, to show the asset's top."""
-    slope = 0.5 * math.tan(math.radians(PLACES[VIEW][1]))  # half of it: what is nearer looks larger
+    """How far a picture must extend above the far edge of such a piece of table, in metres, to show the asset's top."""
+    slope = 0.5 * math.tan(math.radians(PLACES[VIEW][1]))  # half of the side: nearer objects look larger
     return max(asset.height - (side - _extent(asset)[1]) / 2.0 * slope, 0.0)
 
 
 def _drawn(names: Sequence[str], side: float, size: tuple[int, int], workers: int | None) -> dict[str, bytes]:
     half = 0.5 * side
     edge = half + MARGIN * side
-    things = tuple(Thing(shape_of(name), ASSETS[name].color) for name in names)
+    things = tuple(Thing(_shown(name), ASSETS[name].color) for name in names)
     tallest = max(_room(ASSETS[name], side) for name in names)
     stage = Stage((-half, -half, half, half), (-edge, -edge, edge, edge), tallest, things)
     poses = np.tile(np.array([ASIDE, ASIDE, 0.0]), (len(names), len(names), 1))
     poses[range(len(names)), range(len(names))] = (0.0, 0.0, TURN)
-    wanted = Wanted((VIEW,), size)
-    with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), len(names)))) as scenes:
+    options = PictureOptions((VIEW,), size)
+    with contextlib.closing(draw(stage, poses, options, min(workers or cores(), len(names)))) as scenes:
         return {name: files[VIEW, ".png"] for name, files in zip(names, scenes, strict=True)}
+
+
+def _shown(name: str) -> Shape:
+    """An asset as the picture shows it: of a cabinet, a drawer is a little open."""
+    return cabinet_shape((0.0, 0.0, 0.4)) if name == "cabinet" else shape_of(name)
 
 
 def library_sheet(pictures: Mapping[str, bytes], width: int = 170) -> bytes:

@@ -1,7 +1,7 @@
-"""Light after the fact: soft shadows, the wood of the table and the ground behind it, from a picture's depth buffer.
+"""Deferred lighting: soft shadows, the wood of the table and the ground behind it, from a picture's depth buffer.
 
-pybullet's software renderer shades surfaces well but its shadows have a fixed bias of 5 cm, more than most tableware is
-high. So it is asked for two depth buffers, the camera's and the light's, and shadows are worked out here in numpy.
+pybullet's software renderer shades surfaces well, but its shadows have a fixed bias of 5 cm, more than the height of
+most tableware. So shadows are computed here in numpy from two depth buffers, the camera's and the light's.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from scenegen.render.ambient import Ambient
 from scenegen.render.camera import Camera, Floats, downwards
 from scenegen.render.cloth import cover
 from scenegen.render.picture import GROUND, TABLE, Image, Mask, Picture, Rows, Shot
-from scenegen.render.stage import Stage
 from scenegen.render.wood import wood
+from scenegen.scene.stage import Stage
 
 TOWARDS = (-0.36, -0.28, 1.0)  # direction of the light: from the left, from behind the viewer
-SLIDE = (-TOWARDS[0], -TOWARDS[1])  # how far a shadow lies from what casts it, per metre of height
+SLIDE = (-TOWARDS[0], -TOWARDS[1])  # offset of a shadow from its object, per metre of height
 MAP = 1024  # pixels along a side of the light's depth buffer
-PAD = 24  # pixels round it in which nothing stands, more than a shadow's edge is wide
+PAD = 24  # empty pixels around it, more than the width of a shadow's edge
 SOFT = 0.013  # metres; radius of a shadow's blurred edge
 TAPS = 16
-RAMP = 0.03  # metres above a point of a thing within which what is there comes to hide the light
-DARKEST = (0.34, 0.33, 0.30)  # share of red, green and blue that a full shadow takes away
-HIDDEN = (0.62, 0.64, 0.66)  # and a fully hidden sky
-ON_THINGS = 0.55  # of the hidden sky that counts on things: their own walls hide half of it
-FAINT = 0.5  # how much of that is left on the ground below the table
-EMPTY = 0.9999  # the depth buffer's value, but for rounding, where nothing was drawn
+RAMP = 0.03  # metres above a point of an object over which an occluder's effect increases from 0 to 1
+DARKEST = (0.34, 0.33, 0.30)  # share of red, green and blue that a full shadow removes
+HIDDEN = (0.62, 0.64, 0.66)  # the same for a fully hidden sky
+ON_THINGS = 0.55  # weight of the hidden sky on objects: their own walls hide half of it
+FAINT = 0.5  # weight of both on the ground below the table
+EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
 GROUND_BELOW = 3.0  # thicknesses of the table top
 FLOOR = (0.935, 0.932, 0.925)
 FLOOR_FAR = (0.865, 0.872, 0.880)
 
 
 def light_camera(stage: Stage) -> Camera:
-    """The light's view: from above, with heights slid along its rays, so that points on one ray share a pixel."""
+    """The light's view: from above, sheared along its rays, so that points on one ray share a pixel."""
     x0, y0, x1, y1 = stage.table
     room = 0.02 * stage.side + 2.0 * SOFT
     drop = stage.thickness * GROUND_BELOW
@@ -47,7 +47,7 @@ def light_camera(stage: Stage) -> Camera:
 
 
 class Lighting:
-    """Lights the pictures of one camera. The table and the ground never move: they are drawn and lit once, here.
+    """Lights the pictures of one camera. The table and the ground never move, so they are drawn and lit once, here.
 
     `factor` is how many pixels of a raw picture make one of the result, along each side. `colors`, `buffer` and
     `light_buffer` are the raw picture and the camera's and the light's depth buffers of the bare table. `transparent`
@@ -70,7 +70,7 @@ class Lighting:
         self.transparent = transparent
         raw = camera.resized((camera.size[0] * factor, camera.size[1] * factor))
         columns, rows = np.meshgrid(np.arange(raw.size[0], dtype=np.float64), np.arange(raw.size[1], dtype=np.float64))
-        # pybullet samples a pixel at its lower left corner; `centred` makes up for that where nothing is averaged.
+        # pybullet samples a pixel at its lower left corner; `centred` corrects this if pixels are not averaged.
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY
@@ -104,7 +104,7 @@ class Lighting:
         hidden = self._hidden(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
         ground = bare[every].ravel()
         under = np.where(ground, FAINT * hidden, 0.0).astype(np.float32)
-        self.reach = np.where(ground, FAINT - under, 1.0).astype(np.float32)  # of the shadows of things
+        self.reach = np.where(ground, FAINT - under, 1.0).astype(np.float32)  # of the shadows of objects
         self.sky = np.where(ground, 0.0, 1.0).astype(np.float32)
         dim = _dim(under, np.zeros_like(under)).reshape(*self.depth.shape, 3)
         dim = dim.repeat(factor, axis=0).repeat(factor, axis=1)
@@ -115,11 +115,11 @@ class Lighting:
 
     def __call__(self, colors: Picture, buffer: Image, seen: Mask, light_buffer: Image, landscape: Image) -> Shot:
         """The finished picture (h, w) from the raw one (h f, w f, 3), its depth buffer, what is `seen` in it (as in
-        masks), the light's depth buffer and that of the `landscape`, all of the things alone: nothing of the table or
-        the ground can hide them.
+        masks), the light's depth buffer and that of the height map `landscape`, all of the objects only: the table and
+        the ground cannot hide them.
 
-        Things and what is behind them are lit apart and then put together: where they meet within a pixel, neither
-        gets the other's shadow.
+        Objects and their background are lit separately and then combined: if both are in one pixel, neither gets the
+        other's shadow.
         """
         things = buffer < EMPTY
         share = _shrink(things[..., None].astype(np.uint8), self.factor)
@@ -143,7 +143,7 @@ class Lighting:
         return Shot(self._finished(lit, things), middle.astype(np.float32), mask)
 
     def _finished(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
-        """Bytes, with how much hides the ground where that is left out: black has been mixed in for it."""
+        """Bytes, with an alpha channel if the ground is left out; its colours were mixed with black."""
         if not self.transparent:
             return np.asarray(np.clip(lit + 0.5, 0.0, 255.0), dtype=np.uint8)
         solid = np.where(things | ~self.bare, np.uint8(255), np.uint8(0))
@@ -152,20 +152,21 @@ class Lighting:
         return np.asarray(np.clip(np.concatenate([pure, alpha], axis=2) + 0.5, 0.0, 255.0), dtype=np.uint8)
 
     def _heights(self, light_buffer: Image) -> Image:
-        """(MAP + 2 PAD, MAP + 2 PAD): what stands how high along the light's rays, in metres."""
+        """(MAP + 2 PAD, MAP + 2 PAD): heights along the light's rays, in metres."""
         eye = np.float32(-self.light.view[2, 3])
         return np.pad(eye - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
 
     def _hidden(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
-        """(P,): how much of the disc that softens a shadow's edge is hidden from the light, 0 to 1, at depths (P,) of
-        the pixels `where`; `level` says that these are of the table or the ground."""
+        """(P,): the share of the blur disc that is hidden from the light, 0 to 1, at depths (P,) of the pixels `where`;
+        `level` says that these are of the table or the ground."""
         stride = heights.shape[1]
         z = self.origin_z[where] + depth * self.direction_z[where]
         at = self.start[where] + depth[:, None] * self.step[where]
         np.clip(at, 0, MAP - 1, out=at)
         cell = at.astype(np.int32) + PAD
         index = cell[:, 1] * stride + cell[:, 0]
-        # A wall would shade itself within the blur: on things, only what is clearly higher counts, and by degrees.
+        # A wall would shade itself within the blur: on objects, only clearly higher occluders count, with a smooth
+        # transition.
         above = z + (np.float32(0.0012 + 0.1 * self.texel) if level else 0.004 + np.clip(z, 0.0, 0.02))
         flat = heights.ravel()
         hidden = np.zeros(index.shape, dtype=np.float32)
@@ -176,7 +177,7 @@ class Lighting:
 
 
 def _dim(shadow: Image, sky: Image) -> Image:
-    """(P, 3): what is left of the light where these shares of it and of the sky are hidden."""
+    """(P, 3): the remaining light if these shares of it and of the sky are hidden."""
     left = 1.0 - shadow[:, None] * np.array(DARKEST, dtype=np.float32)
     return np.asarray(left * (1.0 - sky[:, None] * np.array(HIDDEN, dtype=np.float32)), dtype=np.float32)
 

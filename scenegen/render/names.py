@@ -1,4 +1,4 @@
-"""Names written on pictures, beside the blocks that stand for objects which the library does not know."""
+"""Names on pictures, beside the blocks that represent objects which are not in the library."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.render.camera import Camera, Floats
 from scenegen.render.picture import Picture
-from scenegen.render.stage import Stage
+from scenegen.scene.stage import Stage
 
 INK, PAPER = (38, 40, 44), (255, 255, 255)
-LEAST, SHARE = 10, 32  # pixels of type at least, and how many lines a picture is high
+LEAST, SHARE = 10, 32  # minimum font size in pixels, and the height of a picture in lines
 
 
 def write_names(color: Picture, stage: Stage, camera: Camera, places: Floats) -> Picture:
-    """A picture (h, w, 3 or 4) with the label of every thing that has one, above it; places are (objects, 4)."""
+    """A picture (h, w, 3 or 4) with the label of every object that has one, above it; places are (objects, 4)."""
     labels = [(thing, place) for thing, place in zip(stage.things, places, strict=True) if thing.label]
     if not labels:
         return color

@@ -1,6 +1,7 @@
 """Pictures of scenes with pybullet's software renderer. Only it, `drop` and `load` import pybullet.
 
-Bodies are made once and moved from scene to scene; pictures are drawn larger and averaged down where they are not huge.
+Bodies are made once and moved from scene to scene; pictures are drawn larger and averaged down unless they are very
+large.
 """
 
 from __future__ import annotations
@@ -17,16 +18,18 @@ import pybullet
 
 from scenegen.assets import parts_of
 from scenegen.assets.mesh import Mesh, box, shaded
-from scenegen.assets.palette import RGB
+from scenegen.assets.palette import RGB, mix
+from scenegen.assets.plain import plain
 from scenegen.render.ambient import landscape_camera
 from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Lighting, light_camera
 from scenegen.render.picture import FIRST, Image, Picture, Shot
-from scenegen.render.stage import WOOD, Stage
+from scenegen.scene.limits import BOARD
+from scenegen.scene.stage import WOOD, Patch, Stage
 
 Bodies = npt.NDArray[np.int32]
 
-LARGEST = 4096  # pixels along a side that pybullet is asked for
+LARGEST = 4096  # maximum side of pybullet's pictures in pixels
 SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularCoeff": 0.03}
 
 
@@ -56,7 +59,7 @@ class Painter:
                 self._lighting[view] = Lighting(
                     stage, camera, self.factor, colors, depth, light, transparent=transparent
                 )
-        # Far outside every picture, yet near enough for the renderer's single precision.
+        # Far outside every picture, but near enough for the renderer's single precision.
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
         self._low, self._high = (x0 - far, y0 - far, -math.tau, 0.0), (x1 + far, y1 + far, math.tau, far)
@@ -65,7 +68,10 @@ class Painter:
         for thing in stage.things:
             parts = parts_of(thing.shape, thing.color)
             self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
-        owners = [(body, number) for number, bodies in enumerate(self._things, FIRST) for body in bodies]
+        boards = [[self._board(patch)] for patch in stage.patches if patch.height]
+        self._studio.tidy_up()
+        shown = (*self._things, *boards)
+        owners = [(body, number) for number, bodies in enumerate(shown, FIRST) for body in bodies]
         self._owner = np.zeros(1 + max((body for body, _ in owners), default=0), dtype=np.uint16)
         for body, number in owners:
             self._owner[body] = number
@@ -89,8 +95,17 @@ class Painter:
             shots[view] = lighting(colors, depth, self._owner[np.maximum(seen, 0)], light, landscape)
         return shots
 
+    def _board(self, patch: Patch) -> int:
+        """A body for a region at a height, put in its place."""
+        thick = min(BOARD, patch.height)
+        x, y, theta = patch.pose
+        (part, *_) = plain(patch.footprint, thick, mix(patch.color, WOOD, 0.5))
+        body = self._studio.add(part.mesh, part.color)
+        self._studio.place(body, (x, y, patch.height - thick), theta)
+        return body
+
     def camera(self, view: str) -> Camera:
-        """That of a view."""
+        """The picture of one view."""
         return self._lighting[view].camera
 
     def _raw(self, camera: Camera) -> Camera:
@@ -123,6 +138,10 @@ class _Studio:
         if self._plugin is not None:
             pybullet.unloadPlugin(self._plugin, physicsClientId=self._client)
         pybullet.disconnect(physicsClientId=self._client)
+        self.tidy_up()
+
+    def tidy_up(self) -> None:
+        """Remove the files of the meshes after all bodies were made, so that processes end without a warning."""
         if self._folder is not None:
             self._folder.cleanup()
 
@@ -139,7 +158,7 @@ class _Studio:
         return body
 
     def _form(self, mesh: Mesh) -> dict[str, Any]:
-        """A mesh as pybullet takes it; the card's renderer knows no meshes in memory."""
+        """A mesh as pybullet takes it; the card's renderer does not support meshes in memory."""
         vertices, normals, indices = shaded(mesh)
         if self._folder is None:
             return {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}

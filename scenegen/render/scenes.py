@@ -10,27 +10,28 @@ from pathlib import Path
 
 from PIL import Image
 
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError
+from scenegen.errors.requests import NO_SCENES
+from scenegen.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.needs import need
+from scenegen.processes.process import cores
 from scenegen.render.camera import USUAL
-from scenegen.render.files import Wanted
+from scenegen.render.files import PictureOptions
 from scenegen.render.pool import draw
-from scenegen.render.process import cores
 from scenegen.render.request import check_renderer, check_request, usual_size
 from scenegen.render.rig import cameras_json
-from scenegen.render.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
-from scenegen.render.stage import poses_of, stage_of
 from scenegen.scene.data import SceneFile
+from scenegen.scene.stage import poses_of, stage_of
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
-FACES = ("perspective", "three-quarter", "front", "top")  # the view that a contact sheet shows: the first there is
+FACES = ("perspective", "three-quarter", "front", "top")  # for the contact sheet: the first of these that is drawn
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """What was written: the pictures in scene order (all views of the first scene first), the contact sheet, the
-    cameras, and beside each picture its depth and its mask, where they were asked for."""
+    """The paths of the files: the pictures in scene order (all views of the first scene first), the contact sheet, the
+    cameras, and for each picture its depth and its mask, if requested."""
 
     pictures: tuple[Path, ...]
     sheet: Path
@@ -52,33 +53,33 @@ def render_scenes(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rendered:
-    """Draw every scene of a file into the folder `out` (made if its parent is there).
+    """Draw every scene of a file into the folder `out` (made if its parent exists).
 
     Files are scene_0001_top.png, scene_0001_perspective.png, ..., contact_sheet.png and cameras.json (see `rig`).
     `views` are of "top" (straight down, x to the right, y up), "perspective" and "front" (from the viewer's side, -y,
     looking towards +y, from high and from low) and "three-quarter" (from the right of it). `size` is (width, height) in
-    pixels, by default (640, 480) for a square workspace and wider for a wide one (`usual_size`). `distinct` colours
-    objects apart that would look the same. `transparent` leaves the ground below the table out. With `depth`,
-    scene_0001_top_depth.png holds tenths of millimetres in 16 bits; with `masks`, scene_0001_top_mask.png holds the
-    number of what each pixel shows, as cameras.json lists them; both also as arrays `depth` (float32, metres) and
-    `mask` (uint16) in scene_0001_top.npz. An object that the library does not know is a block with its name beside it,
-    written on pictures without either. The contact sheet says which objects overlap. `renderer` is "software", which
-    draws the same everywhere, or "egl", which wants a graphics card.
+    pixels, by default (640, 480) for a square workspace and wider for a wide one (`usual_size`). `distinct` gives
+    objects that would look the same different colours. `transparent` leaves the ground below the table out. With
+    `depth`, scene_0001_top_depth.png holds tenths of millimetres in 16 bits; with `masks`, scene_0001_top_mask.png
+    holds the number of what each pixel shows, as cameras.json lists them; both also as arrays `depth` (float32, metres)
+    and `mask` (uint16) in scene_0001_top.npz. An object that is not in the library is drawn as a block; its name is
+    written beside it, unless depth or masks are saved. The contact sheet says which objects overlap. `renderer` is
+    "software", which draws the same everywhere, or "egl", which needs a graphics card.
 
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
-    Raises RequestError for a wrong view, size or number of workers and where pybullet is not installed, DataError for a
-    file without scenes, OutputError where something cannot be written.
+    Raises RequestError for a wrong view, size or number of workers and if pybullet is not installed, DataError for a
+    file without scenes, OutputError if a file cannot be written.
     """
     size = usual_size(file) if size is None else size
     check_request(views, size, workers)
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
-    wanted = Wanted(views, size, transparent, depth, masks, renderer)
+    options = PictureOptions(views, size, transparent, depth, masks, renderer)
     if not file.scenes:
-        raise DataError(Diagnostic("there are no scenes to draw", help="the file's list `scenes` is empty"))
+        raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
@@ -86,9 +87,9 @@ def render_scenes(
     thumbnails: list[Image.Image] = []
     names: list[str] = []
     beside: list[str] = []
-    # A run that fails leaves the pictures of an earlier one alone.
+    # A run that fails keeps the pictures of an earlier one.
     with whole_files(out) as put:
-        with contextlib.closing(draw(stage, poses, wanted, min(workers or cores(), total))) as scenes:
+        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total))) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
                     name = f"{scene_name(number, total)}_{view}{ending}"
@@ -99,7 +100,7 @@ def render_scenes(
                 if progress is not None:
                     progress(number, total)
         put(SHEET, contact_sheet(file, thumbnails))
-        put(CAMERAS, cameras_json(file, stage, wanted))
+        put(CAMERAS, cameras_json(file, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 

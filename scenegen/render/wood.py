@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from scenegen.render.camera import Floats
-from scenegen.render.stage import Stage
+from scenegen.scene.stage import Stage
 
 PLANKS = 6  # in the depth of the workspace
-WARMTH = np.array([0.35, 1.0, 1.75])  # how much more a dark streak takes of green and blue than of red
-TABLE = 256  # random numbers along a side of a square of them, a power of two
+WARMTH = np.array([0.35, 1.0, 1.75])  # how much more a dark streak reduces green and blue than red
+TABLE = 256  # side of the square of random numbers, a power of two
 SEAM, INLAY = 0.0016, 0.0020  # half widths, in sides of the workspace
 
 
 def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats]) -> Floats:
-    """(P, 3): factors of the table's own colour where it is seen at (x, y) (P,), in metres, by pixels of these sizes
+    """(P, 3): factors of the table's own colour at the visible points (x, y) (P,), in metres, for pixels of these sizes
     along x and y.
 
-    Whatever is finer than a pixel fades out, so that nothing shimmers in the distance.
+    Details finer than a pixel fade out, which avoids aliasing in the distance.
     """
     side = stage.side
     pixel_x, pixel_y = (size / side for size in pixels)
@@ -42,18 +42,18 @@ def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats]) -> F
 
 
 def _seen(pixel: Floats, waves: float) -> Floats:
-    """1 where pixels are small against waves of that number per side, falling to 0 where they are as large."""
+    """1 if pixels are small compared to waves of that number per side, falling to 0 if they are as large."""
     return np.clip(1.6 - 2.2 * pixel * waves, 0.0, 1.0)
 
 
 def _line(distance: Floats, half: float, pixel: Floats) -> Floats:
-    """A line of this half width with smooth ends, never thinner than a pixel but fainter instead."""
+    """A line of this half width with smooth edges; instead of becoming thinner than a pixel, it becomes fainter."""
     wide = np.maximum(half, 0.75 * pixel)
     return np.clip(1.5 - distance / wide, 0.0, 1.0) * np.minimum(1.0, half / wide + 0.25)
 
 
 def _noise(chances: Floats, u: Floats, v: Floats) -> Floats:
-    """Smooth noise in [0, 1]: random values at integer points, in between interpolated; it repeats every `TABLE`."""
+    """Smooth noise in [0, 1]: random values at integer points, interpolated in between; it repeats every `TABLE`."""
     iu, iv = np.floor(u), np.floor(v)
     fu, fv = u - iu, v - iv
     fu, fv = fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv)

@@ -1,51 +1,63 @@
-"""The process that draws: one job as a line of JSON on standard input, files on standard output.
+"""The job of drawing processes: a scene's pictures as files, or as pixels.
 
-pybullet writes its banner to standard output from C code. Here that stream is turned into standard error before
-pybullet is imported, and pictures go out through a copy of it that nothing else knows.
+pybullet is imported with the first scene, in the worker: it writes its banner to standard output from C code, which
+workers keep apart from their results.
 """
 
 from __future__ import annotations
 
-import os
-import struct
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import TypeAdapter
+import numpy.typing as npt
 
-from scenegen.render.files import Wanted, encode
+from scenegen.render.files import PictureOptions, encode
 from scenegen.render.names import write_names
-from scenegen.render.picture import FIRST
-from scenegen.render.stage import Stage
+from scenegen.render.picture import FIRST, Shot
+from scenegen.scene.stage import Stage
 
-LENGTH = struct.Struct("<Q")  # goes before every file: its size in bytes
-
-
-def main(job: dict[str, Any]) -> None:
-    """Draw `places` (scenes, objects, 4) of a job; for every scene, view by view, its files as `Wanted` lists them."""
-    channel = os.dup(1)
-    os.dup2(2, 1)
+if TYPE_CHECKING:
     from scenegen.render.painter import Painter
 
-    wanted, stage = TypeAdapter(Wanted).validate_python(job["wanted"]), Stage.from_json(job["stage"])
-    with (
-        Painter(
-            stage,
-            wanted.views,
-            wanted.size,
-            transparent=wanted.transparent,
-            renderer=wanted.renderer,
-        ) as painter,
-        os.fdopen(channel, "wb") as out,
-    ):
-        for rows in job["places"]:
-            places = np.array(rows, dtype=np.float64).reshape(-1, 4)
-            shots = painter.paint(places)
-            for view in wanted.views:
-                shot = shots[view]
-                if wanted.names:
-                    shot = replace(shot, color=write_names(shot.color, stage, painter.camera(view), places))
-                for data in encode(shot, wanted, FIRST + len(stage.things)):
-                    out.write(LENGTH.pack(len(data)) + data)
-            out.flush()
+Places = npt.NDArray[np.float64]  # (objects, 4): x, y, theta, height
+
+
+class Draw:
+    """A scene's `places` -> (view, ending) -> file, as `options` lists them."""
+
+    def __init__(self, stage: Stage, options: PictureOptions) -> None:
+        self.stage, self.options = stage, options
+        self._painter: Painter | None = None  # of the drawing process
+
+    def __call__(self, places: Places) -> dict[tuple[str, str], bytes]:
+        shots = self._shots(places)
+        files: dict[tuple[str, str], bytes] = {}
+        for view in self.options.views:
+            made = encode(shots[view], self.options, FIRST + len(self.stage.things))
+            files |= {(view, ending): data for ending, data in zip(self.options.endings, made, strict=True)}
+        return files
+
+    def _shots(self, places: Places) -> dict[str, Shot]:
+        if self._painter is None:
+            from scenegen.render.painter import Painter
+
+            options = self.options
+            self._painter = Painter(
+                self.stage, options.views, options.size, transparent=options.transparent, renderer=options.renderer
+            )
+            self._painter.__enter__()  # until the process ends
+        shots = self._painter.paint(places)
+        if self.options.names:
+            for view in self.options.views:
+                color = write_names(shots[view].color, self.stage, self._painter.camera(view), places)
+                shots[view] = replace(shots[view], color=color)
+        return shots
+
+
+class DrawPixels(Draw):
+    """A scene's `places` -> its one view as (height, width, 3) bytes."""
+
+    def __call__(self, places: Places) -> npt.NDArray[np.uint8]:  # type: ignore[override]  # pixels instead of files
+        (view,) = self.options.views
+        return np.ascontiguousarray(self._shots(places)[view].color[..., :3], dtype=np.uint8)

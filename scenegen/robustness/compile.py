@@ -15,6 +15,7 @@ from torch import Tensor
 from scenegen.lang.closest import find, last_uses_of
 from scenegen.lang.core import Core, last_uses, part
 from scenegen.lang.headings import bare_rows
+from scenegen.pose import AXES, NAMES, SIZE, axis_of, owner, row_count
 from scenegen.robustness.fused import fused
 from scenegen.robustness.headings import coordinates
 from scenegen.robustness.tape import most_alive, run
@@ -71,12 +72,12 @@ class Robustness:
         if not isinstance(poses, Tensor):
             raise TypeError(f"poses must be a torch tensor, not {type(poses).__name__}; use torch.from_numpy(poses)")
         _refuse_layout("poses", poses)
-        if poses.ndim != 3 or tuple(poses.shape[1:]) != (len(self.objects), 3):
-            want = f"(B, {len(self.objects)}, 3)"
+        if poses.ndim != 3 or tuple(poses.shape[1:]) != (len(self.objects), SIZE):
+            want = f"(B, {len(self.objects)}, {SIZE})"
             raise ValueError(
-                f"poses must have the shape {want}, one (x, y, theta) per object, not {tuple(poses.shape)}"
+                f"poses must have the shape {want}, one ({', '.join(NAMES)}) per object, not {tuple(poses.shape)}"
             )
-        return self.rows(poses.permute(1, 2, 0).reshape(3 * len(self.objects), -1), beta=beta).T
+        return self.rows(poses.permute(1, 2, 0).reshape(row_count(len(self.objects)), -1), beta=beta).T
 
     def rows(self, rows: Tensor, *, beta: float | None = None, check: bool = True, out: Tensor | None = None) -> Tensor:
         """(3N, B) storage -> (L, B). `check=False` skips the search for NaN and infinity, for inner loops.
@@ -85,8 +86,8 @@ class Robustness:
         contiguous, (L, B), of the same dtype and device, share no memory with `rows`, and gradients do not flow there.
         """
         _refuse_layout("rows", rows, check)
-        if rows.ndim != 2 or rows.shape[0] != 3 * len(self.objects):
-            raise ValueError(f"rows must have the shape ({3 * len(self.objects)}, B), not {tuple(rows.shape)}")
+        if rows.ndim != 2 or rows.shape[0] != row_count(len(self.objects)):
+            raise ValueError(f"rows must have the shape ({row_count(len(self.objects))}, B), not {tuple(rows.shape)}")
         if rows.dtype not in (torch.float32, torch.float64):
             raise ValueError(f"coordinates must be float32 or float64, not {str(rows.dtype).removeprefix('torch.')}")
         if check:
@@ -128,9 +129,9 @@ class Robustness:
         bad = ~torch.isfinite(rows)
         if bool(bad.any()):
             row, scene = (int(index) for index in bad.nonzero()[0])
-            name = self.objects[row // 3]
-            value = float(rows[row, scene])
-            raise ValueError(f"{'xyθ'[row % 3]} of `{name}` in scene {scene} is {value}; coordinates must be finite")
+            name = self.objects[owner(row)]
+            what, value = AXES[axis_of(row)].symbol, float(rows[row, scene])
+            raise ValueError(f"{what} of `{name}` in scene {scene} is {value}; coordinates must be finite")
 
     def _run(self, rows: Tensor, beta: float | None, plainly: bool = False) -> list[Tensor]:
         """phi of every label, each (B,); `plainly`, without gradients of any kind, on the CPU."""

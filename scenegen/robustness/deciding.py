@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, last_uses
+from scenegen.lang.fold import Algebra, fold
 from scenegen.primitives import PRIMITIVES
 from scenegen.robustness.namespace import TORCH
 
@@ -24,35 +25,37 @@ def deciding(core: Core, rows: Tensor) -> Tensor:
 
 @torch.no_grad()
 def _chunk(core: Core, dead: list[list[int]], rows: Tensor) -> Tensor:
-    values: list[Tensor | None] = [None] * len(core.nodes)
-    winners: list[Tensor | None] = [None] * len(core.nodes)
-    for index, node in enumerate(core.nodes):
-        match node:
-            case Const(value):
-                values[index] = rows.new_tensor(value)
-            case Coord():
-                values[index] = rows[node.row]
-            case Apply(primitive, args, shapes):
-                values[index] = PRIMITIVES[primitive].evaluate(TORCH, *shapes, *(values[arg] for arg in args))
-            case Atom(margin):
-                values[index] = values[margin]
-                winners[index] = torch.tensor(index, device=rows.device)
-            case Junction(kind, args):
-                values[index], winners[index] = _fold(kind, args, values, winners)
-        for child in dead[index]:
-            values[child] = winners[child] = None
-    found = [winners[node] for node in core.labels.values()]
-    return torch.stack([winner.expand(rows.shape[1]) for winner in found if winner is not None])
+    values = fold(core.nodes, _Winners(rows), dead=dead)
+    found = [values[node][1] for node in core.labels.values()]
+    return torch.stack([atom.expand(rows.shape[1]) for atom in found if atom is not None])
 
 
-def _fold(
-    kind: str, args: tuple[int, ...], values: list[Tensor | None], winners: list[Tensor | None]
-) -> tuple[Tensor, Tensor]:
-    value, winner = values[args[0]], winners[args[0]]
-    assert value is not None and winner is not None
-    for arg in args[1:]:
-        other, its = values[arg], winners[arg]
-        assert other is not None and its is not None
-        better = other < value if kind == "min" else other > value
-        value, winner = torch.where(better, other, value), torch.where(better, its, winner)
-    return value, winner
+_Value = tuple[Tensor, Tensor | None]
+"""A node's number and, of a formula, the atom that it comes from."""
+
+
+class _Winners(Algebra[_Value]):
+    def __init__(self, rows: Tensor) -> None:
+        self._rows = rows
+
+    def constant(self, index: int, node: Const) -> _Value:
+        return self._rows.new_tensor(node.value), None
+
+    def coordinate(self, index: int, node: Coord) -> _Value:
+        return self._rows[node.row], None
+
+    def apply(self, index: int, node: Apply, args: list[_Value]) -> _Value:
+        numbers = [number for number, _ in args]
+        return PRIMITIVES[node.primitive].evaluate(TORCH, *node.shapes, *numbers), None
+
+    def atom(self, index: int, node: Atom, margin: _Value) -> _Value:
+        return margin[0], torch.tensor(index, device=self._rows.device)
+
+    def junction(self, index: int, node: Junction, args: list[_Value]) -> _Value:
+        (value, winner), *others = args
+        assert winner is not None
+        for other, its in others:
+            assert its is not None
+            better = other < value if node.kind == "min" else other > value
+            value, winner = torch.where(better, other, value), torch.where(better, its, winner)
+        return value, winner

@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from scenegen.scene.workspace import TWO_PI
+from scenegen.pose import TWO_PI
 
 
 def coordinates(rows: Callable[[int], Any], bare: frozenset[int]) -> Callable[[int], Any]:

@@ -46,6 +46,10 @@ def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
     return a.clamp(lowest, highest)
 
 
+def _beyond(a: Tensor, half: float) -> Tensor:
+    return a - a.clamp(-half, half)
+
+
 def _sign(a: Tensor) -> Tensor:
     return torch.copysign(a.new_ones(()), a.detach())
 
@@ -71,6 +75,7 @@ class _Torch:
     hypot = staticmethod(_hypot)
     atan2 = staticmethod(_atan2)
     clip = staticmethod(_clip)
+    beyond = staticmethod(_beyond)
     sign = staticmethod(_sign)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)

@@ -11,7 +11,10 @@ import torch
 from torch import Tensor
 
 from scenegen.lang.closest import Closest, least
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.core import Apply, Const, Coord, Core, Junction
+from scenegen.lang.fold import fold
+from scenegen.lang.interpret import Numbers
+from scenegen.pose import THETA
 from scenegen.primitives import PRIMITIVES, Footprint, Namespace
 from scenegen.primitives.namespace import Turning
 from scenegen.robustness.namespace import TORCH
@@ -65,32 +68,49 @@ def run(
     kin take no floats. `of` are the primitives' functions; each heading goes through `turn` once. Of the clearances in
     `closest`, only those that may decide are computed, which takes plain tensors on the CPU without gradients.
     """
-    values: list[Any] = [None] * len(core.nodes)
-    turning = Turning(of)
-    namespace = cast(Namespace, turning)
-    left_out = {node for some in closest.values() for node in some.nodes}
-    for index, node in enumerate(core.nodes):
-        match node:
-            case _ if index in left_out:
-                pass
-            case Junction() if index in closest:
-                values[index] = _least(closest[index], values, namespace)
-            case Const(value):
-                values[index] = constant(value)
-            case Coord():
-                values[index] = coordinate(node.row)
-                if node.row % 3 == 2:
-                    turning.keep(values[index])
-            case Apply(primitive, args, shapes):
-                values[index] = PRIMITIVES[primitive].evaluate(namespace, *shapes, *(values[arg] for arg in args))
-            case Atom(margin):
-                values[index] = values[margin]
-            case Junction(kind, args):
-                values[index] = _junction(kind, [values[arg] for arg in args], beta)
-        for child in dead[index]:
-            turning.drop(values[child])
-            values[child] = None
+    values: list[Any] = []
+    algebra = _Tensors(of, coordinate, constant, beta, closest, values)
+    fold(core.nodes, algebra, dead=dead, free=algebra.drop, values=values)
     return [values[node] for node in core.labels.values()]
+
+
+class _Tensors(Numbers):
+    """Nodes as tensors, see `run`; `values` are those of the nodes so far."""
+
+    def __init__(
+        self,
+        of: Namespace,
+        coordinate: Callable[[int], Any],
+        constant: Callable[[float], Any],
+        beta: float | None,
+        closest: Mapping[int, Closest],
+        values: list[Any],
+    ) -> None:
+        self._turning = Turning(of)
+        super().__init__(cast(Namespace, self._turning), ())
+        self._coordinate, self._constant, self._beta = coordinate, constant, beta
+        self._closest, self._values = closest, values
+        self.drop = self._turning.drop
+        self._left_out = {node for some in closest.values() for node in some.nodes}
+
+    def constant(self, index: int, node: Const) -> Any:
+        return self._constant(node.value)
+
+    def coordinate(self, index: int, node: Coord) -> Any:
+        value = self._coordinate(node.row)
+        if node.axis == THETA:
+            self._turning.keep(value)
+        return value
+
+    def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
+        if index in self._left_out:
+            return None
+        return PRIMITIVES[node.primitive].evaluate(self.namespace, *node.shapes, *args)
+
+    def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
+        if index in self._closest:
+            return _least(self._closest[index], self._values, self.namespace)
+        return _junction(node.kind, args, self._beta)
 
 
 def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
@@ -133,7 +153,4 @@ def _junction(kind: str, args: list[Any], beta: float | None) -> Any:
         stacked = torch.stack([arg.expand(width) for arg in args])
         return _Junction.apply(stacked, -beta if kind == "min" else beta)  # type: ignore[no-untyped-call]
     step = torch.minimum if kind == "min" else torch.maximum
-    value = args[0]
-    for other in args[1:]:
-        value = step(value, other)
-    return value
+    return functools.reduce(step, args)

@@ -1,15 +1,15 @@
-"""Cutting the wanted range of phi into cells that get equal shares of the scenes (docs/sampling.md)."""
+"""Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.sampling.request import Range, Request
+from scenegen.sampling.request import Range, SampleRequest
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Cells:
         return math.prod(len(edge) - 1 for edge in self.edges)
 
     def find(self, phi: Array) -> npt.NDArray[np.intp]:
-        """The cell of each of B scenes from their phi, (L, B) -> (B,); -1 where some label is out of its range."""
+        """The cell of each of B scenes from their phi, (L, B) -> (B,); -1 if a label is out of its range."""
         inside = ((phi >= self.low[:, None]) & (phi <= self.high[:, None])).all(axis=0)
         cell = np.zeros(phi.shape[1], dtype=np.intp)
         for label, edge in zip(self.bounded, self.edges, strict=True):
@@ -57,21 +57,12 @@ class Cells:
         return ", ".join(f"{self.labels[k]} {low[k]:.4g}:{high[k]:.4g}" for k in self.bounded) or "the whole range"
 
 
-def cut(request: Request, labels: Sequence[str]) -> Cells:
-    """The cells of a request; a single one for `--spread base` and where no range is bounded."""
-    ranges = [request.ranges.get(label, Range()) for label in labels]
+def cut(request: SampleRequest, labels: Sequence[str]) -> Cells:
+    """The cells of a request; a single one for `--spread base`, or if no range is bounded."""
+    ranges = [request.phi.get(label, Range()) for label in labels]
     low = np.array([-np.inf if wanted.low is None else wanted.low for wanted in ranges])
     high = np.array([np.inf if wanted.high is None else wanted.high for wanted in ranges])
     bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.bounded) if request.spread == "flat" else ()
     pieces = _PER_LABEL.get(len(bounded), 8)
     edges = tuple(np.linspace(low[k], high[k], pieces + 1) for k in bounded)
     return Cells(tuple(labels), bounded, edges, low, high)
-
-
-def shares(n: int, cells: Sequence[int], order: Sequence[float]) -> Mapping[int, int]:
-    """n scenes over the reachable cells, as evenly as whole numbers allow; `order` ranks who gets one more."""
-    if not cells:
-        return {}
-    each, rest = divmod(n, len(cells))
-    ranked = sorted(cells, key=lambda cell: order[cell])
-    return {cell: each + (rank < rest) for rank, cell in enumerate(ranked)}

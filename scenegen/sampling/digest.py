@@ -1,4 +1,4 @@
-"""A hash of a plan: of the numbers in it, not of how some Python pickles them."""
+"""A hash of a plan's values. It does not depend on the version of Python or pickle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 def digest(*values: Any) -> str:
     """SHA-256 of nested dataclasses, sequences, mappings, sets, arrays, numbers and texts. Raises TypeError for others.
 
-    Two values have the same digest where all their types, shapes and numbers are the same, bit for bit.
+    Two values have the same digest if all their types, shapes and numbers are the same, bit for bit.
     """
     found = hashlib.sha256()
     waiting: list[Any] = [values]
@@ -24,7 +24,7 @@ def digest(*values: Any) -> str:
             found.update(f"{value.dtype.str}{value.shape}".encode())
             found.update(np.ascontiguousarray(value).tobytes())
         elif value is None or isinstance(value, bool | int | float | str | np.generic):
-            text = repr(value)  # the shortest that reads back to the same bits, for floats
+            text = repr(value)  # for floats, the shortest text that reads back to the same bits
             found.update(f"{len(text)}:{text}".encode())
         elif is_dataclass(value):
             waiting += [getattr(value, one.name) for one in fields(value)]

@@ -1,7 +1,8 @@
-"""Parts that have nothing to do with each other, each sampled by a plan of its own, and put together.
+"""Independent parts of a request, each sampled by its own plan, and combined.
 
-Piece k pairs piece k of every part's plan. Scenes of a piece come in random order and are independent of those of the
-other parts, so a pair is a scene of the whole request. Costs add up where improbabilities would multiply.
+Piece k combines piece k of every part's plan. The scenes of a piece come in random order and are independent of those
+of the other parts, so a combination is a scene of the whole request. Costs add up, where the probabilities of a joint
+draw would multiply.
 """
 
 from __future__ import annotations
@@ -9,62 +10,47 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import scoring
-from scenegen.bounds.proposal import BELOW_TURN
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE
-from scenegen.sampling.cells import Cells
-from scenegen.sampling.chains import Chains
+from scenegen.pose import BELOW_TURN, THETA, along, rows_of
 from scenegen.sampling.digest import digest
-from scenegen.sampling.frame import Tape, frame_of
 from scenegen.sampling.growth.sampler import Growth
-from scenegen.sampling.mixing import Statistics
 from scenegen.sampling.parts import Part
-from scenegen.sampling.pieces import Account, Candidates, Tally
-from scenegen.sampling.pieces import Plan as AnyPlan
+from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import PAIRED, Problem
-from scenegen.sampling.rejection import SPARE
-from scenegen.sampling.rejection import Plan as Rejection
-from scenegen.sampling.splitting import Splitting
+from scenegen.sampling.rejection.sampler import SPARE, Rejection
+from scenegen.sampling.splitting.autocorrelation import Statistics
+from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chains import Chains
+from scenegen.sampling.splitting.sampler import Splitting
 
 Array = npt.NDArray[np.float64]
 
-GROWTH_FACTS, SPLITTING_FACTS = 8, 7  # see these plans; splitting adds two for each statistic
-LARGEST = 1 << 25  # work of a piece of rejection at most, where it is to bring as many scenes as those of other parts
+GROWTH_FACTS, SPLITTING_FACTS = 8, 7  # see the plans of the methods; splitting adds two facts for each statistic
+LARGEST = 1 << 25  # maximum work of a piece of rejection that must give as many scenes as the other parts' pieces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Paired:
-    """A plan for one request: `plans` of its `parts`. The facts of a piece are those of the parts' pieces one after the
-    other, of each as many as `facts` says: zeros stand for those that a piece lacks."""
+class Paired(Plan):
+    """A plan for one request: the `plans` of its `parts`. The facts of a piece are those of the parts' pieces one after
+    the other; `facts` has the number of each part, and missing ones are zeros."""
 
-    problem: Problem
     parts: tuple[Part, ...]
-    plans: tuple[AnyPlan, ...]
+    plans: tuple[Plan, ...]
     facts: tuple[int, ...]
 
-    name = "paired"
+    method: ClassVar[str] = "paired"
 
     @property
     def plan_digest(self) -> str:
         objects = tuple(part.objects for part in self.parts)
         return digest("paired", objects, tuple(plan.plan_digest for plan in self.plans))
-
-    @property
-    def wanted(self) -> int:
-        return self.problem.request.n
-
-    @property
-    def seed(self) -> int:
-        return self.problem.request.seed
-
-    @property
-    def cells(self) -> Cells:
-        return self.problem.cells
 
     @property
     def reached(self) -> Sequence[int]:
@@ -88,17 +74,21 @@ class Paired:
         return min(plan.shared_by for plan in self.plans)
 
     @property
+    def scenes_per_piece(self) -> float:
+        return min(plan.scenes_per_piece for plan in self.plans)
+
+    @property
     def evaluations(self) -> float:
         return sum(plan.evaluations for plan in self.plans)
 
     @property
-    def _spread(self) -> AnyPlan:
-        """The plan of the part over whose labels the scenes are spread; any, where they are not."""
+    def _spread(self) -> Plan:
+        """The plan of the part whose labels have cells; any plan if there are no cells."""
         return max(self.plans, key=lambda plan: plan.cells.count)
 
-    def piece(self, k: int) -> Candidates:
-        """Piece k. Raises StoppedError where a part's deadline passes meanwhile."""
-        made = [plan.piece(k) for plan in self.plans]
+    def draw(self, k: int) -> Piece:
+        """Piece k. Raises StoppedError if a part's deadline passes meanwhile."""
+        made = [plan.draw(k) for plan in self.plans]
         rng = np.random.default_rng(np.random.SeedSequence([self.seed, PAIRED, k]))
         chosen = [rng.permutation(np.flatnonzero(one.cell >= 0)) for one in made]
         count = min(map(len, chosen))
@@ -106,15 +96,15 @@ class Paired:
         rows = np.empty((len(lowest), count))
         mine: set[int] = set()
         for part, one, order in zip(self.parts, made, chosen, strict=True):
-            for row in (3 * thing + axis for thing in part.objects for axis in range(3)):
+            for row in (row for thing in part.objects for row in rows_of(thing)):
                 rows[row] = one.rows[row, order[:count]]
                 mine.add(row)
         for row in sorted(set(range(len(lowest))) - mine):  # no clause reads them
             rows[row] = lowest[row] + rng.random(count) * (highest[row] - lowest[row])
-        np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
+        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
         with np.errstate(all="ignore"):  # as in the parts' own plans
             phi = self.problem.phi(rows)
-        return Candidates(rows, phi, self.cells.find(phi), self._together([one.facts for one in made]))
+        return Piece(rows, phi, self.cells.find(phi), self._together([one.facts for one in made]))
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run: each part's own account, and the probability of all of them."""
@@ -138,7 +128,8 @@ class Paired:
         for one in accounts:
             warnings |= dict.fromkeys(one.warnings)
         methods = ", ".join(one.tried for one in accounts)
-        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings))
+        note = next((one.note for one in accounts if one.note), "")
+        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings), note)
 
     def _together(self, facts: Sequence[Array]) -> Array:
         return np.concatenate([np.pad(one, (0, size - len(one))) for one, size in zip(facts, self.facts, strict=True)])
@@ -148,22 +139,19 @@ class Paired:
         facts = tally.facts[first : first + self.facts[number]]
         return self.plans[number].account(replace(tally, strays=(), facts=facts))
 
-    def misses(self) -> tuple[Array, Array]:
-        return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
 
-
-def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[AnyPlan]) -> Paired:
-    """The plan that pairs plans of the parts. Pieces of rejection, which can have any size, are cut to bring about as
-    many scenes as those of the others."""
-    fixed = [count for plan in plans if (count := _yield(plan)) and not isinstance(plan, Rejection)]
+def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[Plan]) -> Paired:
+    """The plan that combines the parts' plans. Pieces of rejection can have any size; they are cut to give about as
+    many scenes as the pieces of the others."""
+    fixed = [count for plan in plans if (count := plan.scenes_per_piece) and not isinstance(plan, Rejection)]
     enough = SPARE * problem.request.n / max(plan.fewest for plan in plans)
-    target = min(enough, *(fixed or map(_yield, plans)))
+    target = min(enough, *(fixed or [plan.scenes_per_piece for plan in plans]))
     some = target + 3.0 * math.sqrt(target) + 8.0
     sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
     return Paired(problem, tuple(parts), sized, tuple(_facts(plan) for plan in sized))
 
 
-def _facts(plan: AnyPlan) -> int:
+def _facts(plan: Plan) -> int:
     """How many facts a piece has at most."""
     if isinstance(plan, Growth):
         return GROWTH_FACTS
@@ -176,20 +164,10 @@ def _facts(plan: AnyPlan) -> int:
     return len(plan.sources)
 
 
-def _yield(plan: AnyPlan) -> float:
-    """About how many scenes a piece brings."""
-    if isinstance(plan, Growth):
-        return plan.recipe.count
-    if isinstance(plan, Splitting):
-        return plan.plan.chains * plan.plan.takes
-    assert isinstance(plan, Rejection)
-    return SPARE * plan.wanted * sum(source.candidates for source in plan.sources) / max(plan.expected, 1.0)
-
-
 def _sized(plan: Rejection, scenes: float) -> Rejection:
-    """The plan with pieces that bring about so many scenes, as far as a piece may take."""
-    most = LARGEST / scoring(plan.problem.core.nodes, sum(source.candidates for source in plan.sources))
-    factor = min(max(1.0, most), scenes / _yield(plan))
+    """The plan with pieces of about so many scenes, or as many as the maximum work of a piece allows."""
+    most = LARGEST / scoring(plan.problem.core.nodes, plan.candidates)
+    factor = min(max(1.0, most), scenes / plan.scenes_per_piece)
     sources = [replace(one, candidates=math.ceil(factor * one.candidates)) for one in plan.sources]
     return replace(plan, sources=tuple(sources))
 
@@ -205,7 +183,7 @@ def _product(parts: Sequence[Mapping[str, object]]) -> dict[str, object]:
 
 
 def _number(info: Mapping[str, object], *names: str, otherwise: float = 0.0) -> float:
-    """The first of these facts that is there and known."""
+    """The first of these facts that is present and not None."""
     for name in names:
         value = info.get(name)
         if isinstance(value, int | float):

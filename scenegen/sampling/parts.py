@@ -1,9 +1,9 @@
-"""The independent parts of a request: sets of objects that no clause ties together.
+"""The independent parts of a request: sets of objects that no clause connects.
 
-What a request and the spec's requirements ask for falls into connected components (see `growth.graph`). Under the base
-distribution objects are independent, so scenes of each component, sampled apart and put together, are scenes of the
-whole, and the probability is the product. A part is a problem of its own: the labels keep the conjuncts that touch its
-objects; all other objects are held somewhere, and their poses mean nothing.
+The clauses of a request and of the spec's requirements form connected components (see `growth.graph`). Under the base
+distribution objects are independent. So scenes of each component can be sampled separately and combined into scenes of
+the whole, and the probability is the product. A part is a problem of its own: its labels keep the conjuncts that
+contain its objects; all other objects are held at arbitrary poses.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import Effort, StoppedError
-from scenegen.bounds.wanted import push_down
+from scenegen.bounds.requirements import push_down
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE, Core, Junction, Node, part
+from scenegen.pose import span_of
 from scenegen.sampling.growth.graph import components, make_graph, touched
 from scenegen.sampling.problem import PAIRED, Budget, Problem, narrowed
 from scenegen.sampling.report import too_early
@@ -27,22 +28,22 @@ from scenegen.sampling.request import Range
 Array = npt.NDArray[np.float64]
 Objects = frozenset[int]
 
-REQUIRED = "what is required"  # a label of parts like any other: its probability counts with the others
-LOOK = 1024  # scenes by which it is judged how common a part is
-COMMON = 0.2  # parts are taken together while at least that share of what contraction leaves is in range
+REQUIRED = "what is required"  # a label of parts like any other: its probability is a factor, too
+LOOK = 1024  # scenes for estimating how common a part is
+COMMON = 0.2  # parts are merged while at least this share of the contracted box is in range
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """`problem` is what is asked of `objects`, indices of free objects in rising order, alone."""
+    """`problem` is the request for `objects` alone, indices of free objects in rising order."""
 
     objects: tuple[int, ...]
     problem: Problem
 
 
 def independent_parts(problem: Problem, budget: Budget) -> tuple[Part, ...]:
-    """The parts of a request; of those that are common, several are taken together, and come last. Empty where fewer
-    than two are rare. Raises RequestError where a part is proved to have no scene, or time is up."""
+    """The parts of a request; common parts are merged and come last. Empty if fewer than two are rare. Raises
+    RequestError if a part is proved to have no scene, or if time is up."""
     with np.errstate(all="ignore"):
         effort = Effort(lambda: budget.overdrawn)
         try:
@@ -55,7 +56,7 @@ def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
     touches = touched(problem)
     labels = _demands(problem, touches)
     names = tuple(problem.core.labels)
-    # a cell is one of all labels with two ends: the objects of these stay together
+    # a cell spans all labels with bounded ranges: their objects stay together
     spread = [Objects().union(*(touches[node] for node in labels[names[at]])) for at in problem.cells.bounded]
     if not all(spread):
         return ()
@@ -73,14 +74,14 @@ def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
         else:
             common.append(group)
             together = shares[group]
-    if len(rare) + len(common[1:]) < 2:  # several heaps of common parts are rare together
+    if len(rare) + len(common[1:]) < 2:  # merged common parts can be rare together
         return ()
     groups = (*sorted(rare, key=min), *common)
     return tuple(_part(problem, group, touches, labels, effort) for group in groups)
 
 
 def _demands(problem: Problem, touches: Mapping[int, Objects]) -> dict[str, list[int]]:
-    """The nodes at which the demands on each label arrive when pushed down, those left out that are the same in every
+    """The nodes at which the demands on each label arrive when pushed down, without those that are the same in every
     scene."""
     found: dict[str, list[int]] = {}
     for (name, node), low, high in zip(
@@ -117,16 +118,16 @@ def _part(
     lowest, highest = problem.lowest, problem.highest.copy()
     for thing in range(len(core.objects)):
         if thing not in group:
-            highest[3 * thing : 3 * thing + 3] = lowest[3 * thing : 3 * thing + 3]
+            highest[span_of(thing)] = lowest[span_of(thing)]
     seed = np.random.SeedSequence([problem.request.seed, PAIRED, *sorted(group)]).generate_state(1, np.uint64)
     small = part(Core(tuple(nodes), mine, core.objects), tuple(mine))
-    ranges = {label: problem.request.ranges.get(label, Range(0.0)) for label in mine}
-    made = narrowed(problem, small, (lowest, highest), ranges, int(seed[0] >> np.uint64(1)), effort)
+    phi = {label: problem.request.phi.get(label, Range(0.0)) for label in mine}
+    made = narrowed(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
     return Part(tuple(sorted(group)), made)
 
 
 def _share(one: Part, effort: Effort) -> float:
-    """About how much of the box that contraction leaves is in range; 0 where that is cut into cells."""
+    """About which share of the contracted box is in range; 0 if the range is cut into cells."""
     effort.check()
     problem = one.problem
     if problem.cells.count > 1:

@@ -1,13 +1,13 @@
 """How rare each value of phi is under the base distribution: P(phi >= t) and P(phi <= t) for every t at once.
 
-Chains start as uniform scenes and are narrowed level by level, up to the top of phi and, in a run of their own, down
-to its bottom; each level keeps about half (adaptive multilevel splitting, Cerou and Guyader 2007). The share that
-reaches t from the level below it, times the shares of all levels before, estimates P(phi >= t). What a spec requires
-is met first, in the same way, so that the probabilities are those among the scenes that meet it.
+Chains start as uniform scenes and are restricted level by level, up to the highest phi and, in a separate run, down to
+the lowest; each level keeps about half (adaptive multilevel splitting, Cerou and Guyader 2007). The share that reaches
+t from the level below it, times the shares of all levels before, estimates P(phi >= t). The requirement is satisfied
+first, in the same way, so all probabilities are conditional on it.
 
-The chains live on islands that never exchange any (Whiteley, Lee and Heine 2016 discuss such particle systems): each
-island has an estimate of its own, and how these scatter is the error bar, copies of one ancestor included. Effort is
-counted in node visits, never in seconds. Numpy alone: this room's torch is not loaded for it.
+The chains are divided into islands that never exchange chains (Whiteley, Lee and Heine 2016 discuss such particle
+systems). Each island has its own estimate; the scatter of these is the error bar, which includes the effect of copies
+of one ancestor. Effort is counted in node visits, never in seconds. numpy only: torch is not loaded.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from scenegen.lang.interpret import phi as evaluate
 from scenegen.primitives import NUMPY
 from scenegen.primitives.footprint import Circle
 from scenegen.sampling.cells import Cells
-from scenegen.sampling.chains import Chains, Region
-from scenegen.sampling.frame import Frame, Tape, make_frame
-from scenegen.sampling.tuning import Tuner, longest
+from scenegen.sampling.splitting.chain_state import ChainState, Tape, make_frame
+from scenegen.sampling.splitting.chains import Chains, Region
+from scenegen.sampling.splitting.tuning import Tuner, longest
 
 Array = npt.NDArray[np.float64]
 
 STREAM = 6  # random stream of these runs, apart from those of the samplers
 ISLANDS = 16  # estimates whose scatter is the error bar: enough that two standard errors mean about 95 %
 MOST, FEWEST = 8192, 256  # chains of a run
-DEPTH = 15  # levels of a run that its effort must suffice for where every one takes all the moves it may
+DEPTH = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
-PER_SHAPE = 60  # what a footprint with corners costs, in plain nodes; two of them in one node cost four times that
-KEPT, CLIMB = 0.5, 0.1  # share that makes a level; the same once levels are not counted any more
+PER_SHAPE = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
+KEPT, CLIMB = 0.5, 0.1  # share of the chains that makes a level; the same once levels are not counted any more
 NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
-LEVELS, SEARCH = 400, 30  # levels that are counted at most, and of the search for the end after that
+LEVELS, SEARCH = 400, 30  # maximum number of counted levels, and of levels in the search for the end after them
 COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
 ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
-CAREFUL = 4  # the same for what is required: all runs start from there
+CAREFUL = 4  # the same for the requirement: all runs start from there
 SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
-FEW = 8  # scenes on which an estimate must rest
+FEW = 8  # minimum number of scenes behind an estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +56,12 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """One run: `sign` 1 up to the top of phi, -1 down to its bottom.
+    """One run: `sign` is 1 towards the highest phi, -1 towards the lowest.
 
-    `levels` (K,) are sign * phi from which on each stage's chains are held, the first -inf; `values` are their
-    sign * phi, K arrays (islands, chains of one) in rising order; `weights` (K, islands) are the probabilities of the
-    stages, by each island. `end` is the furthest phi that was met; `whole` says that levels were counted all the way
-    to where hardly anything is left, and not only as far as the effort went.
+    `levels` (K,) are each stage's lower limit of sign * phi, the first -inf; `values` are the chains' sign * phi, K
+    arrays (islands, chains of an island) in rising order; `weights` (K, islands) are the probabilities of the stages by
+    island. `end` is the furthest phi that was found; `whole` says that levels were counted until hardly any scenes were
+    left, and did not end because the effort was used up.
     """
 
     sign: int
@@ -72,7 +72,7 @@ class Tail:
     whole: bool
 
     def __call__(self, phi: float) -> Estimate | None:
-        """log10 P(phi' >= phi) for a run upwards, log10 P(phi' <= phi) downwards; None where too few scenes tell."""
+        """log10 P(phi' >= phi) for a run upwards, log10 P(phi' <= phi) downwards; None if there are too few scenes."""
         place = self.sign * phi
         stage = int(np.searchsorted(self.levels, place, side="right")) - 1
         values = self.values[stage]
@@ -82,14 +82,14 @@ class Tail:
         return combine(self.weights[stage] * hits / values.shape[1], self.weights[0])
 
     def quantile(self, share: float) -> float:
-        """The phi beyond which, in the direction of the run, lies about that share of the scenes."""
+        """The phi beyond which, in the direction of the run, about that share of the scenes lies."""
         first = np.sort(self.values[0].ravel())
         return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What phi of one label does among the scenes that meet the requirement."""
+    """The distribution of a label's phi among the scenes that satisfy the requirement."""
 
     up: Tail
     down: Tail
@@ -107,7 +107,7 @@ class Rarity:
 
 @dataclass(frozen=True, slots=True)
 class OutOfReach:
-    """No scene that meets the requirement was found; `best` is its largest margin."""
+    """No scene that satisfies the requirement was found; `best` is its largest margin."""
 
     best: float
     evaluations: int
@@ -131,15 +131,15 @@ def measure(
     seed: int = 0,
     check: Callable[[], None] | None = None,
 ) -> Rarity | OutOfReach:
-    """P(phi >= t) and P(phi <= t) of each of the labels, over the box of poses lowest..highest (3N,), uniform but for
-    what the core requires. The same arguments give the same numbers. `check` is called between levels: what it raises
-    ends the run."""
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as out of reach
+    """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
+    conditional on the core's requirement. The same arguments give the same numbers. `check` is called between levels:
+    what it raises ends the run."""
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         return _measure(gated(core), lowest, highest, labels, seed, check or _go_on)
 
 
 def _go_on() -> None:
-    """Whom nobody wants to stop."""
+    """The default for `check`: never stops."""
 
 
 def _measure(
@@ -173,7 +173,7 @@ def _measure(
 
 
 def _still(phi: float) -> Reach:
-    """Of a label whose phi is the same in all scenes."""
+    """The result for a label whose phi is the same in all scenes."""
     weights = np.ones((1, ISLANDS))
     tails = [
         Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
@@ -182,14 +182,14 @@ def _still(phi: float) -> Reach:
 
 
 def cost(core: Core) -> int:
-    """About what phi of one scene takes, in visits of plain nodes."""
+    """About the cost of phi of one scene, in visits of plain nodes."""
     shapes = [node.shapes for node in core.nodes if isinstance(node, Apply)]
     cornered = [sum(not isinstance(shape, Circle) for shape in pair) for pair in shapes]
     return len(core.nodes) + PER_SHAPE * sum(many * many for many in cornered)
 
 
 def _chains(cores: Sequence[Core], lowest: Array, highest: Array) -> int:
-    """How many chains the runs of these cores afford, a multiple of the islands."""
+    """How many chains the effort allows for these cores, a multiple of the islands."""
     fewest = MOST
     for core in cores:
         moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
@@ -199,7 +199,7 @@ def _chains(cores: Sequence[Core], lowest: Array, highest: Array) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Base:
-    """Chains that meet the requirement: `rows` by their place in (3N, B) storage, and the islands' weights."""
+    """Chains that satisfy the requirement: `rows` by their index in (3N, B) storage, and the islands' weights."""
 
     rows: dict[int, Array]
     weights: Array
@@ -209,13 +209,13 @@ class _Base:
 def _require(
     core: Core, lowest: Array, highest: Array, count: int, seed: int, check: Callable[[], None]
 ) -> tuple[_Base, float]:
-    """Chains at the base distribution conditioned on the requirement; weights 0 where it could not be met."""
-    frame = make_frame(core, lowest, highest)
-    if not frame.dimension:
+    """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
+    chain_state = make_frame(core, lowest, highest)
+    if not chain_state.dimension:
         margin = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(ISLANDS, float(margin >= 0.0)), 1), margin
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
-    state, weights = _begin(frame, None, count, rng)
+    state, weights = _begin(chain_state, None, count, rng)
     tuner = Tuner(state)
     work = WORK // cost(core)
     met = False
@@ -231,17 +231,17 @@ def _require(
     for _ in range(SETTLE if met else 0):
         tuner.adapt()
     best = float(_margin(state, 1).max())
-    rows = dict(zip(frame.rows, state.rows, strict=True))
+    rows = dict(zip(chain_state.rows, state.rows, strict=True))
     return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
 
 
-def _begin(frame: Frame, base: _Base | None, count: int, rng: np.random.Generator) -> tuple[Chains, Array]:
-    """`count` chains of a frame at the base distribution, and the weights of their islands."""
-    cells = Cells(tuple(frame.core.labels), (), (), np.empty(0), np.empty(0))
-    state = Chains.start(frame, Tape(frame), cells, count, rng)
+def _begin(chain_state: ChainState, base: _Base | None, count: int, rng: np.random.Generator) -> tuple[Chains, Array]:
+    """`count` chains of a chain_state at the base distribution, and the weights of their islands."""
+    cells = Cells(tuple(chain_state.core.labels), (), (), np.empty(0), np.empty(0))
+    state = Chains.start(chain_state, Tape(chain_state), cells, count, rng)
     if base is None:
         return state, np.ones(ISLANDS)
-    state.rows = [base.rows.get(row, fresh) for row, fresh in zip(frame.rows, state.rows, strict=True)]
+    state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
     state.pool = list(state.rows)
     state.phi = state.tape(state.rows)
     state.region = Region(np.array([-np.inf, 0.0]), np.full(2, np.inf))
@@ -249,7 +249,8 @@ def _begin(frame: Frame, base: _Base | None, count: int, rng: np.random.Generato
 
 
 def _run(state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None]) -> tuple[Tail, int]:
-    """Narrow the chains towards one end of phi of their first label, at a cost of about `work` evaluations at most."""
+    """Restrict the chains step by step towards one end of their first label's phi, with at most about `work`
+    evaluations."""
     phi = _margin(state, sign)
     levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
     middle, end = float(np.median(phi)), float(phi.max())
@@ -280,7 +281,7 @@ def _run(state: Chains, weights: Array, sign: int, work: int, check: Callable[[]
 
 
 def _margin(state: Chains, sign: int) -> Array:
-    """sign * phi of the first label, (P,); what is not a number lies below all that is."""
+    """sign * phi of the first label, (P,); NaN counts as the lowest."""
     phi = sign * state.phi[0]
     return np.where(np.isnan(phi), -np.inf, phi)
 
@@ -299,7 +300,8 @@ def _next(phi: Array, here: float, kept: float) -> float | None:
 
 
 def _narrow(state: Chains, level: float, sign: int) -> Array:
-    """Hold the chains to sign * phi >= level of their first label; returns the share of each island that survived."""
+    """Restrict the chains to sign * phi >= level for their first label; returns the share of each island that
+    survived."""
     low, high = state.region.low.copy(), state.region.high.copy()
     (low if sign > 0 else high)[0] = sign * level
     region = Region(low, high)

@@ -1,8 +1,8 @@
 """Moving scenes onto their target by Newton steps along the gradient of phi.
 
-The step for labels with residual r and Jacobian J (one row per label) is the shortest that closes the gap to first
-order, J^T (J J^T)^-1 r; with one label that is (target - phi) g / |g|^2. The first steps follow
-the straight-through gradient, which moves every object that matters instead of the deciding pair alone; the last ones
+The step for labels with residual r and Jacobian J (one row per label) is the shortest one that reaches the target to
+first order, J^T (J J^T)^-1 r; with one label this is (target - phi) g / |g|^2. The first steps follow the
+straight-through gradient, which moves all objects involved, not only those of the active atom; the last steps follow
 the exact gradient, which converges.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from scenegen.pose import object_count
 from scenegen.robustness import Robustness
 from scenegen.sampling.base import clamp_to
 from scenegen.scene.workspace import Workspace
@@ -18,8 +19,8 @@ from scenegen.scene.workspace import Workspace
 SOFT_STEPS = 20
 HARD_STEPS = 20
 BETA = 10.0
-LONGEST = 0.25  # of the workspace, or radians, that one coordinate may move in a step: J says little of what is far
-# Far from the target the labels' gradients are often all but parallel, and the exact step is then a leap to the side.
+LONGEST = 0.25  # of the workspace, or radians: the longest step of a coordinate, since J is valid only nearby
+# Far from the target the labels' gradients are often nearly parallel; the exact step is then a long jump sideways.
 SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 
 
@@ -32,15 +33,14 @@ def refine(
     high: Tensor,
     held: tuple[Tensor, Tensor] | None = None,
 ) -> Tensor:
-    """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, where it can be done.
+    """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, if possible.
 
-    `target` (L, B) is where a label that is out of its range is headed; labels within their range do not take part
-    until they leave it. Scenes that arrive stop moving; positions stay in the workspace, and the rows in `held`
-    (indices and values) where they are told to be. Scenes that do not arrive are returned as they are: the caller
-    verifies.
+    `target` (L, B) is the goal of labels that are out of their range; labels within their range are ignored until they
+    leave it. Scenes that arrive stop moving. Positions stay in the workspace, and the rows in `held` (indices and
+    values) keep their values. Scenes that do not arrive are returned as they are: the caller verifies.
     """
     rows = clamp_to(workspace, rows, held)
-    scale = torch.tensor([workspace.width, workspace.height, 1.0], dtype=rows.dtype).repeat(rows.shape[0] // 3)[:, None]
+    scale = torch.tensor(workspace.scales, dtype=rows.dtype).repeat(object_count(len(rows)))[:, None]
     if held is not None:
         scale[held[0]] = 0.0
     active = torch.arange(rows.shape[1])
@@ -62,7 +62,8 @@ def refine(
 
 
 def _jacobian(phi: Tensor, rows: Tensor) -> Tensor:
-    """(L, 3N, B): the gradient of each label; scenes do not influence one another, so one sweep per label is enough."""
+    """(L, 3N, B): the gradient of each label; scenes do not influence each other, so one backward pass per label is
+    enough."""
     sweeps = [
         torch.autograd.grad(phi[label].sum(), rows, retain_graph=label + 1 < phi.shape[0])[0]
         for label in range(phi.shape[0])

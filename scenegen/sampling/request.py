@@ -1,7 +1,7 @@
-"""What is asked for: a range of phi for some labels, and how many scenes.
+"""A user's request: ranges of phi for some labels, the number of scenes, and how to draw them.
 
-`LO:HI` is a bounded range, `LO:` and `:HI` are constraints only, a label that is not mentioned is
-free.
+`LO:HI` is a bounded range; `LO:` and `:HI` are constraints only; a label that is not mentioned is free. Text is parsed
+here (`parse_phi`), Python values in `api/request.py`; after that a request is a `SampleRequest`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
-from scenegen.errors import Diagnostic, RequestError, Source, Span, quoted, suggest
+from scenegen.errors import Diagnostic, RequestError, Source, Span
+from scenegen.errors.requests import (
+    BEYOND_BOUNDS,
+    LABEL_NOT_NAMED,
+    LABEL_TWICE,
+    NOT_A_NUMBER,
+    ONLY_AT_BOUND,
+    OUT_OF_RANGE,
+    RANGE_END,
+    RANGE_REVERSED,
+    RANGE_SYNTAX,
+    RANGE_WITHOUT_END,
+    SINGLE_VALUE,
+    UNKNOWN_CHOICE,
+    UNKNOWN_LABEL,
+)
 
 Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
@@ -41,45 +56,57 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """A checked request: only labels of the spec are mentioned, and no range is empty."""
+class FixedPose:
+    """The pose of a fixed object: metres and, if its heading is fixed too, radians. `span` is where it was typed."""
 
-    ranges: Mapping[str, Range]
-    n: int
+    x: float
+    y: float
+    theta: float | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRequest:
+    """A request for scenes of a spec or a model; `sampling.problem.make_problem` checks it against its spec.
+
+    `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
+    radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
+    as save time) change no scene.
+    """
+
+    phi: Mapping[str, Range] = field(default_factory=dict)
+    n: int = 16
     seed: int = 0
-    spread: Spread = "flat"
-    warnings: tuple[Diagnostic, ...] = ()
-    fixed: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # (x, y) or (x, y, theta)
+    method: str = "auto"
+    spread: str = "flat"
+    fix: Mapping[str, FixedPose | tuple[float, ...]] = field(default_factory=dict)
+    settle: bool = False
+    raw: bool = False
+    timeout: float = 60.0
+    workers: int | None = None
+    keep_partial: bool = False
 
 
-def parse_ranges(options: Sequence[str], labels: Sequence[str]) -> dict[str, Range]:
+def parse_phi(options: Sequence[str], labels: Sequence[str]) -> dict[str, Range]:
     """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]. Raises RequestError with a caret."""
-    ranges: dict[str, Range] = {}
+    phi: dict[str, Range] = {}
     for text in options:
-        source = Source("--phi", text)
+        source = Source("phi", text, argument=True)
         name, equals, rest = text.partition("=")
         if not equals:
             if len(labels) > 1:
-                help_ = f"say which label: --phi {labels[0]}={text}"
-                title = f"this spec has {len(labels)} labels, {quoted(labels)}"
-                raise RequestError(Diagnostic(title, Span(source, 0, len(text)), "of which label?", help_))
+                named = {"count": len(labels), "labels": tuple(labels), "first": labels[0], "text": text}
+                raise RequestError(LABEL_NOT_NAMED(Span(source, 0, len(text)), **named))
             name, rest = labels[0], text
         name = name.strip()
         offset = len(text) - len(rest)
         here = Span(source, 0, offset - 1 if equals else len(text))
         if name not in labels:
-            raise RequestError(_unknown_label(name, labels, here))
-        if name in ranges:
-            help_ = "give one range per label"
-            raise RequestError(Diagnostic(f"phi of `{name}` is asked for twice", here, "", help_))
-        ranges[name] = _parse_range(rest, source, offset)
-    return ranges
-
-
-def _unknown_label(name: str, labels: Sequence[str], here: Span | None) -> Diagnostic:
-    otherwise = f"the spec has {quoted(labels)}"
-    title = "no label stands before `=`" if name == "" else f"the spec has no label `{name}`"
-    return Diagnostic(title, here, "", suggest(name, labels, otherwise))
+            raise RequestError(UNKNOWN_LABEL(here, name=name, known=labels))
+        if name in phi:
+            raise RequestError(LABEL_TWICE(here, name=name))
+        phi[name] = _parse_range(rest, source, offset)
+    return phi
 
 
 def _parse_range(text: str, source: Source, offset: int) -> Range:
@@ -87,19 +114,16 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
-        help_ = f"write a band: {_band_text(text)}" if alone else "for instance 0.05:0.2"
-        raise RequestError(Diagnostic("a range is written LO:HI, LO: or :HI", whole, "", help_))
+        raise RequestError(RANGE_SYNTAX(whole, band=_band_text(text) if alone else None))
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
         value = number(part) if part.strip() else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
-            raise RequestError(Diagnostic(f"`{part}` is not a number", here, "", "write a range such as 0.05:0.2"))
+            raise RequestError(NOT_A_NUMBER(here, text=part, usage="write a range such as 0.05:0.2"))
         ends.append(value)
     if ends == [None, None]:
-        raise RequestError(
-            Diagnostic("this range has no end", whole, "", "write LO:HI, LO: or :HI, or leave --phi out")
-        )
+        raise RequestError(RANGE_WITHOUT_END(whole))
     result = Range(ends[0], ends[1], whole)
     problem = empty_range(result)
     if problem is not None:
@@ -121,59 +145,55 @@ def _band_text(text: str) -> str:
 
 
 def empty_range(wanted: Range) -> Diagnostic | None:
-    """What is wrong with a reversed range; None where nothing is. LO = HI is judged with the spec's bounds at hand."""
+    """The error for a reversed range; None if it is not reversed. LO = HI is checked later, when the spec's bounds are
+    known."""
     if wanted.low is not None and wanted.high is not None and wanted.low > wanted.high:
-        return Diagnostic("this range is reversed", wanted.span, "", f"write {wanted.high:g}:{wanted.low:g}")
+        return RANGE_REVERSED(wanted.span, high=wanted.high, low=wanted.low)
     return None
 
 
 def check_request(
-    ranges: Mapping[str, Range],
-    n: int,
-    seed: int,
-    spread: str,
-    bounds: Mapping[str, tuple[float, float]],
-) -> Request:
-    """A request held against a spec's labels and the interval bounds of their phi. Raises RequestError."""
+    request: SampleRequest, bounds: Mapping[str, tuple[float, float]]
+) -> tuple[SampleRequest, tuple[Diagnostic, ...]]:
+    """A request checked against a spec's labels and the interval bounds of their phi; and warnings. The ranges of the
+    result can be sampled: none is empty or a single value. Raises RequestError."""
+    n, seed, spread = request.n, request.seed, request.spread
     if not 1 <= n <= MAX_SCENES:
-        title = f"cannot sample {n:,} scenes"
-        raise RequestError(Diagnostic(title, help=f"ask for 1 to {MAX_SCENES:,} with -n"))
+        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted=f"from 1 to {MAX_SCENES:,}"))
     if not 0 <= seed <= MAX_SEED:
-        raise RequestError(Diagnostic(f"{seed} is no seed", help=f"a seed lies between 0 and {MAX_SEED}"))
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
     if spread not in SPREADS:
-        raise RequestError(Diagnostic(f"unknown spread `{spread}`", help=suggest(spread, SPREADS, "flat or base")))
+        raise RequestError(UNKNOWN_CHOICE(what="spread", name=spread, known=SPREADS))
     warnings: list[Diagnostic] = []
     checked: dict[str, Range] = {}
-    for name, wanted in ranges.items():
+    for name, wanted in request.phi.items():
         if name not in bounds:
-            raise RequestError(_unknown_label(name, list(bounds), None))
+            raise RequestError(UNKNOWN_LABEL(name=name, known=bounds))
         for end in (wanted.low, wanted.high):
             if end is not None and not abs(end) <= LARGEST_PHI:
-                raise RequestError(Diagnostic(f"{end} cannot end a range of phi of `{name}`", help="use None for open"))
+                raise RequestError(RANGE_END(end=end, label=name))
         problem = empty_range(wanted)
         if problem is not None:
             raise RequestError(problem)
         checked[name] = _within_reach(name, wanted, bounds[name], warnings)
-    literal: Spread = "flat" if spread == "flat" else "base"
-    return Request(checked, n, seed, literal, tuple(warnings))
+    return replace(request, phi=checked), tuple(warnings)
 
 
 def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warnings: list[Diagnostic]) -> Range:
     lowest, highest = bounds
     low = -math.inf if wanted.low is None else wanted.low
     high = math.inf if wanted.high is None else wanted.high
-    reach = f"phi of `{name}` lies between {lowest:.4g} and {highest:.4g} in this workspace"
+    reach = {"label": name, "lowest": lowest, "highest": highest}
     if low > highest or high < lowest:
-        raise RequestError(Diagnostic(f"no scene can have phi of `{name}` in {wanted}", wanted.span, help=reach))
+        raise RequestError(BEYOND_BOUNDS(wanted.span, range=wanted, **reach))
     at_top, at_bottom = low == highest, high == lowest
     if at_top or at_bottom:
-        # Reached at its bound only, as by closeTo(mug, plate, 0): what can be asked for is a band beside the bound.
+        # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
         band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
-        title = f"phi of `{name}` reaches {highest if at_top else lowest:g} with probability 0; sampling {band} instead"
-        warnings.append(Diagnostic(title, wanted.span, help=reach, severity="warning"))
+        bound = highest if at_top else lowest
+        warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
         return band
     if low == high:
         band = Range(max(low - BAND, lowest), min(high + BAND, highest))
-        title = f"phi of `{name}` is exactly {low:g} with probability 0"
-        raise RequestError(Diagnostic(title, wanted.span, help=f"ask for a band: --phi {name}={band}"))
+        raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
     return wanted

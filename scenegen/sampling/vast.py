@@ -1,10 +1,11 @@
-"""How rare each value of phi is on a table of many objects: what `rarity` tells, by growth instead of by splitting.
+"""How rare each value of phi is on a table of many objects: the same results as `rarity`, by growth instead of
+splitting.
 
-Chains that begin as uniform scenes get nowhere where hardly any scene meets what is required, or where one look at phi
-takes hundreds of clearances. Growth makes scenes of the base distribution and of any range of phi at once, each time
-with an unbiased estimate of the probability. So a tail is a series of runs that do not depend on each other: each is
-held to a value of phi which a few scenes of the run before it reach, and tells what lies beyond. Where phi >= 0 is too
-far off for that, a run is held to it directly. Effort is counted in visits of formula nodes, never in seconds.
+Chains that begin as uniform scenes fail if hardly any scene satisfies the requirement, or if one evaluation of phi
+takes hundreds of clearances. Growth makes scenes of the base distribution and of any range of phi directly, each time
+with an unbiased estimate of the probability. So a tail is a series of independent runs: each is restricted to a value
+of phi that a few scenes of the previous run reach, and gives the distribution beyond it. If phi >= 0 is too far away
+for that, a run is restricted to it directly. Effort is counted in visits of formula nodes, never in seconds.
 """
 
 from __future__ import annotations
@@ -16,16 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.wanted import push_down
+from scenegen.bounds.requirements import push_down
 from scenegen.lang.core import REQUIRE, Core, Junction, gated, part
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import cut
-from scenegen.sampling.frame import make_frame
-from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
 from scenegen.sampling.growth.plan import Stalled
+from scenegen.sampling.growth.reading import flat
 from scenegen.sampling.growth.sampler import no_growth
-from scenegen.sampling.problem import Problem, pose
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
     DEPTH,
@@ -41,25 +41,26 @@ from scenegen.sampling.rarity import (
     Tail,
     cost,
 )
-from scenegen.sampling.request import Range
-from scenegen.sampling.tuning import longest
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.splitting.chain_state import make_frame
+from scenegen.sampling.splitting.tuning import longest
 
 Array = npt.NDArray[np.float64]
 
 VAST = 7  # random stream of these runs
-MANY = 20  # moving rows from which on chains that begin anywhere get nowhere
-AFFORDED = 100  # chains: where splitting could not afford these, growth takes its place
+MANY = 20  # with so many moving rows, chains that start at uniform scenes fail
+AFFORDED = 100  # chains: if the effort of splitting does not allow so many, growth is used instead
 EACH = 64  # scenes of an island
 REACHED = 16  # scenes that reach the next level
-EFFORT = 5e8  # visits of formula nodes by all tails together: some 5 s
-FIRST = 4e9  # by the scenes that all tails begin with
+EFFORT = 5e8  # visits of formula nodes by all tails together: about 5 s
+FIRST = 4e9  # the same for the scenes with which all tails begin
 FEWEST = 2  # runs of a tail that are afforded, if they take no more than the scenes that it begins with
-GAP = 0.5  # share of a tail's effort after which a run is held to phi >= 0, if that has not been reached
-WAYS = 64  # alternatives of a disjunction up to which growth is held to it
+GAP = 0.5  # share of a tail's effort after which a run is restricted to phi >= 0, if that was not reached
+WAYS = 64  # maximum alternatives of a disjunction to which growth can be restricted
 
 
 def vast(core: Core, lowest: Array, highest: Array, labels: Sequence[str]) -> bool:
-    """Whether growth is to take the place of splitting: many objects, or phi takes long to compute."""
+    """Whether to use growth instead of splitting: for many objects, or if phi takes long to compute."""
     core = gated(core)
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
@@ -72,13 +73,13 @@ def vast(core: Core, lowest: Array, highest: Array, labels: Sequence[str]) -> bo
 
 
 def measure_vast(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_only: bool = False) -> Rarity:
-    """What `rarity.measure` tells; the same arguments give the same numbers. With `up_only`, nothing is spent on the
-    tails towards the bottom of phi.
+    """The results of `rarity.measure`; the same arguments give the same numbers. With `up_only`, the tails towards the
+    lowest phi are left out.
 
-    Raises RequestError where no scene meets what the spec requires, or none was found that does.
+    Raises RequestError if no scene satisfies the requirement, or if none was found.
     """
-    base = pose(spec, {}, n=1, seed=seed)
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as out of reach
+    base = make_problem(spec, SampleRequest(n=1, seed=seed))
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST)
         if isinstance(first, NoRoom):
             raise no_growth(base, Stalled(first.machine, first.stuck, first.work / len(base.core.nodes)))
@@ -157,7 +158,7 @@ class _Run:
             far = not self._tells(0.0)
 
     def _tells(self, phi: float) -> bool:
-        """Whether the last run met enough scenes beyond a value of phi."""
+        """Whether the last run found enough scenes beyond a value of phi."""
         return int((self.stages[-1].values >= self.sign * phi).sum()) >= FEW
 
     def _each(self) -> float:
@@ -177,7 +178,7 @@ class _Run:
         return float(above[0]) if len(above) else None
 
     def _hold(self, level: float, effort: float) -> bool:
-        """A run held to sign * phi >= level; False where it found nothing, or the tail took twice its effort."""
+        """A run restricted to sign * phi >= level; False if it found nothing, or if the tail took twice its effort."""
         self.runs += 1
         ends = Range(level, None) if self.sign > 0 else Range(None, -level)
         problem = _held(self.base, self.label, ends)
@@ -195,7 +196,7 @@ class _Run:
         return _Stage(level, values, np.exp(found.log_share - self.origin))
 
     def _can_be_held(self) -> bool:
-        """Whether growth can be held to one end of phi: not to one of hundreds of alternatives."""
+        """Whether growth can be restricted to one end of phi: not to one of hundreds of alternatives."""
         core = self.base.core
         ends = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
         for node, wanted in push_down(core, {core.labels[self.label]: ends}).items():
@@ -208,7 +209,7 @@ class _Run:
 
 def _held(base: Problem, label: str, ends: Range) -> Problem:
     """The base problem with a range for one label, and no proof that it is empty."""
-    request = replace(base.request, ranges={label: ends})
+    request = replace(base.request, phi={label: ends})
     cells = cut(request, tuple(base.core.labels))
     if REQUIRE in base.core.labels:
         cells.low[-1] = 0.0

@@ -1,4 +1,4 @@
-"""A second look at every scene before it is handed out."""
+"""Verification of every scene before it is returned."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
-AGREE = 1e-9  # how far apart two evaluators of phi may lie
+AGREE = 1e-9  # maximum difference of two evaluators of phi
 CHUNK = 16_384  # scenes at a time, which stay in cache
-LIVE = 1 << 22  # numbers that are alive at a time; specs of thousands of atoms get smaller chunks
+LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
 
 
 def verify(problem: Problem, rows: Array, phi: Array) -> None:
-    """Look at scenes, rows (3N, m) with phi (L, m), as if nothing were known about them: phi of every label anew, by
-    numpy in float64; the ranges, what the spec requires, the workspace, the circle, and objects that are held.
+    """Verify scenes, rows (3N, m) with phi (L, m), from scratch: phi of every label by numpy in float64; the ranges,
+    the requirement, the workspace, the range of headings, and fixed objects.
 
-    `phi` may lack the requirement's row. Raises AssertionError: what fails here is a bug of ours, and is never handed
-    out.
+    `phi` may lack the requirement's row. Raises AssertionError: a failure is a bug of scenegen, and such scenes are
+    never returned.
     """
     size = max(64, min(CHUNK, LIVE // len(problem.core.nodes)))
     for start in range(0, rows.shape[1], size):
@@ -33,7 +33,7 @@ def _look(problem: Problem, rows: Array, phi: Array) -> None:
         raise AssertionError("two evaluators of the same spec disagree about phi")
     cells = problem.cells
     if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
-        raise AssertionError("a sampler handed out a scene that was not asked for")
+        raise AssertionError("a sampler returned a scene outside the requested range")
     if not problem.spec.workspace.contains(rows).all():
         raise AssertionError("a sampler placed an object outside the workspace")
     still = problem.lowest == problem.highest

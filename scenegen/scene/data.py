@@ -1,6 +1,7 @@
 """The scene file, as pydantic models: the one border that scene data crosses on its way in or out.
 
-Format `scenegen/scenes`, version 1. The JSON Schema of `SceneFile` ships in docs/ and a golden test holds it still.
+Format `scenegen/scenes`, versions 1 and 2 (objects that say how high they stand). The JSON Schema of `SceneFile` ships
+in docs/ and a golden test holds it still.
 """
 
 from __future__ import annotations
@@ -12,18 +13,22 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
     FiniteFloat,
     SerializerFunctionWrapHandler,
+    Tag,
     model_serializer,
     model_validator,
 )
 
+from scenegen.pose import row_count
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import is_convex, signed_area
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
+RAISED: Literal[2] = 2  # the version of files whose objects say what they stand on
 
 Bounds = tuple[FiniteFloat, FiniteFloat]
 
@@ -40,10 +45,30 @@ class Pose(_Strict):
     theta: FiniteFloat
 
 
+class RestingPose(Pose):
+    """Likewise, of an object that stands on one of several surfaces: `on` says on which."""
+
+    on: str
+
+
+def _kind(value: object) -> str:
+    """Which of the two a pose is, read or written: errors then name the fields of that one alone."""
+    resting = "on" in value if isinstance(value, dict) else isinstance(value, RestingPose)
+    return "resting" if resting else "pose"
+
+
+AnyPose = Annotated[
+    Annotated[RestingPose, Tag("resting")] | Annotated[Pose, Tag("pose")],
+    Discriminator(_kind),
+]
+
+
 class SceneData(_Strict):
     """One scene: a pose for each object, and the satisfaction value phi of each label in float64."""
 
-    poses: dict[str, Pose]
+    poses: dict[
+        str, Annotated[Annotated[RestingPose, Tag("resting")] | Annotated[Pose, Tag("pose")], Discriminator(_kind)]
+    ]
     phi: dict[str, FiniteFloat]
 
 
@@ -78,20 +103,43 @@ FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Fie
 
 class ShapeData(_Strict):
     """What an object looks like: footprint and height in metres, and an entry of the asset library, or one of `box`,
-    `cylinder`, `prism`, `urdf` and `mesh`; `path` is the file of the last two as the spec names it."""
+    `cylinder`, `prism`, `urdf` and `mesh`; `path` is the file of the last two as the spec names it. `open`, of a
+    `cabinet(...)` alone, has the share by which each drawer is open, the lowest first."""
 
     asset: str
     footprint: FootprintData
     height: Annotated[FiniteFloat, Field(gt=0)]
     path: str = ""
+    open: Annotated[list[Annotated[FiniteFloat, Field(ge=0, le=1)]], Field(max_length=6)] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _drawers_of_a_cabinet(self) -> Self:
+        if self.open and (self.asset != "cabinet" or self.footprint.kind != "box"):
+            raise ValueError("only a cabinet with a box as its footprint has drawers that are open")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _open_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        if not data.get("open"):
+            data.pop("open", None)
+        return data
 
 
 class RegionData(_Strict):
-    """A named part of the table at a fixed place."""
+    """A named part of the table at a fixed place; with a `height` above the table, in metres, the top of a board."""
 
     name: str
     footprint: FootprintData
     pose: Pose
+    height: Annotated[FiniteFloat, Field(ge=0)] = 0.0
+
+    @model_serializer(mode="wrap")
+    def _height_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        if not data["height"]:
+            data.pop("height")
+        return data
 
 
 def footprint_data(footprint: Footprint) -> CircleFootprint | BoxFootprint | PolygonFootprint:
@@ -116,9 +164,77 @@ def footprint_of(data: CircleFootprint | BoxFootprint | PolygonFootprint) -> Foo
             return Polygon(tuple(data.vertices))
 
 
+class SurfaceData(_Strict):
+    """What an object can stand on: a surface, a region, or the table, and how high that is above the lowest point of
+    `carrier`, another object, or above the table (an empty text); metres."""
+
+    on: str
+    rise: FiniteFloat
+    carrier: str = ""
+
+
+class SupportData(_Strict):
+    """How high above the table an object's lowest point is in every scene, in metres, and what it stands on: a surface
+    (`tray.inside`), a region, or the table (an empty text).
+
+    Where the height is not the same in every scene there is no `z`. `any` then has what the object can stand on: of
+    several surfaces the pose in each scene names one; of one surface it is the carrier that stands higher or lower.
+    """
+
+    z: FiniteFloat | None = None
+    on: str = ""
+    any: list[SurfaceData] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        names = {one.on for one in self.any}
+        if (self.z is None) != bool(self.any) or len(names) != len(self.any):
+            raise ValueError("a support has a `z`, or different surfaces under `any`")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _what_there_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        for name in ("any",) if self.z is not None else ("z", "on"):
+            data.pop(name)
+        return data
+
+
 class ObjectData(_Strict):
+    """`support` is in files of version 2 alone; in those of version 1 heights follow from the poses."""
+
     name: str
     shape: ShapeData
+    support: SupportData | None = None
+
+    @model_serializer(mode="wrap")
+    def _support_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        if data.get("support") is None:
+            data.pop("support", None)
+        return data
+
+
+def carried_first(objects: Sequence[ObjectData]) -> tuple[int, ...]:
+    """The objects whose heights a choice decides, by their numbers, each after what can carry it. Raises ValueError
+    where there is no such order."""
+    place = {one.name: number for number, one in enumerate(objects)}
+    left = {
+        number: {surface.carrier for surface in one.support.any} - {""}
+        for number, one in enumerate(objects)
+        if one.support is not None and one.support.z is None
+    }
+    found: list[int] = []
+    waiting = {one.name for number, one in enumerate(objects) if number in left}
+    while left:
+        free = [number for number, below in left.items() if not below & waiting]
+        if not free or any(not left[number] <= place.keys() for number in free):
+            raise ValueError("an object stands on itself, or on none of the file's objects")
+        for number in free:
+            del left[number]
+        waiting -= {objects[number].name for number in free}
+        found += free
+    return tuple(found)
 
 
 class SpecRef(_Strict):
@@ -155,7 +271,7 @@ class SceneFile(_Strict):
     """
 
     format: Literal["scenegen/scenes"] = FORMAT
-    version: Literal[1] = VERSION
+    version: Literal[1, 2] = VERSION
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
@@ -164,6 +280,24 @@ class SceneFile(_Strict):
     request: RequestData
     labels: list[str] | None = None
     scenes: list[SceneData]
+
+    @model_validator(mode="after")
+    def _supports_by_version(self) -> Self:
+        if any((one.support is None) != (self.version == VERSION) for one in self.objects):
+            raise ValueError("in version 2 every object has a `support`, in version 1 none")
+        carried_first(self.objects)
+        return self
+
+    @property
+    def choosers(self) -> tuple[ObjectData, ...]:
+        """The objects that stand on one of several surfaces, another one in each scene."""
+        return tuple(one for one in self.objects if one.support is not None and len(one.support.any) > 1)
+
+    @property
+    def coordinates(self) -> int:
+        """How many numbers place the objects of a scene: those of their poses, and one for each choice of a surface,
+        counted from 1."""
+        return row_count(len(self.objects)) + len(self.choosers)
 
     @property
     def label_names(self) -> tuple[str, ...]:

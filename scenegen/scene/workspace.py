@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-TWO_PI = 2.0 * math.pi
-AXES = ("x", "y", "theta")  # the three rows of an object in (3N, B) storage
+from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of
 
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """A rectangle in metres; x to the right, y away from the viewer. Poses are (x, y, theta), theta in [0, 2 pi)."""
+    """A rectangle in metres; x to the right, y away from the viewer. Poses are (x, y, theta), theta in [0, 2 pi).
+
+    `own` has the objects whose centres have another rectangle, because they stand on something: (index, x, y).
+    """
 
     x: tuple[float, float] = (0.0, 1.0)
     y: tuple[float, float] = (0.0, 1.0)
+    own: tuple[tuple[int, tuple[float, float], tuple[float, float]], ...] = ()
 
     @property
     def width(self) -> float:
@@ -27,26 +29,48 @@ class Workspace:
     def height(self) -> float:
         return self.y[1] - self.y[0]
 
+    @property
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Lowest and highest value of a coordinate along each axis of a pose; theta ends at 2 pi."""
+        of = {"x": self.x, "y": self.y, "theta": (0.0, TWO_PI)}
+        return tuple(of[name] for name in NAMES)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """A large step along each axis of a pose: across the workspace, or a radian."""
+        return tuple(1.0 if AXES[axis].is_angle else high - low for axis, (low, high) in enumerate(self.ranges))
+
     def box(self, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Lowest and highest value of every row of (3N, B) storage, each of shape (3N,); theta ends at 2 pi."""
-        lowest = np.tile(np.array([self.x[0], self.y[0], 0.0]), objects)
-        highest = np.tile(np.array([self.x[1], self.y[1], TWO_PI]), objects)
-        return lowest, highest
+        lowest, highest = np.array(self.ranges).T
+        low, high = np.tile(lowest, objects), np.tile(highest, objects)
+        for which, x, y in self.own:
+            (low[row_of(which, X)], high[row_of(which, X)]), (low[row_of(which, Y)], high[row_of(which, Y)]) = x, y
+        return low, high
+
+    def ends(self, axis: int, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Lowest and highest value along an axis for each object, each of shape (N,)."""
+        low, high = self.box(objects)
+        return low[along(axis)], high[along(axis)]
 
     def contains(self, rows: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """Which of B scenes, stored as (3N, B), have every centre in the workspace and every theta in [0, 2 pi)."""
-        x, y, theta = rows[0::3], rows[1::3], rows[2::3]
-        inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
-        return np.asarray((inside & (theta >= 0.0) & (theta < TWO_PI)).all(axis=0))
+        """Which of B scenes, stored as (3N, B), have every centre in its rectangle and every theta in [0, 2 pi)."""
+        inside = np.ones(rows.shape[1:], dtype=bool)
+        for axis in EVERY:
+            low, high = (ends[:, None] for ends in self.ends(axis, object_count(len(rows))))
+            value = rows[along(axis)]
+            below = value < high if AXES[axis].is_angle else value <= high
+            inside &= ((value >= low) & below).all(axis=0)
+        return inside
 
 
 def turned(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """(3N, B) storage with every theta in [0, 2 pi), the same array where that is so already."""
-    theta = rows[2::3]
+    theta = rows[along(THETA)]
     outside = (theta < 0.0) | (theta >= TWO_PI)
     if not outside.any():
         return rows
     rest = np.mod(theta, TWO_PI)
     rows = rows.copy()
-    rows[2::3] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
+    rows[along(THETA)] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
     return rows

@@ -8,16 +8,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral, Real
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from scenegen.data.table import DATASETS, is_file
-from scenegen.errors import Diagnostic, RequestError, Source, Span, suggest
-from scenegen.formats.table import FORMATS
-from scenegen.given import path
-from scenegen.models.table import MODELS, RECIPES, unknown
+from scenegen.errors import Diagnostic, RequestError, Source, Span
+from scenegen.errors.files import UNKNOWN_ENDING
+from scenegen.errors.models import DATA_NAME, UNKNOWN_DEVICE
+from scenegen.errors.requests import (
+    MISSING_ARGUMENT,
+    OUT_OF_RANGE,
+    SETTING_SYNTAX,
+    SETTING_TWICE,
+    UNKNOWN_CHOICE,
+    WRONG_VALUE,
+)
+from scenegen.formats.registry import FORMATS
+from scenegen.models.registry import MODELS, RECIPES
 from scenegen.sampling.request import number
+from scenegen.training.datasets.registry import DATASETS, is_file
 from scenegen.training.recipes import CONSTANT, DEFAULTS
+from scenegen.validation import as_path
 
 # option -> lowest and highest value; whole numbers where the bounds are
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -62,11 +71,12 @@ class TrainConfig:
         if is_file(self.data):
             found += _check_ending(self.data)
         elif self.data not in DATASETS:
-            found.append(unknown("data set", self.data, DATASETS))
+            found.append(UNKNOWN_CHOICE(what="data set", name=self.data, known=DATASETS))
         elif self.scenes is None:
-            found.append(Diagnostic(f"--scenes is missing: how many of `{self.data}` are to be drawn?"))
+            question = f"how many of `{self.data}` are to be drawn?"
+            found.append(MISSING_ARGUMENT(argument="scenes", question=question))
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", str(self.device)):
-            found.append(Diagnostic(f"unknown device `{self.device}`", help="write `cpu`, `cuda` or `cuda:1`"))
+            found.append(UNKNOWN_DEVICE(name=str(self.device)))
         if found:
             raise RequestError(*found)
 
@@ -87,20 +97,20 @@ class TrainConfig:
 def make_config(model: str, recipe: str = "default", **options: Any) -> TrainConfig:
     """The settings of a run: the recipe's for the model where an option is None or left out. Raises RequestError."""
     if recipe not in RECIPES:
-        raise RequestError(unknown("recipe", recipe, RECIPES))
+        raise RequestError(UNKNOWN_CHOICE(what="recipe", name=recipe, known=RECIPES))
     if model not in RECIPES[recipe]:
-        what = "model" if model not in MODELS else f"model of the {recipe} recipe"
-        raise RequestError(unknown(what, model, RECIPES[recipe]))
+        named = {} if model not in MODELS else {"plural": f"models of the {recipe} recipe"}
+        raise RequestError(UNKNOWN_CHOICE(what="model", name=model, known=RECIPES[recipe], **named))
     known = [entry.name for entry in fields(TrainConfig)][2:]
     for name in options:
         if name not in known:
-            raise RequestError(unknown("option", name, known))
+            raise RequestError(UNKNOWN_CHOICE(what="option", name=name, known=known))
     given: dict[str, Any] = {name: _plain(value) for name, value in options.items() if value is not None}
     if isinstance(given.get("hyper"), Mapping):
         given["hyper"] = {name: _plain(value) for name, value in given["hyper"].items()}
     if not isinstance(given.get("data", ""), str):
-        title = f"`data` is {given['data']!r}"
-        raise RequestError(Diagnostic(title, help=f"it is {', '.join(DATASETS)}, or the path of a scene file"))
+        wanted = f"one of {', '.join(DATASETS)}, or the path of a scene file"
+        raise RequestError(WRONG_VALUE(argument="data", value=repr(given["data"]), wanted=wanted))
     if is_file(str(given.get("data", ""))):
         given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
     return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
@@ -112,12 +122,11 @@ def parse_settings(options: Sequence[str]) -> dict[str, float]:
     for text in options:
         name, equals, rest = text.partition("=")
         value = number(rest)
-        here = Span(Source("--hyper", text), len(name) + 1 if equals else 0, len(text))
+        here = Span(Source("hyper", text, argument=True), len(name) + 1 if equals else 0, len(text))
         if value is None or not name.strip():
-            title = "a setting is written NAME=VALUE, and its value is a number"
-            raise RequestError(Diagnostic(title, here, "", "for instance width=128"))
+            raise RequestError(SETTING_SYNTAX(here))
         if name.strip() in found:
-            raise RequestError(Diagnostic(f"`{name.strip()}` is set twice", here, "", "give each setting once"))
+            raise RequestError(SETTING_TWICE(here, name=name.strip()))
         found[name.strip()] = int(value) if value.is_integer() else value
     return found
 
@@ -132,11 +141,10 @@ def _plain(value: object) -> object:
 
 
 def _check_ending(data: str) -> list[Diagnostic]:
-    known = path("data", data).suffix.lower() in FORMATS
+    ending = as_path("data", data).suffix
     if not data.isascii() and data != data.encode(errors="replace").decode():
-        return [Diagnostic(f"--data {data!a} is no text", help="rename the file: a model file names it, in UTF-8")]
-    help_ = suggest(Path(data).suffix, FORMATS, f"use {', '.join(FORMATS)}")
-    return [] if known else [Diagnostic(f"--data {data} has no ending of a format of scene files", help=help_)]
+        return [DATA_NAME(value=ascii(data))]
+    return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS)]
 
 
 def _check_number(name: str, value: object) -> Diagnostic | None:
@@ -144,13 +152,15 @@ def _check_number(name: str, value: object) -> Diagnostic | None:
         return None
     lowest, highest = BOUNDS[name]
     whole = isinstance(lowest, int)
-    option = f"--{name.replace('_', '-')}"
-    fits = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
-    if fits and math.isfinite(value) and lowest <= value <= highest:  # type: ignore[arg-type, operator]
+    if isinstance(value, int | float) and (isinstance(value, int) or not whole) and not isinstance(value, bool):
+        fits = math.isfinite(value) and lowest <= value <= highest
+    else:
+        fits = False
+    if fits:
         return None
     kind = "a whole number" if whole else "a number"
     span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
-    help_ = {"seed": "the default is 0", "patience": "leave it out to train all epochs"}.get(
+    hint = {"seed": "the default is 0", "patience": "leave it out to train all epochs"}.get(
         name, "leave it out, and the recipe's own value is taken"
     )
-    return Diagnostic(f"{option} is {value!r}; it must be {kind} from {span}", help=help_)
+    return OUT_OF_RANGE(argument=name, value=repr(value), wanted=f"{kind} from {span}", hint=hint)

@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.formats.files import check_folder, reported
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ def event_log(folder: Path) -> Iterator[EventLog]:
     Raises RequestError where TensorBoard is not installed, OutputError where the folder cannot be written to.
     """
     if importlib.util.find_spec("tensorboard") is None:  # told before the work starts
-        title = "--log-dir needs TensorBoard, which is not installed"
-        raise RequestError(Diagnostic(title, help='pip install "scenegen[tensorboard]"'))
+        command = 'pip install "scenegen[tensorboard]"'
+        raise RequestError(NOT_INSTALLED(package="tensorboard", purpose="for event files", command=command))
     with reported(folder):
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)

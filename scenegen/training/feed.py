@@ -12,22 +12,23 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from scenegen.data.dataset import Dataset
-from scenegen.data.gathering import Gathering
-from scenegen.data.scenefile import fits, whole_file
-from scenegen.data.split import held_count, split
-from scenegen.data.streamed import Streamed, look_through
-from scenegen.data.table import dataset_maker, is_file
-from scenegen.formats.table import format_of
+from scenegen.formats.registry import format_of
 from scenegen.lang.core import Core
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.branches import MOST, OTHER, survey
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
-from scenegen.models.table import model_class
+from scenegen.models.registry import model_class
+from scenegen.pose import row_count
 from scenegen.robustness import Robustness
 from scenegen.robustness.deciding import deciding
 from scenegen.training.config import TrainConfig
+from scenegen.training.datasets.dataset import Dataset
+from scenegen.training.datasets.gathering import Gathering
+from scenegen.training.datasets.registry import dataset_maker, is_file
+from scenegen.training.datasets.scenefile import fits, whole_file
+from scenegen.training.datasets.split import held_count, split
+from scenegen.training.datasets.streamed import Streamed, look_through
 from scenegen.training.seeds import Stream, stream
 
 WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
@@ -98,7 +99,7 @@ class Windows(Feed):
         self.table = ranked(data.ways) if self._branched else _one_branch(spec)
         self.fitting = self._examples(data.chosen.rows)
         self.held = _plain(self._codec, data.held)
-        many = WINDOW // (3 * len(spec.objects) + len(spec.labels)) // self.size
+        many = WINDOW // (row_count(len(spec.objects)) + len(spec.labels)) // self.size
         self._batches = max(1, many)  # of a window
 
     def batches(self, epoch: int, step: int) -> Iterator[Examples]:
@@ -153,7 +154,7 @@ def sorted_into(core: Core, rows: Tensor, table: Tensor) -> Tensor:
 
 def _plain(codec: Codec, data: Dataset, branch: Tensor | None = None) -> Examples:
     branch = torch.zeros(len(data), dtype=torch.int64) if branch is None else branch
-    return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch)
+    return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch, data.balanced)
 
 
 def _one_branch(spec: CheckedSpec) -> Tensor:

@@ -9,7 +9,7 @@ FIRST, EVERY = 3.0, 10.0  # seconds: what is quickly done says nothing
 
 
 class GatheringLines:
-    """Called as `scenegen.data.gathering` tells; returns the line that is due, None where there is none."""
+    """Called as `scenegen.training.datasets.gathering` says; returns the line that is due, or None."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

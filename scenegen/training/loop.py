@@ -10,17 +10,19 @@ from pathlib import Path
 
 import torch
 
-from scenegen.data.gathering import Gathering, Tell
-from scenegen.data.table import is_file
-from scenegen.engine.interrupt import stop_signals
-from scenegen.engine.threads import one_thread
 from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.models import NO_DEVICE, NO_TIME_FOR_AN_EPOCH
+from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP
 from scenegen.formats.files import check_writable
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.checkpoint import load_model
-from scenegen.models.table import parse_hyper
+from scenegen.models.registry import parse_hyper
 from scenegen.models.trained import TrainedModel
+from scenegen.processes.interrupt import stop_signals
+from scenegen.processes.threads import one_thread
 from scenegen.training.config import TrainConfig
+from scenegen.training.datasets.gathering import Gathering, Tell
+from scenegen.training.datasets.registry import is_file
 from scenegen.training.events import event_log
 from scenegen.training.feed import Feed, make_feed
 from scenegen.training.interrupt import Interrupted
@@ -39,7 +41,7 @@ def train(
     log_dir: Path | None = None,
     on_epoch: Callable[[EpochReport], None] | None = None,
     on_step: Callable[[int, int], None] | None = None,
-    on_note: Callable[[str], None] | None = None,
+    on_note: Callable[[Diagnostic], None] | None = None,
     on_gather: Tell | None = None,
     timeout: float = math.inf,
 ) -> TrainedModel:
@@ -71,30 +73,26 @@ def train(
     with contextlib.ExitStack() as open_things:
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
-        gathering = Gathering(timeout, on_gather)
+        gathering = Gathering(timeout, on_gather, say)
         session = Session(spec, config, _gathered(spec, config, gathering), saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
-            say(
-                f"the learning rate follows the plan of {config.epochs} epochs from here on, no longer that of {before}"
-            )
+            say(NEW_RATE(epochs=config.epochs, before=before))
         if session.done:
             if session.epoch >= config.epochs:
-                say(f"{session.epoch} epochs are already done; to train on, ask for more with --epochs")
+                say(ALREADY_DONE(epochs=session.epoch))
             else:
-                say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
+                say(_stopped_early(session))
             if not _holds(out, spec, session.epoch):  # a crash came between the state and the model
                 session.save(out)
         else:
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
-                    title = f"time was up after {timeout:g} s, in the first epoch"
-                    help_ = f"go on with --resume --out {out}, and give it more time with --timeout"
-                    raise RequestError(Diagnostic(title, help=help_))
-                say(f"time is up after {session.epoch} of {config.epochs} epochs; go on with --resume --out {out}")
+                    raise RequestError(NO_TIME_FOR_AN_EPOCH(seconds=timeout, path=out))
+                say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
-                say(f"stopped after {session.epoch} epochs: {_why_tired(session)}")
+                say(_stopped_early(session))
     return load_model(out, spec)
 
 
@@ -161,11 +159,11 @@ def _run(
     return True
 
 
-def _why_tired(session: Session) -> str:
+def _stopped_early(session: Session) -> Diagnostic:
     kept = session.watch.kept
     assert kept is not None
     best = float(session.watch.seen[kept][:-1].mean())
-    return f"no better than epoch {kept + 1}, which is kept (mean error of phi {best:.4g})"
+    return STOPPED_EARLY(epochs=session.epoch, best=kept + 1, error=best)
 
 
 def _silent(*_: object) -> None:
@@ -175,4 +173,4 @@ def _silent(*_: object) -> None:
 def _check_device(name: str) -> None:
     device = torch.device(name)
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
-        raise RequestError(Diagnostic(f"there is no device `{name}` here", help="write `--device cpu`"))
+        raise RequestError(NO_DEVICE(name=name))

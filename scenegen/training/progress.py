@@ -109,9 +109,9 @@ class TrainingProgress:
             left = (report.epochs - report.epoch) * pace
             self._print(f"epoch {report.epoch}/{report.epochs}  {figures}  {pace:.2f} s/epoch, {left:.0f} s left")
 
-    def note(self, text: str) -> None:
+    def note(self, text: object) -> None:
         """Something worth saying."""
-        self._print(text)
+        self._print(str(text))
 
     def _epoch(self, number: int) -> str:
         return f"{self._title}: epoch {number}/{self._epochs}"

@@ -11,8 +11,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from scenegen.data.table import DATASETS
-from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.models import DIVERGED, OTHER_DATA_RESUMED, STATE_MISFIT
 from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
@@ -20,12 +20,13 @@ from scenegen.models.card import FORMAT, DataData, LabelData, LossData, ModelCar
 from scenegen.models.checkpoint import save_model
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout, layout_of
+from scenegen.models.registry import model_class, parse_hyper
 from scenegen.models.safefile import pack
-from scenegen.models.table import model_class, parse_hyper
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.scene.data import WorkspaceData
 from scenegen.training.config import TrainConfig
+from scenegen.training.datasets.registry import DATASETS
 from scenegen.training.feed import Feed
 from scenegen.training.seeds import Stream, stream
 from scenegen.training.state import TrainingState, save_state, state_path
@@ -46,7 +47,7 @@ class Session:
         self.feed = feed
         self.device = torch.device(config.device)
         self.noise = stream(config.seed, Stream.NOISE, device=self.device)
-        self.judge = Judge(spec.core, feed.table, Codec(spec.workspace, len(spec.objects)))
+        self.spec_loss = SpecLoss(spec.core, feed.table, Codec(spec.workspace, len(spec.objects)))
         self.model = new_model(spec, config, len(feed.table))
         self.steps = feed.steps
         self.epoch = self.step = 0
@@ -59,7 +60,7 @@ class Session:
             self.model.initialise(stream(config.seed, Stream.WEIGHTS))
             self.model.fit(feed.fitting)
             self.model.to(self.device)
-            self.model.start(config.lr, self.judge)
+            self.model.start(config.lr, self.spec_loss)
         else:
             self._take_up(saved)
         self._saved_at = time.monotonic()
@@ -68,20 +69,15 @@ class Session:
     def _take_up(self, saved: TrainingState) -> None:
         if saved.data_sha256 != self.feed.sha256:
             made = "cannot be rebuilt as it was" if self.config.data in DATASETS else "is not what it was"
-            raise DataError(
-                Diagnostic(
-                    f"cannot resume: the training data {made}",
-                    help="the file, or the version of scenegen or torch, has changed; start anew without --resume",
-                )
-            )
+            raise DataError(OTHER_DATA_RESUMED(what=made))
         try:
-            self.model.restore(saved.tensors, self.config.lr, self.judge, self.device)
+            self.model.restore(saved.tensors, self.config.lr, self.spec_loss, self.device)
             self.noise.set_state(saved.noise)
             self.watch = Watch(self.config.patience, list(saved.watched), saved.best)
             if saved.best is not None:
                 check_best(saved.best, self.model.sampler_state())
         except (RuntimeError, TypeError, ValueError) as error:
-            raise DataError(Diagnostic("the training state does not fit this run", help="start anew")) from error
+            raise DataError(STATE_MISFIT()) from error
         self.epoch, self.step, self.losses = saved.epoch, saved.step, saved.losses
         self.history = list(saved.history)
         self.sums = saved.sums.to(self.device) if saved.losses else None
@@ -119,7 +115,7 @@ class Session:
         diverged."""
         self._check_finite()
         generator = stream(self.config.seed, Stream.VALIDATION, device=self.device)
-        found = validate(self.model, self.judge, self._held, self.spec.labels, generator)
+        found = validate(self.model, self.spec_loss, self._held, self.spec.labels, generator)
         self._check_finite(found)
         means = torch.zeros(0) if self.sums is None else (self.sums / self.steps).cpu()
         self.history.append(means)
@@ -197,6 +193,7 @@ class Session:
                 scores=[float(watched[index][-1]) for index in shown],
             ),
             kept_epoch=None if kept is None else kept + 1,
+            corrected=model.branched,
         )
 
     def _check_finite(self, found: Validation | None = None) -> None:
@@ -205,12 +202,7 @@ class Session:
         if fine and not bad and (found is None or found.finite()):
             return
         what = f"the loss `{self.losses[bad[0]]}` is" if bad else "the model's output is" if fine else "the weights are"
-        raise RequestError(
-            Diagnostic(
-                f"training diverged in epoch {self.epoch + 1}: {what} not finite",
-                help=f"lower --lr (it was {self.config.lr:g}); the last good checkpoint, if there was one, is kept",
-            )
-        )
+        raise RequestError(DIVERGED(epoch=self.epoch + 1, what=what, lr=self.config.lr))
 
 
 def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> SceneModel:

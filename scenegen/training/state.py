@@ -17,7 +17,8 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor
 
-from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.models import DAMAGED_MODEL, NOTHING_TO_RESUME, OTHER_OPTION_RESUMED, OTHER_SPEC_RESUMED
 from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.card import SpecData, spec_data
@@ -87,20 +88,16 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     (only --epochs may).
     """
     if not path.exists():
-        title = f"nothing to resume: there is no training state {path}"
-        raise DataError(
-            Diagnostic(title, help="name the --out of the earlier run, or leave --resume out to start anew")
-        )
+        raise DataError(NOTHING_TO_RESUME(path=path))
     text, tensors = unpack(path, FORMAT, WHAT)
     card = read_card(_Card, text, path, WHAT)
     if card.spec.sha256 != spec.sha256:
-        title = f"{path} is of another spec: `{card.spec.name}`, not `{spec.name}`"
-        raise DataError(Diagnostic(title, help="resume with the same spec, or leave --resume out to start anew"))
+        raise DataError(OTHER_SPEC_RESUMED(path=path, found=card.spec.name, wanted=spec.name))
     try:
         before = TrainConfig(**card.config)
         history, sums, watched, noise = (tensors.pop(f"run.{name}") for name in _RUN)
     except (TypeError, KeyError, RequestError) as error:
-        raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew")) from error
+        raise DataError(DAMAGED_MODEL(path=path, what=WHAT)) from error
     _check_same(before, config)
     width = len(card.losses)
     shapes_fit = history.shape == (card.epoch, width) and sums.shape == (width,)
@@ -108,7 +105,7 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     types_fit = history.dtype == sums.dtype == watched.dtype == torch.float64 and noise.dtype == torch.uint8
     best = {name[5:]: tensors.pop(name) for name in sorted(tensors) if name.startswith("best.")}
     if not (shapes_fit and types_fit and bool(best) == (config.patience is not None and card.epoch > 0)):
-        raise DataError(Diagnostic(f"{path} is not {WHAT} that can be used", help="start anew"))
+        raise DataError(DAMAGED_MODEL(path=path, what=WHAT))
     return TrainingState(
         before,
         card.data_sha256,
@@ -126,10 +123,7 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
 
 def _check_same(before: TrainConfig, now: TrainConfig) -> None:
     found = [
-        Diagnostic(
-            f"--{name.replace('_', '-')} was {was!r} in the run to resume, not {asked!r}",
-            help="give the same options again (only --epochs may change), or leave --resume out to start anew",
-        )
+        OTHER_OPTION_RESUMED(argument=name, before=repr(was), now=repr(asked))
         for name, was, asked in before.differences(now)
     ]
     if found:

@@ -17,7 +17,8 @@ from torch import Tensor
 
 from scenegen.models.base import SceneModel
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
+from scenegen.models.spec_loss import SpecLoss
+from scenegen.pose import ANGLES, LENGTHS, TWO_PI, along
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +39,12 @@ class Validation:
 
 @torch.no_grad()
 def validate(
-    model: SceneModel, judge: Judge, held: Examples, labels: tuple[str, ...], generator: torch.Generator
+    model: SceneModel, spec_loss: SpecLoss, held: Examples, labels: tuple[str, ...], generator: torch.Generator
 ) -> Validation:
     """Held-out scenes, model and generator on one device. The generator alone decides the outcome: given anew each
     time, the same noise is behind every validation of a run, and they compare."""
     made = [model.sample(len(held), held.phi, generator) for _ in range(2)]
-    errors = torch.stack([(judge.phi(x) - held.phi).abs().mean(0) for x in made]).mean(0)
+    errors = torch.stack([(spec_loss.phi(x) - held.phi).abs().mean(0) for x in made]).mean(0)
     truth, one, two = (_points(x) for x in (held.x, *made))
     score = 0.5 * (_apart(truth, one) + _apart(truth, two) - _apart(one, two))
     values = torch.cat([errors.double(), score[None].double()]).tolist()
@@ -52,8 +53,9 @@ def validate(
 
 def _points(x: Tensor) -> Tensor:
     """Unit coordinates (B, 3N) -> (B, 4N): positions, and headings on a circle with the circumference 1."""
-    turns = x[:, 2::3] * (2.0 * math.pi)
-    return torch.cat([x[:, 0::3], x[:, 1::3], torch.cos(turns) / (2 * math.pi), torch.sin(turns) / (2 * math.pi)], 1)
+    turns = [x[:, along(axis)] * TWO_PI for axis in ANGLES]
+    places = [x[:, along(axis)] for axis in LENGTHS]
+    return torch.cat([*places, *(function(turn) / TWO_PI for function in (torch.cos, torch.sin) for turn in turns)], 1)
 
 
 def _apart(a: Tensor, b: Tensor) -> Tensor:

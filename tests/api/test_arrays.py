@@ -63,7 +63,7 @@ def test_parquet_is_the_same_table_to_pandas_and_polars(scenes, tmp_path):
 
 def test_without_pandas(scenes, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(scenegen.RequestError, match="pandas, which is not installed") as caught:
+    with pytest.raises(scenegen.RequestError, match="and is not installed") as caught:
         scenes.to_pandas()
     assert caught.value.diagnostics[0].help == "pip install pandas"
 

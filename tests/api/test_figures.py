@@ -76,7 +76,7 @@ def test_top_views_name_the_objects_and_the_atom_that_decides(scenes, tmp_path):
     [
         (("sweeps",), {}, "did you mean `sweep`"),
         (("sheet",), {"view": "side"}, "unknown view `side`"),
-        (("sheet",), {"size": (9, 9)}, "cannot be 9 x 9"),
+        (("sheet",), {"size": (9, 9)}, "`size` is 9 x 9"),
         (("topview",), {"label": "nope"}, "no label `nope`"),
     ],
 )

@@ -41,7 +41,7 @@ def test_numpys_numbers_are_as_good_as_pythons(spec, tmp_path):
         ({"spread": 3}, "unknown spread `3`"),
         ({"phi": {0: (0.0, 0.1)}}, "no label `0`"),
         ({"fix": {0: (0.5, 0.5)}}, "no object `0`"),
-        ({"fix": np.zeros(3)}, "hold objects by name"),
+        ({"fix": np.zeros(3)}, "poses by name"),
     ],
 )
 def test_requests(spec, options, said):
@@ -51,7 +51,7 @@ def test_requests(spec, options, said):
 
 @pytest.mark.parametrize("call", [scenegen.rarity, lambda spec: scenegen.train(spec, "gan", out="never.safetensors")])
 def test_a_path_is_no_spec(call):
-    with pytest.raises(scenegen.RequestError, match=r"a Spec is wanted here, not 'a.spec'(.|\n)*load it first"):
+    with pytest.raises(scenegen.RequestError, match=r"a Spec is needed here, not 'a.spec'(.|\n)*load it first"):
         call("a.spec")
 
 
@@ -60,9 +60,9 @@ def test_specs_and_models(model, tmp_path):
         scenegen.parse(Path("a.spec"))
     with pytest.raises(scenegen.RequestError, match="`path` is None"):
         scenegen.load(None)
-    with pytest.raises(scenegen.RequestError, match="a Spec is wanted here"):
+    with pytest.raises(scenegen.RequestError, match="a Spec is needed here"):
         scenegen.load_model(tmp_path / "m.safetensors", "a.spec")
-    with pytest.raises(scenegen.RequestError, match="a Spec is wanted here, not <Model gan"):
+    with pytest.raises(scenegen.RequestError, match="a Spec is needed here, not <Model gan"):
         scenegen.rarity(model)
     with pytest.raises(scenegen.RequestError, match="`seed` is '0'"):
         scenegen.rarity(model.spec, seed="0")
@@ -75,7 +75,7 @@ def test_specs_and_models(model, tmp_path):
         ({"hyper": 5}, "`hyper` is 5"),
         ({"hyper": {"widht": 5}}, "no setting `widht`(.|\n)*did you mean `width`"),
         ({"data": ["a"]}, r"`data` is \['a'\]"),
-        ({"epochs": True}, "--epochs is True"),
+        ({"epochs": True}, "`epochs` is True"),
     ],
 )
 def test_trainings(spec, tmp_path, options, said):
@@ -123,7 +123,7 @@ def test_pictures(scenes, tmp_path, options, said):
 
 def test_figures(scenes, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(scenegen.RequestError, match=r"name the folder first(.|\n)*`sheet`"):
+    with pytest.raises(scenegen.RequestError, match=r"after the folder(.|\n)*`sheet`"):
         scenes.figures("sheet")
     with pytest.raises(scenegen.RequestError, match="no label `0`"):
         scenes.figures("d", "topview", label=0)

@@ -74,7 +74,7 @@ def test_what_cannot_be_drawn_is_said_not_raised(scenes):
     workspace = scenes.header.workspace.model_copy(update={"x": (1.0, 0.0)})
     broken = scenegen.SceneSet(scenes.poses, scenes.phi, scenes.header.model_copy(update={"workspace": workspace}))
     page = broken._repr_html_()
-    assert "<img" not in page and "<pre>error: the workspace is empty" in page
+    assert "<img" not in page and "<pre>error[size-in-file]: the workspace is empty" in page
     assert broken[0]._repr_png_() is None
 
 

@@ -90,7 +90,7 @@ def test_no_command_calls_it_a_bug(words, path, scenes, tmp_path, monkeypatch, c
     before = sorted(tmp_path.iterdir())
     assert run(words.format(path).split()) == 1
     said = capfd.readouterr().err
-    assert said.startswith("error: ") and "itself failed" not in said and said.count("error:") == 1, said
+    assert said.startswith("error[") and "itself failed" not in said and said.count("error[") == 1, said
     assert "= help: " in said and sorted(tmp_path.iterdir()) == before
 
 

@@ -7,8 +7,8 @@ from pybullet_utils.bullet_client import BulletClient
 
 import scenegen
 from scenegen.assets import asset_of
-from tests.formats.bullet import Bullet
-from tests.formats.worlds import library, tower
+from tests.export.bullet import Bullet
+from tests.export.worlds import library, tower
 
 
 @pytest.fixture

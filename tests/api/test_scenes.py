@@ -73,7 +73,7 @@ def test_ranges_in_every_form(spec):
         ({"raw": True}, "no model takes part"),
         ({"timeout": 0}, "timeout"),
         ({"timeout": math.nan}, "timeout"),
-        ({"n": 0}, "cannot sample 0"),
+        ({"n": 0}, "`n` is 0"),
         ({"phi": {"tsak": (0, 1)}}, "did you mean `task`"),
         ({"phi": {"task": 0.1}}, "lowest, highest"),
         ({"phi": 0.1}, "2 labels, `task` and `safe`"),

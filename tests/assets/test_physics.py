@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from scenegen.assets import ASSETS, Box, Circle, Shape, shape_of
-from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of, rooms_of
+from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
+from scenegen.assets.rooms import rooms_of
 from scenegen.primitives import Polygon
 
 NAMES = sorted(ASSETS)
@@ -75,7 +76,7 @@ def test_rooms_are_free_of_pieces(name):
 
 def test_masses_and_friction():
     for asset in ASSETS.values():
-        assert 0.005 <= asset.mass <= 3.0 and 0.2 <= asset.friction <= 0.9
+        assert 0.005 <= asset.mass <= 8.0 and 0.2 <= asset.friction <= 0.9
         assert (mass_of(shape_of(asset.name)), friction_of(shape_of(asset.name))) == (asset.mass, asset.friction)
     assert mass_of(Shape("box", Box(0.3, 0.1), 0.05)) == pytest.approx(DENSITY * 0.0015)
     assert mass_of(Shape("mug", Circle(0.124), 0.19)) == pytest.approx(8 * ASSETS["mug"].mass)

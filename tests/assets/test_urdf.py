@@ -1,9 +1,7 @@
-"""Outlines of URDF files: hand-worked ones, an independent oracle, and files that are of no use."""
+"""Outlines of URDF files: hand-worked ones, and an independent oracle."""
 
 import math
 import random
-import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,40 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from scenegen.assets.meshfile import vertices
 from scenegen.assets.outline import CORNERS, simplified
-from scenegen.assets.urdf import UrdfError, outline
+from scenegen.assets.urdf import outline
 from scenegen.errors import SpecError
 from scenegen.lang.check import check_file, check_text
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.primitives.hull import convex_hull, is_convex
 
-HERE = Path(__file__).parent / "urdf"
-OBJ = (HERE / "bookend.obj").read_bytes()
-
-
-def no_mesh(name):
-    raise AssertionError(f"{name} is not wanted")
-
-
-def robot(*shapes, links="", **meshes):
-    """The outline of one link with shapes given as (geometry, attributes of origin)."""
-    body = "".join(f"<collision><origin {at}/><geometry>{solid}</geometry></collision>" for solid, at in shapes)
-    text = f'<robot name="r"><link name="base">{body}</link>{links}</robot>'
-    return outline(text.encode(), lambda name: meshes[name.partition(".")[0]])
-
-
-def box(x, y, z):
-    return f'<box size="{x} {y} {z}"/>'
-
-
-def cylinder(radius, length):
-    return f'<cylinder radius="{radius}" length="{length}"/>'
-
-
-def close(footprint, corners, within=1e-6):
-    found = np.array(footprint.vertices)
-    assert len(found) == len(corners)
-    start = np.argmin(np.hypot(*(found - corners[0]).T))
-    assert np.abs(np.roll(found, -start, axis=0) - corners).max() < within
+from .urdf_files import HERE, OBJ, box, close, cylinder, no_mesh, robot, stl, stl_text
 
 
 def test_the_tray_worked_by_hand():
@@ -155,31 +126,6 @@ def test_random_chains_against_scipy_and_shapely(seed):
         assert len(footprint.vertices) <= CORNERS and is_convex(footprint.vertices)
 
 
-def triangles():
-    """The bookend's faces as corners, (F, 3, 3)."""
-    rows = [line.split() for line in OBJ.decode().splitlines()]
-    points = np.array([[float(word) for word in row[1:]] for row in rows if row and row[0] == "v"])
-    faces = [[int(word) for word in row[1:4]] for row in rows if row and row[0] == "f"]
-    faces += [[int(row[1]), int(row[3]), int(row[4])] for row in rows if row and row[0] == "f" and len(row) == 5]
-    return points[np.array(faces) - 1]
-
-
-def stl(start):
-    faces = triangles().astype("<f4")
-    body = b"".join(struct.pack("<3f", 0, 0, 1) + face.tobytes() + b"\0\0" for face in faces)
-    return start.ljust(80, b" ") + struct.pack("<I", len(faces)) + body
-
-
-def stl_text():
-    loops = "".join(
-        "facet normal 0 0 1\n outer loop\n"
-        + "".join(f"  vertex {x:e} {y:e} {z:e}\n" for x, y, z in face)
-        + " endloop\nendfacet\n"
-        for face in triangles()
-    )
-    return f"solid bookend\n{loops}endsolid bookend\n".encode()
-
-
 @pytest.mark.parametrize(
     "data", [stl(b""), stl(b"solid work of binary"), stl_text(), stl_text().replace(b"\n", b"\r\n")]
 )
@@ -233,139 +179,6 @@ def test_fewer_corners_hold_more(seed):
     assert same.symmetric_difference(shapely.Polygon(before)).area < 2e-6
 
 
-LINK = '<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
-
-
-def solid(text):
-    return f'<robot>\n<link name="a"><collision>{text}</collision></link></robot>'
-
-
-def mesh(name="m.obj", scale="1 1 1"):
-    return solid(f'<geometry><mesh filename="{name}" scale="{scale}"/></geometry>')
-
-
-def joint(parent, child, name="j"):
-    return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
-
-
-BAD = {
-    "empty": ("", "not well-formed XML at line 1: no element found"),
-    "cut short": ("<robot>\n<link", "not well-formed XML at line 2"),
-    "no XML": ("solid thing", "not well-formed XML at line 1"),
-    "encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "not well-formed"),
-    "entities": ('<!DOCTYPE r [<!ENTITY a "aaaa">]><robot>&a;</robot>', "document type"),
-    "xacro": ('<robot><xacro:include filename="a"/></robot>', "xacro file"),
-    "another format": ("<sdf/>", "outermost element is <sdf>"),
-    "deep": ("<robot>" + "<a>" * 60 + "</a>" * 60 + "</robot>", "nested more than"),
-    "long": ("<robot>" + "<a/>" * 20_001 + "</robot>", "more than 20,000 elements"),
-    "no link": ("<robot/>", "has no link"),
-    "no shape": ('<robot><link name="a"/></robot>', "no link of it has a shape"),
-    "no geometry": (solid(""), "line 2, <collision>: there is no <geometry>"),
-    "empty geometry": (solid("<geometry/>"), "here is nothing"),
-    "capsule": (solid("<geometry><capsule/></geometry>"), "box, cylinder, sphere or mesh; here is <capsule>"),
-    "two": (solid("<geometry><box/><box/></geometry>"), "here is <box> and <box>"),
-    "no size": (solid("<geometry><box/></geometry>"), "<box>: it has no size"),
-    "a word": (solid('<geometry><box size="1 1 wide"/></geometry>'), 'size="1 1 wide" is not 3 numbers'),
-    "two numbers": (solid('<geometry><box size="1 1"/></geometry>'), "is not 3 numbers"),
-    "underscore": (solid('<geometry><box size="1 1 1_0"/></geometry>'), "is not 3 numbers"),
-    "nan": (solid('<geometry><sphere radius="nan"/></geometry>'), "beyond all measure"),
-    "infinite": (solid('<origin xyz="0 inf 0"/><geometry><sphere radius="1"/></geometry>'), "beyond all measure"),
-    "negative": (solid('<geometry><sphere radius="-1"/></geometry>'), "is negative"),
-    "flat": (solid('<geometry><box size="1 1 0"/></geometry>'), "no height"),
-    "a line": (solid('<geometry><box size="1 0 1"/></geometry>'), "no area"),
-    "a needle": (solid('<geometry><cylinder radius="0" length="1"/></geometry>'), "no area"),
-    "a point": (solid('<geometry><sphere radius="0"/></geometry>'), "no area"),
-    "millimetres": (solid('<geometry><box size="2000 80 90"/></geometry>'), "larger than 1,000 m"),
-    "two links of a name": (f"<robot>{LINK}{LINK}</robot>", "a second link `a`"),
-    "two roots": (f'<robot>{LINK}<link name="b"/></robot>', "no joint moves `a` and none `b`"),
-    "no such link": (f"<robot>{LINK}{joint('a', 'b')}</robot>", "there is no link `b`"),
-    "a circle": (f'<robot>{LINK}<link name="b"/>{joint("a", "b")}{joint("b", "a")}</robot>', "in a circle through"),
-    "its own parent": (f"<robot>{LINK}{joint('a', 'a')}</robot>", "in a circle through link `a`"),
-    "two parents": (f'<robot>{LINK}<link name="b"/>{joint("a", "b")}{joint("a", "b", "k")}</robot>', "two parents"),
-    "a circle aside": (
-        f'<robot>{LINK}<link name="b"/><link name="c"/>{joint("b", "c")}{joint("c", "b")}</robot>',
-        "in a circle through link `b`",
-    ),
-    "a joint without a child": (f'<robot>{LINK}<joint><parent link="a"/></joint></robot>', "there is no <child>"),
-    "collada": (mesh("m.dae"), r"mesh m.dae: .dae files cannot be read here, .obj and .stl can"),
-    "no ending": (mesh("m"), "a file without an ending"),
-    "no such file": (mesh(""), "it has no filename"),
-    "obj without vertices": (mesh("empty.obj"), "it has no vertices"),
-    "obj with a word": (mesh("word.obj"), "not three numbers"),
-    "obj with an underscore": (mesh("underscore.obj"), "not three numbers"),
-    "obj with nan": (mesh("nan.obj"), "no number"),
-    "stl cut": (mesh("cut.stl"), "cut short"),
-    "stl tiny": (mesh("word.stl"), "no STL file"),
-    "no scale": (mesh(scale="0 0 0"), "no area"),
-}
-MESHES = {
-    "m": OBJ,
-    "empty": b"# nothing\n",
-    "word": b"v 1 2 x\n",
-    "nan": b"v 1 2 nan\n",
-    "underscore": b"v 1_0 0 0\nv 0 0 0\nv 0 1 1\n",
-    "cut": b"\0" * 80 + b"\xff\0\0\0" + b"0" * 99,
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_what_is_of_no_use_is_refused_with_the_reason(name):
-    text, words = BAD[name]
-    with pytest.raises(UrdfError) as caught:
-        outline(text.encode(), lambda name: MESHES[name.partition(".")[0]])
-    assert words in str(caught.value)
-
-
-def test_damaged_files_are_read_or_refused():
-    """Bytes changed at random, in the URDF and in its meshes: nothing but UrdfError comes."""
-    source = random.Random(7)
-    tray, bookend = ((HERE / name).read_bytes() for name in ("tray.urdf", "bookend.urdf"))
-    bookend_stl = bookend.replace(b".obj", b".stl")
-    words = [
-        b"-1",
-        b"1e999",
-        b"nan",
-        b"<",
-        b">",
-        b'"',
-        b"0",
-        b"\xff",
-        b"<link/>",
-        b"<collision/>",
-        b"1e-300",
-        b"900000",
-    ]
-
-    def damaged(data):
-        data = bytearray(data)
-        for _ in range(source.randint(1, 4)):
-            at = source.randrange(len(data))
-            match source.randrange(3):
-                case 0:
-                    data[at] = source.randrange(256)
-                case 1:
-                    del data[at : at + source.randint(1, 60)]
-                case 2:
-                    data[at : at + source.randint(0, 4)] = source.choice(words)
-        return bytes(data)
-
-    meshes = [OBJ, stl_text(), stl(b"")]
-    read = refused = 0
-    for k in range(1500):
-        urdf = (tray, bookend, bookend_stl)[k % 3]
-        try:
-            footprint, height = outline(damaged(urdf) if k % 2 else urdf, lambda name: damaged(source.choice(meshes)))
-        except UrdfError as error:
-            assert str(error) and "\n" not in str(error)
-            refused += 1
-        else:
-            assert 0.0 < height <= 1000.0 and min(footprint.extent) > 0.0
-            if isinstance(footprint, Polygon):
-                assert is_convex(footprint.vertices)
-            read += 1
-    assert read > 200 and refused > 200
-
-
 def test_a_spec_names_a_urdf_and_its_canonical_text_needs_no_file():
     spec = HERE.parent / "everything.spec"
     first = check_file(spec, spec.read_bytes())
@@ -410,16 +223,3 @@ def test_a_spec_names_a_mesh_and_its_canonical_text_needs_no_file(tmp_path):
         with pytest.raises(SpecError, match=words) as caught:
             check_file(tmp_path / "s.spec", f'object thing = mesh("{name}")\ntask: x(thing) >= 0.5'.encode())
         assert caught.value.diagnostics[0].span.text == f'"{name}"'
-
-
-def test_a_spec_whose_urdf_is_of_no_use_says_where(tmp_path):
-    (tmp_path / "a.urdf").write_text(mesh("gone.obj"))
-    (tmp_path / "b.urdf").write_text("<robot>")
-    for name, words in (
-        ("a", "cannot read gone.obj"),
-        ("b", "b.urdf is of no use: it is not well-formed XML at line 1"),
-    ):
-        text = f'object thing = urdf("{name}.urdf")\ntask: x(thing) >= 0.5'
-        with pytest.raises(SpecError, match=words) as caught:
-            check_file(tmp_path / "s.spec", text.encode())
-        assert caught.value.diagnostics[0].span.text == f'"{name}.urdf"'

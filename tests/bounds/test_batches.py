@@ -11,8 +11,8 @@ from scenegen.bounds import node_bounds
 from scenegen.bounds.batches import FEWEST, make_batches
 from scenegen.bounds.contract import contract, forward, start
 from scenegen.bounds.effort import Effort
+from scenegen.bounds.requirements import push_down
 from scenegen.bounds.tape import make_tape
-from scenegen.bounds.wanted import push_down
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Coord
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from scenegen.bounds.clash import clash, explain, take_apart
-from scenegen.bounds.search import can_reach, find
+from scenegen.bounds.search import find
+from scenegen.errors import Kind
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import phi
@@ -15,6 +16,8 @@ from scenegen.resources import shipped_specs
 EXP1 = "object mug, plate\ntask: leftOf(mug, plate) & aboveOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)"
 
 CIRCLE = "sin(theta(a)) * sin(theta(a)) + cos(theta(a)) * cos(theta(a))"
+
+NO = Kind("no", "no", "{clash}", note="{others}")
 
 
 def wanted(spec, **ranges):
@@ -32,7 +35,7 @@ def test_the_infeasible_query_of_experiment_1():
     assert found.proved
     task, safe = spec.core.labels["task"], spec.core.labels["safe"]
     assert found.conjuncts == ((task, -np.inf, -0.17), (safe, -np.inf, -0.09))
-    said = explain(spec.core, found, "no")
+    said = explain(spec.core, found, NO)
     assert said.span.text == "leftOf(mug, plate)"
     assert said.note == "`!closeTo(mug, plate, 0.25)` <= -0.09  (<spec>:3:8)\nbounds prove it"
 
@@ -82,7 +85,7 @@ def test_what_only_a_search_can_tell():
     found = clash(spec.core, *spec.box(), wanted(spec, task=(0.0, np.inf)))
     assert not found.proved
     assert [type(spec.core.nodes[node]) for node in found.nodes] == [Atom]
-    said = explain(spec.core, found, "no")
+    said = explain(spec.core, found, NO)
     assert said.span.text.startswith("sin(theta(a))") and said.note == "no proof: a short search found no scene"
     assert clash(spec.core, *spec.box(), wanted(spec, task=(0.0, np.inf)), search=False) is None
 
@@ -92,7 +95,7 @@ def test_shipped_specs_can_be_satisfied_and_that_is_found_fast(name):
     spec = check_text(shipped_specs()[name].read_text(), name)
     for node in spec.core.labels.values():
         start = time.process_time()
-        reach = can_reach(spec.core, node, *spec.box())
+        reach = find(spec.core, *spec.box(), {node: (0.0, np.inf)})
         assert reach.verdict == "yes"
         assert time.process_time() - start < 0.3
         values = phi(spec.core, [float(value) for value in reach.witness])
@@ -102,9 +105,9 @@ def test_shipped_specs_can_be_satisfied_and_that_is_found_fast(name):
 
 def test_no_and_unknown():
     contrary = check_text("leftOf(a, b) & x(a) >= x(b) + 0.1")
-    assert can_reach(contrary.core, contrary.core.labels["task"], *contrary.box()).verdict == "no"
+    assert find(contrary.core, *contrary.box(), wanted(contrary, task=(0.0, np.inf))).verdict == "no"
     beyond = check_text(f"{CIRCLE} <= 0.9999")
-    reach = can_reach(beyond.core, beyond.core.labels["task"], *beyond.box())
+    reach = find(beyond.core, *beyond.box(), wanted(beyond, task=(0.0, np.inf)))
     assert reach.verdict == "unknown" and reach.witness is None
     assert reach.best == pytest.approx(-0.0001, abs=1e-9)
 

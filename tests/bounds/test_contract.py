@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scenegen.bounds.batches import make_batches
 from scenegen.bounds.contract import contract, start
 from scenegen.bounds.prune import prune
+from scenegen.bounds.requirements import alternatives, push_down
 from scenegen.bounds.tape import make_tape
-from scenegen.bounds.wanted import alternatives, push_down
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Junction
 from scenegen.lang.interpret import evaluate

@@ -93,8 +93,8 @@ def refused(scenegen, here):
 
 def _one_diagnostic(text: str) -> None:
     lines = text.splitlines()
-    assert lines[0].startswith("error: ")
-    assert sum(line.startswith(("error:", "warning:")) for line in lines) == 1
+    assert lines[0].startswith("error[")
+    assert sum(line.startswith(("error[", "warning[")) for line in lines) == 1
     assert sum(line.lstrip().startswith("= help:") for line in lines) == 1
     assert "Traceback" not in text
     assert "scenegen itself failed" not in text

@@ -28,7 +28,7 @@ def test_scenes_of_other_objects(refused, scenes, golden):
 
 
 def _later(data):
-    data["version"] = 2
+    data["version"] = 3
 
 
 def _other_format(data):
@@ -62,7 +62,7 @@ def test_changed_scenes_file(change, refused, scenes, golden):
     said = refused("eval", "good.spec", "s.json")
     golden(f"cli/errors/scenes{change.__name__}.txt", said)
     if change is not _other_labels:
-        assert refused("render", "s.json", "--out", "pictures").startswith("error: ")
+        assert refused("render", "s.json", "--out", "pictures").startswith("error[")
 
 
 def test_garbage_truncated_and_missing_scenes_files(refused, scenes, here, golden):

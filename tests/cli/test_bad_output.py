@@ -5,7 +5,8 @@ import os
 
 import pytest
 
-from scenegen.formats import files, simulators
+from scenegen.export import simulators
+from scenegen.formats import files
 from scenegen.render import scenes as pictures
 
 COMMANDS = {
@@ -70,7 +71,7 @@ def test_pictures_over_a_file(refused, here, scenes, no_work):
 def test_a_kernel_that_refuses(command, refused, scenes, no_work):
     """Permission bits do not stop root; the kernel's own file system does."""
     said = refused(*COMMANDS[command], f"/sys/scenegen{ENDING[command]}")
-    assert said.startswith(f"error: cannot write /sys/scenegen{ENDING[command]}: ")
+    assert said.startswith(f"error[cannot-write]: cannot write /sys/scenegen{ENDING[command]}: ")
 
 
 @pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES], ids=errno.errorcode.get)

@@ -55,6 +55,6 @@ def test_every_mistake_of_a_spec_is_told_in_the_order_of_the_text(scenegen, here
     (here / "my.spec").write_text("object mug\nlater: nextTo(mug, cup)\nsooner: leftOf(mug, mug, mug)\n")
     outcome = scenegen("check", "my.spec", "good.spec")
     assert outcome.status == 1
-    assert outcome.err.count("error: ") == 3
+    assert outcome.err.count("error[") == 3
     assert outcome.out.startswith("\ngood.spec: ok") or outcome.out.startswith("good.spec: ok")
     golden("cli/errors/spec_three_mistakes.txt", outcome.err)

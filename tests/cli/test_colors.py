@@ -8,35 +8,36 @@ import sys
 
 import pytest
 
+from scenegen.cli.app import run
+
 BAD = "object mug, plate\ntask: leftOf(mug plate)\nsafe: leftOf(mug,\n"
 ESCAPE = re.compile(r"\x1b\[[\d;]*m")
 
 
-def environment(**variables):
-    kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR", "TERM")}
-    return kept | {"TERM": "xterm"} | variables
+@pytest.fixture
+def bad(tmp_path, monkeypatch):
+    """A spec with two mistakes, in a terminal whose variables say nothing about colours."""
+    (tmp_path / "bad.spec").write_text(BAD)
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    return tmp_path / "bad.spec"
 
 
-def complaint(folder, terminal, **variables):
-    """Standard error of `scenegen check bad.spec`, on a pseudo-terminal or in a pipe."""
-    (folder / "bad.spec").write_text(BAD)
-    command = [sys.executable, "-m", "scenegen", "check", "bad.spec"]
-    if not terminal:
-        done = subprocess.run(command, cwd=folder, env=environment(**variables), capture_output=True, timeout=60)
-        assert (done.returncode, done.stdout) == (1, b"")
-        return done.stderr.decode()
+@pytest.fixture
+def terminal():
+    """The two sides of a pseudo-terminal: what the first reads is written to the second."""
     ours, theirs = pty.openpty()
-    try:
-        done = subprocess.run(
-            command, cwd=folder, env=environment(**variables), stdout=subprocess.PIPE, stderr=theirs, timeout=60
-        )
-        os.close(theirs)
-        said = b""
-        while chunk := _read(ours):
-            said += chunk
-    finally:
-        os.close(ours)
-    assert (done.returncode, done.stdout) == (1, b"")
+    yield ours, theirs
+    os.close(ours)
+
+
+def everything(ours, theirs):
+    """What was written, once the other side is closed."""
+    os.close(theirs)
+    said = b""
+    while chunk := _read(ours):
+        said += chunk
     return said.decode().replace("\r\n", "\n")
 
 
@@ -48,7 +49,7 @@ def _read(handle):
 
 
 @pytest.mark.parametrize(
-    ("terminal", "variables", "colored"),
+    ("on_terminal", "variables", "colored"),
     [
         (True, {}, True),
         (False, {}, False),
@@ -59,7 +60,24 @@ def _read(handle):
         (True, {"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
     ],
 )
-def test_colors(tmp_path, terminal, variables, colored):
-    said = complaint(tmp_path, terminal, **variables)
-    assert ("\x1b[1;31merror" in said) == bool(ESCAPE.search(said)) == colored
-    assert ESCAPE.sub("", said).count("error: ") == 2
+def test_colors(bad, terminal, monkeypatch, capfd, on_terminal, variables, colored):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    if on_terminal:
+        with monkeypatch.context() as patch, open(terminal[1], "w", closefd=False) as stderr:
+            patch.setattr(sys, "stderr", stderr)
+            status = run(["check", str(bad)])
+        said = everything(*terminal)
+    else:
+        status = run(["check", str(bad)])
+        said = capfd.readouterr().err
+        os.close(terminal[1])
+    assert status == 1 and ("\x1b[1;31merror" in said) == bool(ESCAPE.search(said)) == colored
+    assert ESCAPE.sub("", said).count("error[") == 2
+
+
+def test_the_program_itself_on_a_terminal(bad, terminal):
+    command = [sys.executable, "-m", "scenegen", "check", str(bad)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal[1], timeout=60)
+    said = everything(*terminal)
+    assert (done.returncode, done.stdout) == (1, b"") and "\x1b[1;31merror" in said

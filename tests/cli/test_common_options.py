@@ -23,9 +23,9 @@ def test_quiet_says_nothing_of_success(scenegen, here):
 
 
 def test_quiet_still_says_what_is_wrong(scenegen, here):
-    assert scenegen("check", "-q", "missing.spec").err.startswith("error: cannot read missing.spec")
+    assert scenegen("check", "-q", "missing.spec").err.startswith("error[cannot-read]: cannot read missing.spec")
     (here / "spare.spec").write_text("object mug, plate\nconst SPARE = 3\ntask: leftOf(mug, plate)\n")
-    assert scenegen("check", "-q", "spare.spec").err.startswith("warning: ")
+    assert scenegen("check", "-q", "spare.spec").err.startswith("warning[")
 
 
 def test_quiet_is_over_with_the_command(scenegen, here):

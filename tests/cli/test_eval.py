@@ -68,7 +68,7 @@ def test_scenes_of_another_spec_of_the_same_objects(scenegen, scenes, here):
     outcome = scenegen("eval", "good.spec", "s.json")
     assert outcome.status == 0
     assert outcome.out.startswith("scene\ttask\n1\t")
-    assert outcome.err == "note: s.json was made from another spec; its stored phi was not compared\n"
+    assert outcome.err == "note[phi-not-compared]: s.json was made from another spec; its stored phi was not compared\n"
 
 
 def test_objects_may_stand_in_another_order(scenegen, scenes, here):

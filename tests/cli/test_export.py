@@ -73,7 +73,7 @@ def test_what_is_refused(refused, scenes, here, golden):
 def test_no_scenes(refused, scenes, here):
     text = scenes.read_text()
     scenes.write_text(text[: text.index('"scenes": [')] + '"scenes": []}\n')
-    assert "there are no scenes to export" in refused("export", "s.json", "--out", "all.xml")
+    assert "there are no scenes" in refused("export", "s.json", "--out", "all.xml")
 
 
 def test_only_what_is_asked_for_is_loaded(scenes):
@@ -91,10 +91,10 @@ def test_files_of_an_earlier_run_are_told_of_and_left_alone(scenegen, here, scen
     for name in ("scene_0001.sdf", "scene_0003.xml", "scene_0004.xml", "scene_00001.xml", "scene_x.xml"):
         (here / "export" / name).touch()
     done = scenegen("export", "s.json", "--to", "mjcf", "--out", "export")
-    assert done.err.endswith("note: 2 other files scene_*.xml in export are not of these scenes\n")
+    assert done.err.endswith("note[other-files]: 2 other files scene_*.xml in export are not of these scenes\n")
     assert len(files(here / "export")) == 8
     (here / "views").mkdir()
     (here / "views" / "scene_0004_topview.svg").touch()
     done = scenegen("render", "s.json", "--figure", "topview", "--out", "views")
-    assert done.err.endswith("note: another file scene_*_topview.svg in views is not of these scenes\n")
+    assert done.err.endswith("note[other-files]: another file scene_*_topview.svg in views is not of these scenes\n")
     assert len(files(here / "views")) == 4

@@ -68,7 +68,7 @@ def test_a_broken_file_is_left_alone_and_the_others_are_formatted(scenegen, ugly
     (here / "binary.spec").write_bytes(b"\0\1")
     outcome = scenegen("fmt", "bad.spec", "binary.spec", "missing.spec", "ugly.spec")
     assert (outcome.status, outcome.out) == (1, "")
-    assert outcome.err.count("error: ") == 4 and outcome.err.endswith("reformatted ugly.spec\n")
+    assert outcome.err.count("error[") == 4 and outcome.err.endswith("reformatted ugly.spec\n")
     assert "Traceback" not in outcome.err
     assert (here / "bad.spec").read_text() == BAD and ugly.read_text() == PRETTY
     assert not (here / "missing.spec").exists()
@@ -93,7 +93,9 @@ def test_a_folder_without_permission(scenegen, ugly, here, monkeypatch):
 
     monkeypatch.setattr("tempfile.mkstemp", refuse)
     outcome = scenegen("fmt", "ugly.spec")
-    assert outcome.status == 1 and outcome.err.startswith("error: cannot write ugly.spec: permission denied")
+    assert outcome.status == 1 and outcome.err.startswith(
+        "error[cannot-write]: cannot write ugly.spec: permission denied"
+    )
     assert ugly.read_text() == UGLY
 
 
@@ -122,7 +124,7 @@ def test_standard_input_of_a_process():
     assert (done.returncode, done.stdout.decode(), done.stderr) == (0, PRETTY, b"")
     done = run(BAD)
     assert (done.returncode, done.stdout) == (1, b"")
-    assert done.stderr.decode().count("error: ") == 2 and " --> <stdin>:1:18\n" in done.stderr.decode()
+    assert done.stderr.decode().count("error[") == 2 and " --> <stdin>:1:18\n" in done.stderr.decode()
 
 
 def test_the_shipped_specs_need_no_formatting(scenegen, root):

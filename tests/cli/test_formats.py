@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.formats.table import FORMATS
+from scenegen.formats.registry import FORMATS
 
 WANTED = ["--phi", "0:0.2", "-n", "3", "--seed", "5"]
 
@@ -30,4 +30,4 @@ def test_render(ending, scenegen, here):
 def test_noise(ending, scenegen, here):
     Path(f"x{ending}").write_bytes(b"\x00noise\xff" * 10)
     refused = scenegen("eval", "good.spec", f"x{ending}")
-    assert refused.status == 1 and refused.out == "" and refused.err.startswith("error: ") and "help: " in refused.err
+    assert refused.status == 1 and refused.out == "" and refused.err.startswith("error[") and "help: " in refused.err

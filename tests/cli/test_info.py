@@ -43,7 +43,7 @@ def test_files_that_are_no_models(refused, model, here, golden):
 
 def test_the_card_is_the_default(scenegen, here, monkeypatch):
     for name in ("PATIENCE", "ALL"):  # however slow the machine
-        monkeypatch.setattr(f"scenegen.api.measure.{name}", float("inf"))
+        monkeypatch.setattr(f"scenegen.evaluation.measure.{name}", float("inf"))
     outcome = scenegen(*TRAIN, "--out", "m.safetensors")
     assert outcome.status == 0
     names = {path.name for path in here.iterdir()}
@@ -59,7 +59,9 @@ def test_scene_files_as_data_and_patience(scenegen, refused, here, golden):
     golden("cli/errors/train_data_objects.txt", refused("train", "forks.spec", *words[2:], "--out", "f.safetensors"))
     golden("cli/errors/train_data_ending.txt", refused(*words, "--data", "s.csv", "--out", "f.safetensors"))
     golden("cli/errors/train_patience.txt", refused(*words, "--patience", "0", "--out", "f.safetensors"))
-    assert refused(*words, "--data", "t.json", "--out", "f.safetensors").startswith("error: cannot read t.json")
+    assert refused(*words, "--data", "t.json", "--out", "f.safetensors").startswith(
+        "error[cannot-read]: cannot read t.json"
+    )
 
 
 def test_settings_of_the_models_own(scenegen, here):

@@ -115,7 +115,10 @@ def test_a_label_that_no_scene_satisfies_is_said_to_clash(report, here):
     (here / "hopeless.spec").write_text("task: closeTo(mug, plate, 5 cm) & x(mug) >= x(plate) + 0.1\n")
     outcome = report("hopeless.spec")
     assert "no scene that satisfies it was found" in outcome.out and "satisfied " not in outcome.out
-    assert outcome.err.startswith("warning: `task` can never be satisfied") and "bounds prove it" in outcome.err
+    assert (
+        outcome.err.startswith("warning[cannot-be-satisfied]: `task` can never be satisfied")
+        and "bounds prove it" in outcome.err
+    )
 
 
 def test_a_requirement_that_no_scene_meets(refused, here):
@@ -127,7 +130,7 @@ def test_a_requirement_that_no_scene_meets(refused, here):
     ("words", "said"),
     [
         (["--label", "tsk"], "did you mean `task`"),
-        (["--seed", "-1"], "is no seed"),
+        (["--seed", "-1"], "--seed is -1\n = help: it must be from 0"),
         (["--png", "rarity.jpg"], "does not end in .png"),
         (["--png", "nowhere/rarity.png"], "cannot write"),
     ],
@@ -189,7 +192,7 @@ def test_a_plot_of_a_straight_line():
 
 
 def test_ticks_are_round():
-    from scenegen.render.plot import ticks
+    from scenegen.figures.plot import ticks
 
     assert ticks(-1.0, 1.0) == [-1.0, -0.5, 0.0, 0.5, 1.0]
     assert 0.0 in ticks(-2.94, 0.2) and all(-2.94 <= tick <= 0.2 for tick in ticks(-2.94, 0.2))

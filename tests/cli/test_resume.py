@@ -14,6 +14,7 @@ from scenegen.api.scenes import read_scenes
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
+COUNT = "300000"  # twenty blocks: enough to be broken off twice
 WORDS = ["sample", "two.spec", "--phi", "task=-0.4:0.4", "--phi", "safe=0:", "--seed", "8"]
 
 
@@ -40,7 +41,7 @@ def children(pid):
 
 def test_killed_in_the_midst_of_resuming(here, scenegen):
     """An interrupt leaves a checkpoint; the run that goes on from there is killed; the third completes the file."""
-    words = [*WORDS, "-n", "600000", "--workers", "2", "--out", "o.parquet"]
+    words = [*WORDS, "-n", COUNT, "--workers", "2", "--out", "o.parquet"]
     part = here / "o.parquet.part"
     first = started(words, here)
     until(lambda: part.exists() and list(part.glob("shard-*")), first)
@@ -55,7 +56,7 @@ def test_killed_in_the_midst_of_resuming(here, scenegen):
     second.wait()
     assert second.returncode == -signal.SIGKILL and workers and shards(part) >= before
     assert scenegen(*words, "--resume").status == 0 and not part.exists()
-    assert scenegen(*WORDS, "-n", "600000", "--workers", "1", "--out", "whole.parquet").status == 0
+    assert scenegen(*WORDS, "-n", COUNT, "--workers", "1", "--out", "whole.parquet").status == 0
     assert (here / "o.parquet").read_bytes() == (here / "whole.parquet").read_bytes()
     deadline = time.monotonic() + 20
     while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < deadline:

@@ -66,7 +66,7 @@ def test_debug_in_a_process_of_its_own(process, here):
     quiet = process("sample", "bad.spec")
     loud = process("sample", "bad.spec", "--debug")
     assert (quiet.returncode, quiet.stdout, "Traceback" in quiet.stderr) == (1, "", False)
-    assert quiet.stderr.startswith("error: `leftOf` takes 2 arguments, not 1\n")
+    assert quiet.stderr.startswith("error[wrong-number-of-arguments]: `leftOf` takes 2 arguments, not 1\n")
     assert (loud.returncode, loud.stdout, "Traceback" in loud.stderr) == (1, "", True)
     assert quiet.stderr.rstrip() in loud.stderr
 
@@ -75,11 +75,11 @@ def test_a_bug_of_ours_is_a_diagnostic_too(scenegen, here, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("scenegen.api.sample.sample", broken)
+    monkeypatch.setattr("scenegen.api.sample.draw_scenes", broken)
     outcome = scenegen("sample", "good.spec")
     assert (outcome.status, outcome.out) == (1, "")
     assert outcome.err.startswith(
-        "error: scenegen itself failed: ZeroDivisionError: division by zero\n = help: this is"
+        "error[internal-error]: scenegen itself failed: ZeroDivisionError: division by zero\n = help: this is"
     )
     with pytest.raises(ZeroDivisionError):
         scenegen("sample", "good.spec", "--debug")
@@ -125,12 +125,14 @@ def test_a_closed_standard_output_loses_no_scenes(here, snapshot):
     for words in ("sample good.spec -n 2", "check good.spec"):
         said, statuses = shell(f"$S {words} >&-")
         assert statuses == [1] and snapshot(here) == before
-        assert said.strip().startswith("error: cannot write to standard output: bad file descriptor\n = help: "), said
+        assert said.strip().startswith(
+            "error[cannot-write-output]: cannot write to standard output: bad file descriptor\n = help: "
+        ), said
     assert shell("$S sample good.spec -n 2 --out s.json >&-")[1] == [0] and (here / "s.json").is_file()
 
 
 def test_sampling_does_not_begin_for_a_closed_output(here, monkeypatch, scenegen):
-    monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: pytest.fail("work was begun"))
+    monkeypatch.setattr("scenegen.api.sample.draw_scenes", lambda *_, **__: pytest.fail("work was begun"))
     reading = os.open(os.devnull, os.O_RDONLY)
     monkeypatch.setattr(sys, "stdout", open(reading, "w", closefd=True))  # noqa: SIM115, PTH123
     monkeypatch.setattr("scenegen.cli.app.give_up", lambda stream: None)

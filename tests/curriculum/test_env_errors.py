@@ -18,33 +18,33 @@ POSES = {"mug": (0.2, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}
 
 MAKING = [
     ({}, error.MissingArgument, "say what the table is about: spec="),
-    ({"spec": 3}, error.Error, "not int"),
+    ({"spec": 3}, error.Error, "`spec` is of type int"),
     ({"spec": "object mug at (0.5, 0.5)\ntask: x(mug) <= 0.4"}, error.Error, "no object is free"),
-    ({"spec": LEFT, "goal": "tusk"}, error.Error, "`tusk`, which is no label.*did you mean `task`"),
-    ({"spec": LEFT, "goal": ()}, error.Error, "names no label"),
+    ({"spec": LEFT, "goal": "tusk"}, error.Error, "the spec has no label `tusk`"),
+    ({"spec": LEFT, "goal": ()}, error.Error, "`goal` is empty"),
     ({"spec": LEFT, "moves": "contineous"}, error.Error, "did you mean `continuous`"),
-    ({"spec": LEFT, "move": "mag"}, error.Error, "`mag`, which is no object.*did you mean `mug`"),
-    ({"spec": HELD, "move": ["plate"]}, error.Error, "`plate`, which the spec holds in place"),
-    ({"spec": LEFT, "move": ()}, error.Error, "names no object"),
-    ({"spec": LEFT, "step": 0.0}, error.Error, "`step` is 0; it has to be more than 0 and at most 1 metres"),
+    ({"spec": LEFT, "move": "mag"}, error.Error, "the spec has no object `mag`"),
+    ({"spec": HELD, "move": ["plate"]}, error.Error, "`plate` is held in place by the spec already"),
+    ({"spec": LEFT, "move": ()}, error.Error, "`move` is empty"),
+    ({"spec": LEFT, "step": 0.0}, error.Error, "`step` is 0"),
     ({"spec": LEFT, "step": float("nan")}, error.Error, "`step` is nan"),
     ({"spec": LEFT, "turn": 7.0}, error.Error, "`turn` is 7"),
     ({"spec": LEFT, "reward": "dens"}, error.Error, "did you mean `dense`"),
-    ({"spec": LEFT, "render_mode": "human"}, error.UnsupportedMode, 'it is "rgb_array" or None'),
+    ({"spec": LEFT, "render_mode": "human"}, error.UnsupportedMode, "unknown render mode `human`"),
     ({"spec": LEFT, "render_mode": "rgb_array", "view": "tap"}, error.Error, "did you mean `top`"),
     ({"spec": LEFT, "render_mode": "rgb_array", "size": (4, 4)}, error.Error, "16 to 4096 pixels"),
     ({"spec": LEFT, "phi": (0.3, 0.1)}, error.InvalidBound, "reversed"),
-    ({"spec": LEFT, "goal": 3}, error.Error, "`goal` is 3; write the name of a label"),
-    ({"spec": LEFT, "goal": [3]}, error.Error, r"`goal` is \[3\]; write the name of a label"),
-    ({"spec": LEFT, "goal": b"task"}, error.Error, "write the name of a label"),
-    ({"spec": LEFT, "move": 3}, error.Error, "`move` is 3; write the name of an object"),
-    ({"spec": LEFT, "moves": None}, error.Error, "unknown moves `None`; it is `grid` or `continuous`"),
+    ({"spec": LEFT, "goal": 3}, error.Error, "`goal` is 3"),
+    ({"spec": LEFT, "goal": [3]}, error.Error, r"`goal` is \[3\]"),
+    ({"spec": LEFT, "goal": b"task"}, error.Error, "`goal` is b'task'"),
+    ({"spec": LEFT, "move": 3}, error.Error, "`move` is 3"),
+    ({"spec": LEFT, "moves": None}, error.Error, "unknown moves `None`"),
     ({"spec": LEFT, "reward": ["dense"]}, error.Error, r"unknown reward `\['dense'\]`"),
-    ({"spec": LEFT, "step": "0.1"}, error.Error, "`step` is '0.1'; it has to be a number of metres"),
-    ({"spec": LEFT, "step": True}, error.Error, "`step` is True; it has to be a number of metres"),
-    ({"spec": LEFT, "turn": [1.0]}, error.Error, r"`turn` is \[1.0\]; it has to be a number of radians"),
+    ({"spec": LEFT, "step": "0.1"}, error.Error, r"`step` is '0\.1'"),
+    ({"spec": LEFT, "step": True}, error.Error, "`step` is True"),
+    ({"spec": LEFT, "turn": [1.0]}, error.Error, r"`turn` is \[1\.0\]"),
     ({"spec": LEFT, "view": 3}, error.Error, "`view` is 3"),
-    ({"spec": LEFT, "size": (64, 64, 3)}, error.Error, r"`size` is \(64, 64, 3\); write \(width, height\)"),
+    ({"spec": LEFT, "size": (64, 64, 3)}, error.Error, r"`size` is \(64, 64, 3\)"),
     ({"spec": LEFT, "size": (64.5, 64)}, error.Error, "in whole pixels"),
 ]
 
@@ -58,36 +58,52 @@ def test_what_an_environment_cannot_be(settings, kind, text):
 ASKING = [
     ({"phi": (2.0, 3.0)}, error.InvalidBound, r"2:3; phi of `task` lies between -1 and 1.*nearest.*`task` 0\.9"),
     ({"phi": (-7.0, -5.0)}, error.InvalidBound, r"nearest scene that was met has phi of `task` -0\.9"),
-    ({"phi": (0.2, 0.1)}, error.InvalidBound, "from 0.2 to 0.1, which is reversed"),
-    ({"phi": (0.2, 0.2)}, error.InvalidBound, r"probability 0; ask for a band, say \(0.1875, 0.2125\)"),
-    ({"phi": (0.2, float("nan"))}, error.InvalidBound, "NaN is no phi"),
+    ({"phi": (0.2, 0.1)}, error.InvalidBound, "this range of phi of `task` is reversed"),
+    ({"phi": (0.2, 0.2)}, error.InvalidBound, r"phi of `task` is exactly 0\.2 with probability 0"),
+    ({"phi": (0.2, float("nan"))}, error.InvalidBound, "NaN cannot end a range of phi of `task`"),
     ({"phi": 0.2}, error.InvalidBound, "write \\(lowest, highest\\)"),
     ({"phi": ("a", "b")}, error.InvalidBound, "write \\(lowest, highest\\)"),
     ({"phi": {"taks": (0.0, 0.1)}}, error.Error, "no label `taks`; did you mean `task`"),
     ({"phi": PhiBox((0.0, 0.0), (1.0, 1.0))}, error.Error, "phi of 2 labels; the spec has `task`"),
     ({"phy": (0.0, 0.1)}, error.Error, "unknown option `phy`; did you mean `phi`"),
-    ({"phi": (0.0, 0.1), "scene": POSES}, error.Error, "leave one out"),
-    ({"scene": {"mug": (0.2, 0.5, 0.0)}}, error.Error, "the scene lacks `plate`"),
-    ({"scene": {**POSES, "cup": (0.2, 0.5, 0.0)}}, error.Error, "the scene has `cup`"),
+    ({"phi": (0.0, 0.1), "scene": POSES}, error.Error, "`phi` and `scene` contradict each other"),
+    (
+        {"scene": {"mug": (0.2, 0.5, 0.0)}},
+        error.Error,
+        "a scene that lacks `plate` does not place the objects of its spec",
+    ),
+    (
+        {"scene": {**POSES, "cup": (0.2, 0.5, 0.0)}},
+        error.Error,
+        "a scene that has `cup` does not place the objects of its spec",
+    ),
     ({"scene": {**POSES, "mug": (0.2, 0.5)}}, error.Error, "the pose of `mug`.*in metres and radians"),
-    ({"scene": {**POSES, "mug": (0.2, float("nan"), 0.0)}}, error.Error, "has to be finite"),
+    ({"scene": {**POSES, "mug": (0.2, float("nan"), 0.0)}}, error.Error, r"the pose of `mug` is \(0\.2, nan, 0\)"),
     ({"scene": {**POSES, "mug": (1.2, 0.5, 0.0)}}, error.Error, "`mug` is outside of the workspace"),
-    ({"scene": np.zeros((3, 3))}, error.Error, r"an array \(2, 3\), not an array of shape \(3, 3\)"),
-    ({"scene": "mug"}, error.Error, "not a str"),
+    ({"scene": np.zeros((3, 3))}, error.Error, r"a scene is a Scene, a pose for each object, or an array \(2, 3\)"),
+    ({"scene": "mug"}, error.Error, r"a scene is a Scene, a pose for each object, or an array \(2, 3\)"),
     ({"scene": [["a", "b", "c"], [0.5, 0.5, 0.0]]}, error.Error, "not all numbers"),
     ({"scene": [[0.2, 0.5], [0.5, 0.5, 0.0]]}, error.Error, "not all numbers"),
     ({"scene": np.full((2, 3), 0.5j)}, error.Error, "not all numbers"),
-    ({"scene": {"poses": 3}}, error.Error, "the `poses` of the scene are a int"),
+    ({"scene": {"poses": 3}}, error.Error, r"a scene is a Scene, a pose for each object, or an array \(2, 3\)"),
     ({"scene": {**POSES, "mug": "123"}}, error.Error, "the pose of `mug` is '123'"),
     ({"scene": {**POSES, "mug": (10**400, 0.5, 0.0)}}, error.Error, "the pose of `mug`"),
-    ({"scene": {**POSES, "mug": {"x": 0.2, "y": 0.5, "thta": 1.0}}}, error.Error, "the pose of `mug` has `thta`"),
-    ({"phi": (-0.3, 10**400)}, error.InvalidBound, "too large"),
-    ({"phi": (float("inf"), float("inf")), "nearest": True}, error.InvalidBound, "None is an open end"),
+    (
+        {"scene": {**POSES, "mug": {"x": 0.2, "y": 0.5, "thta": 1.0}}},
+        error.Error,
+        "the pose of `mug` is one with `thta`",
+    ),
+    ({"phi": (-0.3, 10**400)}, error.InvalidBound, "a number that large cannot end a range of phi of `task`"),
+    (
+        {"phi": (float("inf"), float("inf")), "nearest": True},
+        error.InvalidBound,
+        "inf at both sides cannot end a range of phi of `task`",
+    ),
     ({"phi": PhiBox((-0.3,), (-0.1, 0.2))}, error.Error, "phi of 2 labels"),
-    ({"phi": PhiBox(-0.3, -0.1)}, error.InvalidBound, "one number per label"),
-    ({"phi": (-0.3, -0.1), "nearest": "no"}, error.Error, "`nearest` is 'no'; it is True or False"),
-    (3, error.Error, "`options` is 3; write them by name"),
-    ([("phi", (-0.3, -0.1))], error.Error, "write them by name"),
+    ({"phi": PhiBox(-0.3, -0.1)}, error.InvalidBound, r"PhiBox\(low=-0\.3, high=-0\.1\) is no task"),
+    ({"phi": (-0.3, -0.1), "nearest": "no"}, error.Error, "`nearest` is 'no'"),
+    (3, error.Error, "`options` is 3"),
+    ([("phi", (-0.3, -0.1))], error.Error, r"`options` is \[\('phi', \(-0\.3, -0\.1\)\)\]"),
 ]
 
 
@@ -151,16 +167,16 @@ def test_sources(tmp_path):
         TableTop("leftOf(mug, fork)", source=scenes).reset()
     with pytest.raises(error.Error, match=r"cannot read|no such|there is no"):
         TableTop(LEFT, source=tmp_path / "nothing.json").reset()
-    with pytest.raises(error.Error, match="`source` is a model, scenes"):
+    with pytest.raises(error.Error, match="`source` is of type list"):
         TableTop(LEFT, source=[])
-    with pytest.raises(error.Error, match="there are no scenes in the file"):
+    with pytest.raises(error.Error, match="there are no scenes"):
         TableTop(LEFT, source=scenes[:0]).reset()
-    with pytest.raises(error.Error, match=r"every scene satisfies the goal already.*lies between 0 and 1.414"):
+    with pytest.raises(error.Error, match=r"every scene satisfies the goal `task` already.*lies between 0 and 1.414"):
         TableTop("!closeTo(mug, plate, 0)").reset()
     with pytest.raises(error.Error, match=r"no scene satisfies the goal.*lies between -2 and -1"):
         TableTop("object mug\nobject plate\ntask: x(mug) >= 2").reset()
     both = "one: x(mug) - x(plate) >= 0.1\nother: x(plate) - x(mug) >= 0.1"
-    with pytest.raises(error.Error, match=r"`one & other` can never be satisfied, so there is nothing to learn"):
+    with pytest.raises(error.Error, match=r"no scene satisfies the goal `one & other`, so there is nothing to learn"):
         TableTop(f"object mug, plate\n{both}").reset(seed=0)
 
 
@@ -176,7 +192,7 @@ def test_a_spec_with_mistakes_is_shown(tmp_path):
     [
         ({"num_envs": 0}, "`num_envs` is 0"),
         ({"num_envs": 2, "max_episode_steps": 0}, "`max_episode_steps` is 0"),
-        ({"num_envs": 2, "autoreset_mode": "Never"}, '"NextStep", "SameStep", "Disabled"'),
+        ({"num_envs": 2, "autoreset_mode": "Never"}, "unknown autoreset mode `Never`"),
     ],
 )
 def test_what_a_vector_cannot_be(settings, text):
@@ -195,11 +211,11 @@ def test_what_cannot_be_asked_of_a_vector():
     envs.reset(options={"scene": {"mug": (0.52, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
     with pytest.raises(error.Error, match="2 bools, at least one of them True"):
         envs.reset(options={"reset_mask": np.array([False, False])})
-    with pytest.raises(error.InvalidAction, match="2 actions are wanted, whole numbers from 0 to 7"):
+    with pytest.raises(error.InvalidAction, match=r"2 actions are needed, whole numbers from 0 to 7, not \[0, 1, 2\]"):
         envs.step([0, 1, 2])
     with pytest.raises(error.Error, match="`options` is 3"):
         envs.reset(options=3)
-    with pytest.raises(error.Error, match=r"`seed` is 1.5; it is a python integer, or a list of 2"):
+    with pytest.raises(error.Error, match=r"`seed` is 1.5; give it a python integer, or a list of 2"):
         envs.reset(seed=1.5)
     envs.step([1, 0])
     with pytest.raises(error.ResetNeeded, match="the episode is over on table 0"):
@@ -245,7 +261,7 @@ def test_what_a_curriculum_cannot_be(kind, made):
             kind(env, strategy)
     with pytest.raises(error.Error, match=f"goes around a {made.__name__}, not around a CartPoleEnv"):
         kind(gymnasium.make("CartPole-v1"), Wrong())
-    with pytest.raises(error.Error, match=r"next task is \(-0.3, -0.1\); it has to be a PhiBox"):
+    with pytest.raises(error.Error, match=r"\(-0\.3, -0\.1\) is no task"):
         kind(env, Wrong()).reset()
     far = Uniform(PhiBox((-50.0,), (-40.0,)), np.random.default_rng(0))
     with pytest.raises(error.InvalidBound, match=r"about phi from -50 to -40 of label 0.*`env.unwrapped.space`"):

@@ -13,13 +13,13 @@ def test_pictures_follow_the_scene():
     env.reset(options={"scene": SCENE})
     first = env.render()
     assert first.shape == (64, 96, 3) and first.dtype == np.uint8 and len(np.unique(first.reshape(-1, 3), axis=0)) > 20
-    process = env.easel._live._process
+    process = env.easel._live._pool
     np.testing.assert_array_equal(env.render(), first)
     env.reset(options={"scene": {**SCENE, "mug": (0.8, 0.5, 0.0)}})
     moved = env.render()
     changed = np.flatnonzero((moved != first).any(axis=2).any(axis=0))
     assert changed.min() < 48 < changed.max()  # the mug left the left half, and is in the right one
-    assert env.easel._live._process is process
+    assert env.easel._live._pool is process
     env.close()
     assert env.easel._live is None
     env.close()

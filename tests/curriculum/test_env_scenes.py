@@ -1,7 +1,6 @@
 """Where episodes begin: the scenes of a reset, the same from the same seed, each once, and verified."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +10,12 @@ from gymnasium import error
 import scenegen
 from scenegen.curriculum import PhiBox, TableTop
 from scenegen.curriculum.library import forget
-from scenegen.curriculum.request import Wanted
+from scenegen.curriculum.request import PhiRanges
 from scenegen.curriculum.sources import SECONDS, SHORTLY, Sampler
 from scenegen.curriculum.strategies import strategy
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_SCENES, NO_TIME_TO_CHECK
+from scenegen.sampling.request import Range
 
 LEFT = "leftOf(mug, plate)"
 TWO = "near: closeTo(mug, plate, 0.2)\nside: leftOf(mug, plate)"
@@ -137,29 +138,12 @@ def test_the_scenes_of_a_file(tmp_path):
     assert all(-0.3 <= info["phi"]["task"] <= -0.2 for info in infos)
 
 
-class Dreamer:
-    """Stands in for a trained model: proposes scenes of the base distribution, whatever phi is wanted."""
-
-    name, steps = "dreamer", None
-
-    def __init__(self, spec):
-        self.card = SimpleNamespace(
-            spec=SimpleNamespace(source=spec.source, name="dream.spec", title=""),
-            objects=spec.objects,
-            labels=[SimpleNamespace(name=label) for label in spec.labels],
-            area=spec.workspace,
-        )
-        self.labels = len(spec.labels)
-
-    def propose(self, phi, generator):
-        assert phi.shape[0] == self.labels
-        return torch.rand(6, phi.shape[1], generator=generator)
-
-
 @pytest.mark.parametrize("text", [LEFT, TWO], ids=["one label", "two labels"])
-def test_the_scenes_of_a_model(text):
-    spec = scenegen.parse(text)
-    env = TableTop(spec, source=scenegen.Model(Dreamer(spec)))
+def test_the_scenes_of_a_model(text, tmp_path):
+    """With two labels to satisfy, the goal is a third one, which the model does not know."""
+    spec, out = scenegen.parse(text), tmp_path / "m.safetensors"
+    model = scenegen.train(spec, "gan", recipe="paper", out=out, epochs=1, scenes=64, card=False)
+    env = TableTop(spec, source=model)
     rows, infos = starts(env, [{"phi": (-0.3, -0.1)}] * 20, seed=0)
     phi = rescored(text, rows).min(axis=1)
     assert ((phi >= -0.3) & (phi <= -0.1)).all()
@@ -220,7 +204,7 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
 
     def no_time(self, ranges, n, seed, spread="flat", patience=SECONDS):
         waited.append(patience)
-        raise RequestError(Diagnostic("time was up"))
+        raise RequestError(NO_SCENES())
 
     monkeypatch.setattr(Sampler, "draw", no_time)
     low, high = (np.array(ends) for ends in (env.space.low, env.space.high))
@@ -228,20 +212,20 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
     away = []
     for _ in range(400):
         _, info = env.reset(options={"phi": box, "nearest": True})
-        phi = np.array([info["phi"][label] for label in env.rules.aim.names[: len(low)]])
+        phi = np.array([info["phi"][label] for label in env.rules.target.names[: len(low)]])
         away.append(np.maximum(np.maximum(box.low - phi, phi - box.high), 0.0) / (high - low))
     assert np.max(away) < 0.25 and len(waited) < 20 and set(waited) == {SHORTLY}
-    with pytest.raises(error.InvalidBound, match="time was up"):
+    with pytest.raises(error.InvalidBound, match=r"\[no-scenes\]"):
         for _ in range(400):
             env.reset(options={"phi": box})
     forget()
 
 
 def test_a_cell_overlaps_with_itself_alone():
-    index = TableTop(TWO).dealer.library.index((0, 1))
+    index = TableTop(TWO).resets.library.index((0, 1))
     for cell in range(len(index.members)):
         low, high = index.low[cell], index.high[cell]
-        whole = Wanted((*low.tolist(), -math.inf), (*high.tolist(), math.inf))
+        whole = PhiRanges((*low.tolist(), -math.inf), (*high.tolist(), math.inf))
         assert index.overlap(whole)[0] == [cell]
 
 
@@ -259,9 +243,9 @@ def test_a_curriculum_ends_where_the_goal_is():
 
 def test_draws_that_take_too_long_say_what_helps(monkeypatch):
     def late(*given, **options):
-        raise RequestError(Diagnostic("time was up", help="give it more time with --timeout"))
+        raise RequestError(NO_TIME_TO_CHECK())
 
-    sampler = Sampler(TableTop(LEFT).rules.aim)
-    monkeypatch.setattr("scenegen.curriculum.sources.sample", late)
+    sampler = Sampler(TableTop(LEFT).rules.target)
+    monkeypatch.setattr("scenegen.curriculum.sources.draw_scenes", late)
     with pytest.raises(RequestError, match=r"a draw has 3 s here(.|\n)*give them as `source`"):
-        sampler.draw({"task": (0.1, 0.2)}, 1000, 0, patience=3.0)
+        sampler.draw({"task": Range(0.1, 0.2)}, 1000, 0, patience=3.0)

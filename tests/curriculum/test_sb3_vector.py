@@ -76,12 +76,14 @@ def test_what_is_said_of_all_tables_at_once():
     assert env.env_is_wrapped(VecMonitor) == [False] * TABLES and env.render_mode is None
     env.set_attr("anything", 3)
     assert env.get_attr("anything", 1) == [3]
-    with pytest.raises(error.Error, match="all tables or none"):
+    with pytest.raises(
+        error.Error, match="`anything` is set for single tables, which is not possible: they are one environment"
+    ):
         env.set_attr("anything", 3, indices=[1])
     with pytest.raises(error.Error, match="single tables"):
         env.env_method("render")
     env.set_options({"phi": (-0.2, -0.1)})
-    with pytest.raises(error.Error, match="use a curriculum"):
+    with pytest.raises(error.Error, match="options are given to single tables"):
         env.reset()
     env.close()
 

@@ -193,6 +193,19 @@ def test_a_state_outlives_the_strategy_that_it_is_of(name):
     assert json.dumps(state) == kept
 
 
+@pytest.mark.parametrize("name", ["linear", "ordered", "replay"])
+def test_states_that_version_0_1_saved_are_read(name):
+    teacher = made(name)
+    play(teacher, 60)
+    state = teacher.state()
+    memory = state["memory"]
+    before = {**state, "memory": {"asked" if part == "tasks" else part: saved for part, saved in memory.items()}}
+    assert before != state
+    again = made(name)
+    again.restore(before)
+    assert again.state() == state
+
+
 def test_states_of_others_are_refused(name):
     teacher = made(name)
     other = made("linear" if name == "uniform" else "uniform")

@@ -58,7 +58,11 @@ def test_every_section_touches_what_its_row_names():
         for addition in additions:
             folder = addition.path.rpartition("/")[0]
             new = f"{folder}/NAME.py"
-            linked = ("docs/curriculum.md", "docs/api.md", f"{folder}/table.py")  # the last is beside a file it names
+            linked = (
+                "docs/curriculum.md",
+                "docs/api.md",
+                f"{folder}/registry.py",
+            )  # the last is beside a file it names
             assert (new if addition.new else addition.path) in (*named, *linked), (title, addition.path)
 
 
@@ -66,7 +70,7 @@ def test_a_metric(extended):
     project = extended("A metric")
     program = """
 import numpy as np
-from scenegen.metrics.extent import extent
+from scenegen.evaluation.extent import extent
 
 print(extent(np.array([[0.0], [0.0], [0.0], [2.0], [0.0], [0.0]])))
 """
@@ -120,8 +124,10 @@ def test_a_shape(extended):
 @pytest.mark.slow
 def test_a_sampler(extended):
     project = extended("A sampler")
-    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "sample")
-    run_tests(project, "tests/cli/test_help.py", "-k", "sample")
+    goldens = ("tests/cli/test_help.py", "tests/cli/test_bad_request.py", "-k", "sample or misspelt")
+    run_tests(project, "--regenerate", *goldens)
+    run_tests(project, *goldens)
+    run_tests(project, "tests/engine/test_plans_travel.py", "-k", "new_process")
     request = ("sample", "first", "--phi", "0:0.2", "-n", "2000", "--method", "plain", "--timeout", "30")
     for workers in ("1", "2"):
         scenegen(project, *request, "--workers", workers, "--out", f"s{workers}.jsonl")
@@ -180,7 +186,7 @@ def test_a_file_format(extended):
 @pytest.mark.slow
 def test_a_simulators_format(extended):
     project = extended("A simulator's format")
-    run_tests(project, "tests/formats/test_worlds.py", "-k", "bodies or ending")
+    run_tests(project, "tests/export/test_worlds.py", "-k", "bodies or ending")
     scenegen(project, "sample", "first", "-n", "2", "--out", "s.json")
     scenegen(project, "export", "s.json", "--to", "bodies", "--out", "worlds")
     assert (project / "worlds" / "scene_0002.bodies").exists()

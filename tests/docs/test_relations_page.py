@@ -51,11 +51,15 @@ def test_the_page_shows_each_relation_with_all_there_is_to_say(made):
 
 
 def copy(folder):
-    """The parts of the project that a relation lives in."""
-    ignore = shutil.ignore_patterns("__pycache__")
+    """The parts of the project that a relation lives in, with what is compiled of them."""
     for name in ("scenegen", "grammar", GOLDENS):
-        shutil.copytree(ROOT / name, folder / name, ignore=ignore)
-    for name in ("tests/conftest.py", "tests/lang/test_relations.py", "tests/lang/relation_scenes.py"):
+        shutil.copytree(ROOT / name, folder / name)
+    for name in (
+        "tests/conftest.py",
+        "tests/forks.py",
+        "tests/lang/test_relations.py",
+        "tests/lang/relation_scenes.py",
+    ):
         (folder / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     (folder / "docs").mkdir()
@@ -72,12 +76,7 @@ def test_the_relation_of_extending_md(tmp_path):
     assert f"def {name}(" in definition
 
     def run(*command):
-        environment = {
-            **os.environ,
-            "PYTHONPATH": str(tmp_path),
-            "OMP_NUM_THREADS": "1",
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "OMP_NUM_THREADS": "1"}
         command = [sys.executable, *command]
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenegen.errors import Diagnostic, RequestError, Source, Span
+from scenegen.errors import Kind, RequestError, Source, Span
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Fails:
 
     def fail(self):
         if self.how == "diagnostic":
-            raise RequestError(Diagnostic("no good", Span(Source("here", "text"), 1, 3), "this", "do that"))
+            raise RequestError(Kind("no-good", "no good", "this", "do that")(Span(Source("here", "text"), 1, 3)))
         if self.how == "odd":
             raise _OddError(1, 2)
         if self.how == "exit":

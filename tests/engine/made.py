@@ -9,14 +9,15 @@ import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from scenegen.engine.stream import stream_scenes
 from scenegen.primitives import Circle
 from scenegen.sampling.cells import Cells, cut
-from scenegen.sampling.pieces import Candidates
-from scenegen.sampling.request import Range, Request
+from scenegen.sampling.plan import Piece
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scene.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
 
 SOURCE = "object mug, plate\ntask: leftOf(mug, plate)\n"
@@ -36,19 +37,24 @@ class Made:
     plan_digest: str = "plan"
     fewest: int = 1
     patience: int | None = None
+    verified: bool = False
     cells: Cells = field(init=False)
     reached: tuple[int, ...] = field(init=False)
 
     def __post_init__(self):
-        cells = cut(Request({"task": Range(self.low, 0.9)}, self.wanted, self.seed, self.spread), ("task",))
+        cells = cut(SampleRequest({"task": Range(self.low, 0.9)}, spread=self.spread), ("task",))
         object.__setattr__(self, "cells", cells)
         object.__setattr__(self, "reached", tuple(range(cells.count)))
 
-    def piece(self, k):
+    @property
+    def problem(self):
+        return SimpleNamespace(lowest=np.zeros(3 * self.objects))
+
+    def draw(self, k):
         source = np.random.default_rng([self.seed, k])
         rows = source.random((3 * self.objects, self.size + k % 3))
         phi = rows[3:4] - rows[0:1]
-        return Candidates(rows, phi, self.cells.find(phi), np.array([rows.shape[1], 0.1 * k]))
+        return Piece(rows, phi, self.cells.find(phi), np.array([rows.shape[1], 0.1 * k]))
 
 
 def header_of(made, facts=None):

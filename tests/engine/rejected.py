@@ -1,4 +1,4 @@
-"""Plain rejection from a spec, as pieces: how a real sampler is put to work."""
+"""Plain rejection from a spec: how a real plan is put to work. torch draws and scores its scenes."""
 
 from __future__ import annotations
 
@@ -6,34 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.sampling.pieces import Candidates
-from scenegen.sampling.problem import Problem
+from scenegen.sampling.base import draw, piece_generator
+from scenegen.sampling.guided import score
+from scenegen.sampling.plan import Account, Piece, Plan
 
 
-@dataclass(frozen=True)
-class Rejected:
-    problem: Problem
-    plan_digest: str = "rejection"
-    fewest: int = 1
-    patience: int | None = None
-
-    @property
-    def wanted(self):
-        return self.problem.request.n
-
-    @property
-    def seed(self):
-        return self.problem.request.seed
-
-    @property
-    def cells(self):
-        return self.problem.cells
+@dataclass(frozen=True, slots=True, eq=False)
+class Rejected(Plan):
+    method = "rejection"
+    plan_digest = "rejection"
+    evaluations = scenes_per_piece = 1.0
 
     @property
     def reached(self):
         return sorted(self.problem.possible)
 
-    def piece(self, k):
-        rows = self.problem.base(k)
-        phi = self.problem.score(rows)
-        return Candidates(rows.numpy(), phi, self.cells.find(phi), np.empty(0))
+    def draw(self, k):
+        problem = self.problem
+        rows = draw(problem.lowest, problem.highest, problem.piece_size, piece_generator(self.seed, k))
+        phi = score(problem, rows)
+        return Piece(rows.numpy(), phi, self.cells.find(phi), np.empty(0))
+
+    def account(self, tally):
+        return Account({}, "")

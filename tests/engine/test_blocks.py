@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.engine.blocks import Filler
+from scenegen.engine.blocks import BlockAssembler
 from scenegen.formats.blocks import Block
 
 from ..laws import examples
@@ -20,14 +20,14 @@ def offered(cells):
     return Block(np.stack([numbers, cells.astype(np.float64), numbers]), cells[None].astype(np.float64)), cells
 
 
-def filled(filler, cells, cuts=()):
-    """The blocks that a filler makes of candidates in these cells, offered in pieces that end at `cuts`."""
+def filled(assembler, cells, cuts=()):
+    """The blocks that a assembler makes of candidates in these cells, offered in pieces that end at `cuts`."""
     block, index = offered(cells)
     ends = [0, *sorted(cuts), len(cells)]
     return [
         done
         for start, stop in itertools.pairwise(ends)
-        for done in filler.offer(block.part(start, stop), index[start:stop])
+        for done in assembler.offer(block.part(start, stop), index[start:stop])
     ]
 
 
@@ -38,9 +38,9 @@ REACHED = st.sets(st.integers(0, 6), min_size=1)
 @settings(deadline=None, max_examples=examples(100))
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.lists(st.integers(0, 400), max_size=6))
 def test_laws(cells, reached, wanted, size, cuts):
-    filler = Filler(sorted(reached), wanted, 5, size)
-    blocks = filled(filler, cells, [min(cut, len(cells)) for cut in cuts])
-    rest = filler.rest()
+    assembler = BlockAssembler(sorted(reached), wanted, 5, size)
+    blocks = filled(assembler, cells, [min(cut, len(cells)) for cut in cuts])
+    rest = assembler.rest()
     # each block has its size, and is as even as whole numbers allow; so are all blocks up to it
     assert all(block.count == min(size, wanted - k * size) for k, block in enumerate(blocks))
     for together in ([block] for block in blocks), itertools.accumulate([block] for block in blocks):
@@ -50,27 +50,27 @@ def test_laws(cells, reached, wanted, size, cuts):
     # nothing twice, nothing from elsewhere, nothing more than is wanted, rows and phi still belong together
     everything = [*blocks, *([rest] if rest is not None else [])]
     numbers = np.concatenate([np.empty(0), *(block.rows[0] for block in everything)]).astype(int)
-    assert len(set(numbers)) == len(numbers) == filler.done <= wanted
+    assert len(set(numbers)) == len(numbers) == assembler.done <= wanted
     assert all(cells[number] in reached for number in numbers)
     assert all((block.rows[1] == block.phi[0]).all() and (block.rows[0] == block.rows[2]).all() for block in everything)
     # within a cell they are handed out in the order in which they came
     for cell in reached:
         firsts = [block.rows[0][block.rows[1] == cell] for block in blocks]
         assert all(one.max() < other.min() for one, other in itertools.pairwise(filter(len, firsts)))
-    assert filler.candidates == sum(cell in reached for cell in cells)
-    assert filler.strays == {cell for cell in cells if cell >= 0 and cell not in reached}
+    assert assembler.candidates == sum(cell in reached for cell in cells)
+    assert assembler.strays == {cell for cell in cells if cell >= 0 and cell not in reached}
 
 
 @settings(deadline=None, max_examples=examples(100))
 @given(CELLS, REACHED, st.integers(1, 60), st.integers(1, 25), st.data())
 def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, data):
     cut = data.draw(st.integers(0, len(cells)))
-    one = Filler(sorted(reached), wanted, 5, size)
+    one = BlockAssembler(sorted(reached), wanted, 5, size)
     expected = filled(one, cells, [cut])
-    before = Filler(sorted(reached), wanted, 5, size)
+    before = BlockAssembler(sorted(reached), wanted, 5, size)
     block, index = offered(cells)
     found = list(before.offer(block.part(0, cut), index[:cut]))
-    after = Filler(sorted(reached), wanted, 5, size)
+    after = BlockAssembler(sorted(reached), wanted, 5, size)
     after.restore(*before.state(), 3)
     assert after.found == before.found
     found += after.offer(block.part(cut, len(cells)), index[cut:])
@@ -80,24 +80,24 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
 
 def test_the_first_of_each_cell_are_kept():
     """Room in a cell is that of two blocks; the next ones are dropped until a block has left."""
-    filler = Filler([0, 1], 40, 0, 10)
-    assert filled(filler, [0] * 15) == [] and filler.found == 10
-    (block,) = filled(filler, [1] * 5)
+    assembler = BlockAssembler([0, 1], 40, 0, 10)
+    assert filled(assembler, [0] * 15) == [] and assembler.found == 10
+    (block,) = filled(assembler, [1] * 5)
     assert sorted(block.rows[0][block.rows[1] == 0]) == [0, 1, 2, 3, 4]
 
 
 def test_a_rare_cell_does_not_fill_the_memory():
     source = np.random.default_rng(0)
-    filler = Filler([0, 1], 10**6, 0, 100)
+    assembler = BlockAssembler([0, 1], 10**6, 0, 100)
     for _ in range(50):
-        filled(filler, (source.random(1000) < 0.001).astype(int))
-        assert filler.found - filler.done <= 200
-    assert 0 < filler.done < 10**6
+        filled(assembler, (source.random(1000) < 0.001).astype(int))
+        assert assembler.found - assembler.done <= 200
+    assert 0 < assembler.done < 10**6
 
 
 def test_blocks_are_shuffled_each_in_its_own_way():
-    filler = Filler([0, 1, 2, 3], 8000, 3, 4000)
-    one, other = filled(filler, np.arange(8000) % 4)
+    assembler = BlockAssembler([0, 1, 2, 3], 8000, 3, 4000)
+    one, other = filled(assembler, np.arange(8000) % 4)
     assert not np.array_equal(one.rows[1], other.rows[1])
     for block in (one, other):
         follows = (np.diff(block.rows[0]) > 0).mean()
@@ -107,11 +107,11 @@ def test_blocks_are_shuffled_each_in_its_own_way():
 
 
 def test_the_odd_scene_goes_to_cells_all_over_the_range():
-    filler = Filler(range(32), 8, 0, 100)
-    (block,) = filled(filler, list(range(32)))
+    assembler = BlockAssembler(range(32), 8, 0, 100)
+    (block,) = filled(assembler, list(range(32)))
     assert np.diff(np.sort(block.rows[1])).max() <= 8
 
 
 def test_no_cell():
     with pytest.raises(ValueError, match="no cell"):
-        Filler([], 10, 0)
+        BlockAssembler([], 10, 0)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenegen.engine.pool import WAITING, run_pieces
 from scenegen.errors import RequestError, ScenegenError
+from scenegen.processes.pool import WAITING, run_pieces
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -120,7 +120,7 @@ def test_a_job_that_cannot_be_loaded():
 
 @pytest.mark.parametrize("workers", [0, -1, 257])
 def test_a_wrong_number_of_workers(workers):
-    with pytest.raises(RequestError, match="cannot share"):
+    with pytest.raises(RequestError, match="must be from 1 to 256"):
         run_pieces(len, [], workers)
 
 
@@ -141,7 +141,7 @@ SCRIPT = f"""
 import itertools, sys
 sys.path.insert(0, {str(HERE)!r})
 import jobs
-from scenegen.engine.pool import run_pieces
+from scenegen.processes.pool import run_pieces
 for rows, who in run_pieces(jobs.Numbers(slow=float(sys.argv[1])), itertools.count(), 2):
     print(who, flush=True)
 """

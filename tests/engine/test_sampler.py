@@ -10,8 +10,8 @@ from scenegen.api.scenes import evaluate, read_scenes
 from scenegen.engine.stream import stream_scenes
 from scenegen.lang.check import check_text
 from scenegen.lang.core import gated
-from scenegen.sampling.problem import pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scene.data import RequestData
 
 
@@ -27,7 +27,7 @@ def spec():
 def streamed(path, spec, workers):
     from rejected import Rejected
 
-    problem = pose(spec, {"task": Range(0.0, 0.3)}, n=20_000, seed=9)
+    problem = make_problem(spec, SampleRequest({"task": Range(0.0, 0.3)}, n=20_000, seed=9))
     request = RequestData(phi={"task": (0.0, 0.3)}, n=20_000)
 
     def header(tally):

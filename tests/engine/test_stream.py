@@ -15,8 +15,8 @@ import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import joined
+from scenegen.formats.registry import FORMATS, read_scenes
 from scenegen.formats.shards import folder_of
-from scenegen.formats.table import FORMATS, read_scenes
 
 HERE = Path(__file__).parent
 SMALL = {"checkpoint": 0.0, "size": 300}
@@ -73,7 +73,7 @@ def test_what_is_written(ending, tmp_path, unbroken):
     assert first.min() >= 9 and first.max() <= 10
 
 
-@pytest.mark.parametrize("workers", [2, 5])
+@pytest.mark.parametrize("workers", [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_workers_and_checkpoints_do_not_change_the_bytes(workers, tmp_path, unbroken):
     from made import Made, stream
 
@@ -101,8 +101,10 @@ def test_killed_here_and_there(run, tmp_path, unbroken):
     status, count = run(tmp_path / "x.jsonl")
     assert status == 0 and count > 60
     (tmp_path / "x.jsonl").unlink()
-    some = random.Random(7).sample([half / 2 for half in range(2, 2 * count - 16)], 10)
-    struck(run, tmp_path / "x.jsonl", [*some, *(count + 0.5 - back / 2 for back in range(16))], unbroken[".jsonl"])
+    some = random.Random(7).sample([half / 2 for half in range(2, 2 * count - 16)], 5)
+    struck(
+        run, tmp_path / "x.jsonl", [*some, *(count + 0.5 - back / 2 for back in range(0, 16, 2))], unbroken[".jsonl"]
+    )
 
 
 def test_killed_once_all_is_done(run, tmp_path, unbroken):
@@ -140,7 +142,7 @@ def test_killed_anywhere(ending, run, tmp_path, unbroken):
 
 def test_killed_at_any_time_with_workers(tmp_path, unbroken):
     """The parent dies, its workers follow, another crew takes over: first as soon as there are shards, however fast the
-    machine is, then by the clock, until the run comes to its end."""
+    machine is, then by the clock."""
     source = random.Random(3)
     path = tmp_path / "x.parquet"
     kills = 0
@@ -153,7 +155,8 @@ def test_killed_at_any_time_with_workers(tmp_path, unbroken):
                 while not folder_of(path).exists() and process.poll() is None:
                     time.sleep(0.001)
                 raise subprocess.TimeoutExpired("the first run", 0.0)
-            assert process.wait(timeout=source.uniform(0.5, 1.0) * (1 + kills)) == 0
+            # two kills by the clock at most: a slow machine would start Python again and again
+            assert process.wait(timeout=source.uniform(0.5, 1.0) * (1 + kills) if kills < 3 else 300) == 0
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -179,7 +182,7 @@ def test_another_request_is_refused(run, tmp_path):
         assert said in problem.title and problem.help
     with pytest.raises(RequestError, match=r"x\.jsonl\.part holds [\d,]+ scenes of an unfinished run") as caught:
         stream(path, Made(2000), size=300)
-    assert "--resume" in caught.value.diagnostics[0].help
+    assert "`resume`" in caught.value.diagnostics[0].help
     stream(path, Made(2000), resume=True, size=300)
     assert path.exists()
 
@@ -257,8 +260,8 @@ def test_an_end_to_patience(tmp_path):
     from made import Made, stream
 
     class Empty(Made):
-        def piece(self, k):
-            made = super().piece(k)
+        def draw(self, k):
+            made = super().draw(k)
             return made if k < 2 else dataclasses.replace(made, cell=np.full_like(made.cell, -1))
 
     tally = stream(tmp_path / "x.jsonl", Empty(2000, patience=7), size=300)
@@ -285,13 +288,13 @@ def test_an_interrupt_keeps_all_of_it(tmp_path, unbroken, monkeypatch):
     from made import Made, stream
 
     class Interrupted(Made):
-        def piece(self, k):
+        def draw(self, k):
             if k == 3:
                 raise KeyboardInterrupt
-            return super().piece(k)
+            return super().draw(k)
 
     path = tmp_path / "x.jsonl"
-    with pytest.raises(KeyboardInterrupt, match=r"keeps [0-9,]+ scenes: go on with --resume"):
+    with pytest.raises(KeyboardInterrupt, match=r"keeps [0-9,]+ scenes: go on with `resume`"):
         stream(path, Interrupted(2000), size=300)
     manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
     assert manifest["state"]["pieces"] == 3
@@ -347,7 +350,7 @@ def test_disk_full(tmp_path, monkeypatch, unbroken):
         patch.setattr(np, "save", full)
         with pytest.raises(OutputError, match="no space left") as caught:
             stream(path, Made(2000), **SMALL)
-    assert "--resume" in caught.value.diagnostics[0].help
+    assert "`resume`" in caught.value.diagnostics[0].help
     stream(path, Made(2000), resume=True, size=300)
     assert path.read_bytes() == unbroken[".jsonl"]
 

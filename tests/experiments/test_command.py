@@ -17,7 +17,7 @@ def refused(capsys, tmp_path, monkeypatch):
     def call(*words):
         assert main(words) == 1
         said = capsys.readouterr()
-        assert said.out == "" and said.err.startswith("error: ") and said.err.count("= help:") == 1
+        assert said.out == "" and said.err.startswith("error[") and said.err.count("= help:") == 1
         assert not list(tmp_path.iterdir())
         return said.err
 
@@ -29,8 +29,8 @@ def test_a_misspelt_name(refused):
 
 
 def test_numbers_out_of_range(refused):
-    assert "0 seeds" in refused("exp1", "--out", "reports", "--seeds", "0")
-    assert "0 workers" in refused("exp1", "--out", "reports", "--workers", "0")
+    assert "`seeds` is 0" in refused("exp1", "--out", "reports", "--seeds", "0")
+    assert "`workers` is 0" in refused("exp1", "--out", "reports", "--workers", "0")
 
 
 def test_a_folder_that_cannot_be_made(refused):

@@ -67,10 +67,10 @@ def test_a_table_that_is_not_square_and_objects_that_are_held():
 @pytest.mark.parametrize(
     "text, settings, words",
     [
-        (A, {"across": 1}, "a grid of 1 columns"),
+        (A, {"across": 1}, "`across` is 1"),
         (A, {"across": 5000}, "5000 by 5000 cells"),
         (A, {"across": 8}, "no cell of a grid of 8 by 8"),
-        (A, {"across": 7, "moved": "mgu"}, "unknown object `mgu`"),
+        (A, {"across": 7, "moved": "mgu"}, "the spec has no object `mgu`"),
         (A, {"across": 7, "order": ("up", "up", "down", "left")}, "the moves"),
         (A, {"across": 7, "held": {"mug": (0.1, 0.1)}}, "every object has its place"),
         ("object a, b\ntask: leftOf(a, b)\n", {"across": 7}, "`a` and `b` could move"),

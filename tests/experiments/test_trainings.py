@@ -10,7 +10,7 @@ from experiments.plan import FULL, Plan
 from experiments.problems import PROBLEMS
 from experiments.trainings import Job, kept, perform, trained
 from experiments.variants import VARIANTS
-from scenegen.models.table import MODELS
+from scenegen.models.registry import MODELS
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_variants_that_differ_in_steps_share_a_training(tmp_path, monkeypatch):
     told: list[str] = []
     found = trained(Plan(tmp_path, (0,), True, 1, told.append), PROBLEMS["exp1"])
     assert list(found) == ["flow", "flow, 5 steps"] and sum("trained in" in line for line in told) == 1
-    assert [runs[0].model.trained.steps for runs in found.values()] == [1, 5]
+    assert [runs[0].model.trained.steps for runs in found.values()] == [3, 5]
 
 
 @pytest.mark.slow

@@ -1,11 +1,9 @@
 """A small scene file as data, and as bytes."""
 
-import pybullet
 import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import parse
-from tests.formats.bullet import Bullet
 
 SPEC = "# A mug by a plate.\nobject mug, plate\ntask: leftOf(mug, plate) & !closeTo(mug, plate, 0.25)\n"
 
@@ -20,10 +18,3 @@ def written(scenes):
     from scenegen.formats.scenes_json import dump
 
     return dump(scenes.file())
-
-
-@pytest.fixture
-def bullet():
-    made = Bullet()
-    yield made
-    pybullet.disconnect(physicsClientId=made.client)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import OutputError
-from scenegen.formats import shards, table
+from scenegen.formats import registry as table
+from scenegen.formats import shards
 from scenegen.formats.blocks import Block
 
 

@@ -116,7 +116,7 @@ def test_a_key_that_stands_twice_is_found_in_no_time():
         ("", "not valid JSON"),
         ("[]", 'its "format" is not'),
         ("null", 'its "format" is not'),
-        ('{"format": "scenegen/scenes", "version": 2}', "version 2"),
+        ('{"format": "scenegen/scenes", "version": 3}', "version 3"),
         ('{"format": "scenegen/scenes", "version": "1"}', "version '1'"),
         ('{"format": "scenegen/scenes", "version": 1}', "damaged at `spec`"),
         ('{"format": 1, "format": "scenegen/scenes"}', "`format` stands twice"),

@@ -8,7 +8,7 @@ import pytest
 from scenegen.api.scenes import read_scenes
 from scenegen.errors import DataError
 from scenegen.formats.blocks import Block
-from scenegen.formats.table import write_scenes
+from scenegen.formats.registry import write_scenes
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_lines_in_another_layout(path, scenes):
     "number, change, said",
     [
         (1, lambda line: b"", "x.jsonl is not a scenes file: its first line is empty"),
-        (1, lambda line: line.replace(b'"version": 1', b'"version": 2'), "line 1 of .* has version 2"),
+        (1, lambda line: line.replace(b'"version": 1', b'"version": 3'), "line 1 of .* has version 3"),
         (1, lambda line: line.replace(b'"spec"', b'"scenes"'), "its header holds scenes"),
         (1, lambda line: line.replace(b"leftOf", b"rightOf"), "line 1 of .* is damaged at `spec`"),
         (1, lambda line: b"[]", 'line 1 of .* its "format" is not'),

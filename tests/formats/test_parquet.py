@@ -10,7 +10,7 @@ import pytest
 from scenegen.api.scenes import read_scenes
 from scenegen.errors import DataError
 from scenegen.formats.blocks import BLOCK, Block
-from scenegen.formats.table import write_scenes
+from scenegen.formats.registry import write_scenes
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from scenegen.api.outline import Outline
 from scenegen.api.spec import Spec
 from scenegen.bounds import node_bounds
 from scenegen.errors import Diagnostic, SpecError, render, to_json
+from scenegen.errors.declarations import SPEC_TOO_LARGE, TOO_MANY_ROUNDS
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.core import Atom, Core, Junction, gated
 from scenegen.lang.interpret import evaluate
@@ -97,7 +98,7 @@ def _sized(case: Case, path: Path) -> bool:
             for label in outline.labels[:20]:
                 outline.lines(label)
         with limited("the search for clashes", SHOW):
-            spec.hopeless()
+            spec.infeasible()
     return spec is not None
 
 
@@ -130,7 +131,7 @@ def _judge(case: Case, path: Path, rng: random.Random, names: frozenset[str]) ->
         if not problems:
             raise Fault("refused without a diagnostic") from None
     seconds = time.process_time() - began
-    limited = any(re.search(r"rounds in all|parts$|steps to expand", one.title) for one in problems)
+    limited = any(one.kind in (TOO_MANY_ROUNDS, SPEC_TOO_LARGE) for one in problems)
     if seconds > SLOW * (AT_LIMITS if limited else 1.0) * max(
         1.0, (0 if spec is None else len(spec.core.nodes)) / LARGE
     ):

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from scenegen.lang.tokens import KEYWORDS, scan
 
-from .generate import EXTREMES, Case
+from .generate import Case
+from .phrases import EXTREMES
 
 SIGNS = "( ) [ ] { } , : . .. = == -> & | ! && || <= >= < > + - * / ; @ $ % ^ ~ ? \\ ' \" ` # ∧ ∨ ¬ → ≤ ∀ ∃ ⊤ ⊥".split()
 ODD = "\t \r \n \0 \x0b \x85 \u00a0 \u2028 \ufeff \u202e \ud7ff é 😀 ﬁ ² ١ 𝐱".split(" ")

@@ -38,20 +38,21 @@ STUCK = 120.0  # seconds beyond --timeout after which a run is ended
 PLAIN = 3.0  # CPU seconds of plain rejection where no scenes came
 CHUNK = 8192
 
-SCENES_CAME, PROOF, FULL, SHORT = "scenes", "proof", "no room found", "fell short"
-ANSWERS = {  # openings of the answers that are not scenes
-    "no scene can have": PROOF,
-    "no scene meets": PROOF,
-    "no scene satisfies": PROOF,
-    "no room was found": FULL,
-    "found ": SHORT,
-    "time was up": SHORT,
+SCENES_CAME, PROOF, FULL, FAR, SHORT = "scenes", "proof", "no room found", "told how far", "fell short"
+ANSWERS = {  # codes of the answers that are not scenes, or how they begin
+    "no-such-scene": PROOF,
+    "beyond-bounds": PROOF,
+    "table-too-full": PROOF,
+    "no-room": FULL,
+    "no-time-to-grow": FAR,
+    "too-few-": SHORT,
+    "no-time-": SHORT,
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What came of one table. `kind` is one of the four above, or "fault"; `said` is the first line of the answer."""
+    """What came of one table. `kind` is one of the five above, or "fault"; `said` is the first line of the answer."""
 
     number: int
     kind: str
@@ -91,7 +92,7 @@ def run(seed: int, number: int, timeout: float) -> Run:
         elif status == 0:
             kind, (method, fault) = SCENES_CAME, _verify(case, out)
         else:
-            kind = next((kind for words, kind in ANSWERS.items() if words in first), "fault")
+            kind = next((kind for code, kind in ANSWERS.items() if f"[{code}" in first), "fault")
             fault = "an unknown answer" if kind == "fault" else _plain(case)
     # a busy machine stretches the second after the deadline as it stretches everything
     if wall > timeout + LATE * max(1.0, wall / max(cpu, 0.1)):

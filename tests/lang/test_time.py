@@ -12,7 +12,7 @@ from scenegen.lang.parse import parse_tolerant
 
 LONG = "a" * 100_000
 DIGITS = "1" * 100_000
-MANY = 2000
+MANY = 1000
 THINGS = "object " + ", ".join(f"thing{k}" for k in range(MANY)) + "\n"
 
 RUNS = {

@@ -63,7 +63,7 @@ def test_what_the_corpus_means(golden):
         head = f"> {line}\nobjects {', '.join(checked.objects)}\n"
         held = "".join(f"{checked.objects[place]} at {pose}\n" for place, pose in checked.fixed.items())
         regions = "".join(f"region {one.name} {one.footprint} {one.pose}\n" for one in checked.regions)
-        told = "".join(f"warning: {one.title}\n" for one in checked.warnings)
+        told = "".join(f"warning[{one.code}]: {one.title}\n" for one in checked.warnings)
         parts.append(head + held + regions + expanded(checked) + told)
     assert len(parts) >= 300
     golden("lang/formulas.meaning.txt", "\n".join(parts))

@@ -93,10 +93,20 @@ def test_assets_and_shapes(start):
 
 def test_the_name_of_an_object_picks_its_asset():
     assert offered("object §").keys() == set(ASSETS) == offered("object mug, §").keys()
-    assert offered("object mug §").keys() == {"at"}
+    assert offered("object mug §").keys() == {"at", "on"}
+
+
+def test_what_an_object_stands_on():
+    head = "region board = rect(0, 0, 1, 1) at 30 cm\nobject shelfunit, apple, low = box(1, 1, 1), can on "
+    assert offered(head + "§").keys() == {"any of", "board", "shelfunit", "low", "workspace"}
+    assert offered(head + "any of [board, §").keys() == {"board", "shelfunit", "low", "workspace"}
+    assert offered(head + "any of [board] §").keys() == {"at", "by area"}
+    assert offered(head + "shelfunit.§").keys() == {"top", "shelf[1]", "shelf[2]", "shelf[3]"}
+    assert offered(head + "low.§").keys() == {"top"} and offered(head + "apple.§") == {}
 
 
 def test_shapes_of_regions():
+    assert offered("region r[2] = §").keys() == {"rect", "circle", "polygon"}
     assert offered("region r = §").keys() == {"rect", "circle", "polygon"}
 
 

@@ -131,6 +131,7 @@ def test_characters_are_counted_as_agreed(client, tmp_path):
     editor.open(uri, "\U0001f375 leftOf(mug, plate)")
     (problem,) = editor.diagnostics(uri, 1)
     assert problem["range"] == {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 4}}
+    assert problem["code"] == "unexpected" and problem["data"]["facts"]["instead"] == "remove it"
     editor.process.stdin.close()  # an editor that ends without a word
     assert editor.process.wait(30) == 0
 
@@ -148,3 +149,4 @@ def test_a_failure_of_a_feature_is_logged_and_no_more(caplog, monkeypatch):
     assert "hover of this text failed" in caplog.text and "ZeroDivisionError: this text" in caplog.text
     (said,) = answers.answer(page, answers.Question("diagnostics"))
     assert said["message"] == "scenegen itself failed: ZeroDivisionError: this text"
+    assert said["code"] == "internal-error" and said["data"] == {"facts": {"error": "ZeroDivisionError: this text"}}

@@ -1,17 +1,17 @@
 import pytest
 import torch
 
-from scenegen.data.uniform import uniform
 from scenegen.lang.check import check_text
 from scenegen.models.branches import survey
 from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
 from scenegen.models.checkpoint import save_model
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout, layout_of
-from scenegen.models.table import model_class, parse_hyper
+from scenegen.models.registry import model_class, parse_hyper
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.scene.data import WorkspaceData
+from scenegen.training.datasets.uniform import uniform
 
 
 def plain_spec(objects, labels):
@@ -27,7 +27,7 @@ def examples_of(spec, count, seed):
     data = uniform(spec, count, torch.Generator().manual_seed(seed))
     codec = Codec(spec.workspace, len(spec.objects))
     branch, table = survey(spec.core, data.rows)
-    return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch), Judge(spec.core, table, codec), table
+    return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch), SpecLoss(spec.core, table, codec), table
 
 
 class Made:
@@ -35,7 +35,7 @@ class Made:
 
     def __init__(self, name, objects=2, labels=2, seed=0, recipe="default", **hyper):
         self.spec = plain_spec(objects, labels)
-        self.examples, self.judge, table = examples_of(self.spec, 500, seed)
+        self.examples, self.spec_loss, table = examples_of(self.spec, 500, seed)
         kind = model_class(name, recipe)
         layout = layout_of(self.spec.core, len(table)) if kind.branched else Layout(objects=objects, labels=labels)
         self.blank = lambda: kind(layout, parse_hyper(name, hyper, recipe))
@@ -44,7 +44,7 @@ class Made:
         self.model.fit(self.examples)
 
     def started(self, lr=1e-3):
-        self.model.start(lr, self.judge)
+        self.model.start(lr, self.spec_loss)
         return self.model
 
     def batches(self, count, rows, seed=5):

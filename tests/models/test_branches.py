@@ -1,4 +1,4 @@
-"""Branches, layouts and the judge, against the scalar oracle."""
+"""Branches, layouts and the spec_loss, against the scalar oracle."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate, phi
 from scenegen.models.branches import MOST, OTHER, survey
 from scenegen.models.codec import Codec
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout, layout_of
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.resources import shipped_specs
 from scenegen.robustness.deciding import deciding
 from scenegen.sampling.base import draw
@@ -45,7 +45,7 @@ def test_a_branch_names_the_atoms_that_decide(name):
         assert torch.equal(table[branch].T, deciding(spec.core, rows))
         assert (counts.diff() <= 0).all()
     x = Codec(spec.workspace, len(spec.objects)).encode(rows.float())
-    got, atoms = Judge(spec.core, table, Codec(spec.workspace, len(spec.objects)))(x, branch)
+    got, atoms = SpecLoss(spec.core, table, Codec(spec.workspace, len(spec.objects)))(x, branch)
     expected = np.array([list(phi(spec.core, scene).values()) for scene in rows.T.tolist()])
     np.testing.assert_allclose(got.numpy(), expected, atol=2e-5)
     np.testing.assert_allclose(atoms.numpy(), expected, atol=2e-5)
@@ -60,7 +60,7 @@ def test_rare_branches_share_one():
     rest = branch == MOST - 1
     assert 0 < int(rest.sum()) < 5000 and torch.equal(table[branch][~rest].T, deciding(spec.core, rows)[:, ~rest])
     codec = Codec(spec.workspace, len(names))
-    reached, atoms = Judge(spec.core, table, codec)(codec.encode(rows.float()), branch)
+    reached, atoms = SpecLoss(spec.core, table, codec)(codec.encode(rows.float()), branch)
     assert torch.equal(reached, atoms)  # where no atom is known, phi stands for it
 
 
@@ -70,7 +70,7 @@ def test_gradients_reach_the_branchs_atom_only():
     rows = draw(*spec.box(), 100, torch.Generator().manual_seed(0))
     branch, table = survey(spec.core, rows)
     x = codec.encode(rows.float()).requires_grad_(True)
-    _, atoms = Judge(spec.core, table, codec)(x, 1 - branch)  # the atom that does not decide
+    _, atoms = SpecLoss(spec.core, table, codec)(x, 1 - branch)  # the atom that does not decide
     (gradient,) = torch.autograd.grad(atoms.sum(), x)
     moved = gradient[:, [0, 3]] != 0.0
     assert (moved.sum(1) == 1).all()

@@ -5,7 +5,7 @@ import torch
 
 from scenegen.errors import DataError, RequestError
 from scenegen.models.base import SceneModel
-from scenegen.models.table import RECIPES, model_class, parse_hyper
+from scenegen.models.registry import RECIPES, model_class, parse_hyper
 
 from ..laws import FULL
 
@@ -98,7 +98,7 @@ def test_training_is_reproducible_and_goes_on_from_a_state(make):
     for batch in data[:3]:
         first.update(batch, half)
     second = made.blank()
-    second.restore(first.training_state(), 1e-3, made.judge, torch.device("cpu"))
+    second.restore(first.training_state(), 1e-3, made.spec_loss, torch.device("cpu"))
     for batch in data[3:]:
         second.update(batch, half)
     expected, got = whole.training_state(), second.training_state()
@@ -129,7 +129,7 @@ def test_a_state_that_does_not_fit_is_refused(make):
         ):
             if bad is not None:
                 with pytest.raises(DataError):
-                    made.blank().restore(bad, 1e-3, made.judge, torch.device("cpu"))
+                    made.blank().restore(bad, 1e-3, made.spec_loss, torch.device("cpu"))
 
 
 def test_the_table(make):

@@ -7,7 +7,7 @@ from scenegen.errors import RequestError
 from scenegen.models.flow import Flow
 from scenegen.models.flowmap import FlowMap, departure
 from scenegen.models.layout import Layout
-from scenegen.models.table import parse_hyper
+from scenegen.models.registry import parse_hyper
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(5,), branches=3)
 
@@ -79,7 +79,7 @@ def test_no_position_leaves_the_box_and_times_may_meet_at_the_end(flow):
 
 
 def test_steps_are_jumps_from_one_time_to_the_next(make_model):
-    one, three = make_model("flow", width=16, depth=2), make_model("flow", width=16, depth=2, steps=3)
+    one, three = (make_model("flow", width=16, depth=2, jumps=5, steps=steps) for steps in (1, 3))
     assert isinstance(one, Flow)
     three.load_weights(one.sampler_state())
     features, branch = one.view.features(torch.zeros(40, 2)), torch.zeros(40, dtype=torch.int64)
@@ -91,19 +91,28 @@ def test_steps_are_jumps_from_one_time_to_the_next(make_model):
     assert not torch.equal(one.make(features, branch, seeded(4)), x)
 
 
+def test_without_jumps_a_step_is_the_midpoint_rule(make_model):
+    """Of the field v(x) = -x it is x (1 - h + h^2 / 2), whatever the step."""
+    model = make_model("flow", width=16, depth=2, steps=4)
+    model.flow.goal = lambda x, start, end, context: x - (1.0 - start) * x
+    start = departure(40, model.layout, seeded(4), torch.device("cpu"))
+    features, branch = model.view.features(torch.zeros(40, 2)), torch.zeros(40, dtype=torch.int64)
+    torch.testing.assert_close(model.make(features, branch, seeded(4)), start * (1.0 - 0.25 + 0.25**2 / 2) ** 4)
+
+
 def test_bad_steps_are_refused():
     with pytest.raises(RequestError, match="steps"):
         parse_hyper("flow", {"steps": 0})
 
 
 def test_training_brings_scenes_to_the_wanted_phi_in_one_jump_and_in_many(make):
-    made = make("flow", 1, 1, width=32, depth=2)
+    made = make("flow", 1, 1, width=32, depth=2, jumps=5)
     model, wanted = made.started(lr=5e-3), torch.tensor([-0.1])
 
     def errors():
         off = []
         for model.steps in (1, 8):
-            off.append(float((made.judge.phi(model.sample(1000, wanted, seeded(1))) - wanted).abs().mean()))
+            off.append(float((made.spec_loss.phi(model.sample(1000, wanted, seeded(1))) - wanted).abs().mean()))
         return torch.tensor(off)
 
     before, generator = errors(), seeded(6)

@@ -4,16 +4,16 @@ the wanted phi and, what games are known to lose, keep the spread and both branc
 import pytest
 import torch
 
-from scenegen.data.balanced import balanced
-from scenegen.data.uniform import uniform
 from scenegen.lang.check import check_text
 from scenegen.models.branches import survey
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import layout_of
-from scenegen.models.table import model_class, parse_hyper
+from scenegen.models.registry import model_class, parse_hyper
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.robustness import Robustness
+from scenegen.training.datasets.balanced import balanced
+from scenegen.training.datasets.uniform import uniform
 
 pytestmark = pytest.mark.slow
 
@@ -51,7 +51,7 @@ def learnt(request, spec):
     generator = torch.Generator().manual_seed(2)
     model.initialise(generator)
     model.fit(examples)
-    model.start(2e-3, Judge(spec.core, table, codec))
+    model.start(2e-3, SpecLoss(spec.core, table, codec))
     losses = []
     for step in range(STEPS):
         for optimiser in model.optimisers.values():

@@ -14,9 +14,9 @@ def parameters(mlp):
 
 
 def by_the_book_gan(model, data, generator):
-    maker, judge = copy.deepcopy(model.generator), copy.deepcopy(model.discriminator)
+    maker, spec_loss = copy.deepcopy(model.generator), copy.deepcopy(model.discriminator)
     adam_g = torch.optim.Adam(parameters(maker), lr=1e-3, betas=(0.5, 0.999))
-    adam_d = torch.optim.Adam(parameters(judge), lr=1e-3, betas=(0.5, 0.999))
+    adam_d = torch.optim.Adam(parameters(spec_loss), lr=1e-3, betas=(0.5, 0.999))
     seen = []
     for x, phi in data:
         rows = len(x)
@@ -25,23 +25,23 @@ def by_the_book_gan(model, data, generator):
         z = torch.randn(rows, 256, generator=generator)
         made = torch.sigmoid(maker(torch.cat([z, wanted], 1)))
         adam_g.zero_grad()
-        loss_g = bce(torch.sigmoid(judge(torch.cat([made, wanted], 1))), torch.ones(rows, 1))
+        loss_g = bce(torch.sigmoid(spec_loss(torch.cat([made, wanted], 1))), torch.ones(rows, 1))
         loss_g.backward()
         adam_g.step()
         adam_d.zero_grad()
-        real = bce(torch.sigmoid(judge(torch.cat([x, phi], 1))), torch.ones(rows, 1))
-        fake = bce(torch.sigmoid(judge(torch.cat([made.detach(), wanted], 1))), torch.zeros(rows, 1))
+        real = bce(torch.sigmoid(spec_loss(torch.cat([x, phi], 1))), torch.ones(rows, 1))
+        fake = bce(torch.sigmoid(spec_loss(torch.cat([made.detach(), wanted], 1))), torch.zeros(rows, 1))
         loss_d = (real + fake) / 2
         loss_d.backward()
         adam_d.step()
         seen.append({"generator": loss_g.item(), "discriminator": loss_d.item()})
-    return {"generator": maker, "discriminator": judge}, seen
+    return {"generator": maker, "discriminator": spec_loss}, seen
 
 
 def by_the_book_aae(model, data, generator):
-    encoder, decoder, judge = (copy.deepcopy(part) for part in (model.encoder, model.decoder, model.discriminator))
+    encoder, decoder, spec_loss = (copy.deepcopy(part) for part in (model.encoder, model.decoder, model.discriminator))
     adam_r = torch.optim.Adam([*parameters(encoder), *parameters(decoder)], lr=1e-3)
-    adam_d = torch.optim.Adam(parameters(judge), lr=1e-3)
+    adam_d = torch.optim.Adam(parameters(spec_loss), lr=1e-3)
     adam_e = torch.optim.Adam(encoder.parameters(), lr=1e-3)
     seen = []
     for x, phi in data:
@@ -52,17 +52,17 @@ def by_the_book_aae(model, data, generator):
         squares.backward()
         adam_r.step()
         adam_d.zero_grad()
-        real = bce(torch.sigmoid(judge(torch.randn(rows, 16, generator=generator))), torch.ones(rows, 1))
-        fake = bce(torch.sigmoid(judge(encoder(x).detach())), torch.zeros(rows, 1))
+        real = bce(torch.sigmoid(spec_loss(torch.randn(rows, 16, generator=generator))), torch.ones(rows, 1))
+        fake = bce(torch.sigmoid(spec_loss(encoder(x).detach())), torch.zeros(rows, 1))
         loss_d = (real + fake) / 2
         loss_d.backward()
         adam_d.step()
         adam_e.zero_grad()
-        loss_e = bce(torch.sigmoid(judge(encoder(x))), torch.ones(rows, 1))
+        loss_e = bce(torch.sigmoid(spec_loss(encoder(x))), torch.ones(rows, 1))
         loss_e.backward()
         adam_e.step()
         seen.append({"reconstruction": squares.item() / rows, "discriminator": loss_d.item(), "encoder": loss_e.item()})
-    return {"encoder": encoder, "decoder": decoder, "discriminator": judge}, seen
+    return {"encoder": encoder, "decoder": decoder, "discriminator": spec_loss}, seen
 
 
 @pytest.mark.parametrize(("name", "by_the_book"), [("gan", by_the_book_gan), ("aae", by_the_book_aae)])

@@ -18,7 +18,7 @@ from scenegen.lang.core import Atom, Const, Core, Junction
 from scenegen.primitives import LENGTH
 from scenegen.resources import shipped_specs
 from scenegen.robustness import Robustness
-from scenegen.robustness.fused import LARGEST
+from scenegen.robustness.fused import LARGEST, record
 
 from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
@@ -36,6 +36,8 @@ region tray = polygon([(0.1, 0.1), (0.9, 0.2), (0.5, 0.9)])
 task: clearOf(a, b) & clearOf(disc, a, 1 cm)
 in_tray: inside(b, tray)
 """
+
+BOXES = "object a, b, c = box(0.2, 0.1, 0.05)\ntask: noOverlap()"
 
 
 def agree(spec, rows, dtype=torch.float64):
@@ -224,3 +226,14 @@ def test_made_up_formulas(spec, seed):
     rows = scenes(len(spec.objects), 64, seed)
     agree(spec, rows)
     agree(spec, rows, torch.float32)
+
+
+def test_the_roots_of_gaps_are_taken_once_and_only_where_they_are_needed():
+    """The least gap is the root of the least square; a gap beside something else is a root of its own."""
+    for task, roots in (("noOverlap()", 2), ("noOverlap() & leftOf(a, b) & gap(a, b) + gap(b, c) >= 1 cm", 6)):
+        core = check_text(BOXES.replace("noOverlap()", task)).core
+        graph, read, _ = record(core, torch.float64)
+        assert [node.target for node in graph.nodes].count(torch.sqrt) == roots  # one for either sign
+        rows, found = torch.from_numpy(scenes(3, 500, seed=6)), torch.empty(1, 500, dtype=torch.float64)
+        torch.fx.GraphModule(torch.nn.Module(), graph)(*rows[read], found[0])
+        assert (found - Robustness(core).rows(rows)).abs().max() < 1e-15

@@ -8,9 +8,10 @@ import torch
 
 from scenegen.lang.check import check_text
 from scenegen.lang.core import REQUIRE
-from scenegen.sampling.problem import pose
+from scenegen.robustness import Robustness
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.refine import refine
-from scenegen.sampling.request import Range
+from scenegen.sampling.request import Range, SampleRequest
 
 from .plain import TURN, fits, truth, uniform
 
@@ -23,7 +24,9 @@ def projected(case, count, rng, *, level=True):
     """Uniform scenes moved onto phi by Newton steps along its gradient, (3N, count): onto the middle of each range, or
     without `level` onto values drawn uniformly from it. Scenes that do not arrive are dropped."""
     spec = check_text(case.text, "double")
-    problem = pose(spec, {label: Range(*ends) for label, ends in case.ranges.items()}, n=count, spread="base")
+    problem = make_problem(
+        spec, SampleRequest({label: Range(*ends) for label, ends in case.ranges.items()}, n=count, spread="base")
+    )
     ends = np.array(list(case.ranges.values()))
     kept, found = [], 0
     while found < count:
@@ -36,7 +39,9 @@ def projected(case, count, rng, *, level=True):
             low, high = np.concatenate([low, 0.0 * open_end.clip(max=0)]), np.concatenate([high, open_end])
             target = np.concatenate([target, np.full((1, BATCH), 0.01)])
         low, high = low - 1e-9, high + 1e-9
-        moved = refine(problem.robustness, spec.workspace, *map(torch.from_numpy, (rows, target, low, high))).numpy()
+        moved = refine(
+            Robustness(problem.core), spec.workspace, *map(torch.from_numpy, (rows, target, low, high))
+        ).numpy()
         on = np.abs(case.phi(moved) - target[: len(ends)]).max(axis=0) < 1e-8
         kept.append(moved[:, on & fits(case, moved)])
         found += kept[-1].shape[1]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.sampling.cells import Cells, cut, shares
-from scenegen.sampling.request import Range, Request
+from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.request import Range, SampleRequest
 
 from ..laws import examples
 
@@ -16,7 +16,7 @@ LABELS = ("a", "b", "c", "d")
 
 
 def cells_of(spread="flat", **ranges):
-    return cut(Request(ranges, 1, spread=spread), LABELS)
+    return cut(SampleRequest(ranges, 1, spread=spread), LABELS)
 
 
 @pytest.mark.parametrize("bounded, count", [(0, 1), (1, 32), (2, 16**2), (3, 8**3), (4, 8**4)])
@@ -62,18 +62,3 @@ def test_cells_are_equal_and_fill_the_range():
     sizes = np.array([[x1 - x0, y1 - y0] for x0, y0, x1, y1 in boxes])
     np.testing.assert_allclose(sizes, [[0.05, 0.0625]] * 256)
     assert {(box[0], box[1]) for box in boxes} == set(itertools.product(cells.edges[0][:-1], cells.edges[1][:-1]))
-
-
-@given(st.integers(1, 5000), st.sets(st.integers(0, 99), min_size=1), st.randoms(use_true_random=False))
-def test_shares_differ_by_at_most_one(n, cells, random):
-    order = list(range(100))
-    random.shuffle(order)
-    result = shares(n, sorted(cells), order)
-    assert set(result) == cells and sum(result.values()) == n
-    assert max(result.values()) - min(result.values()) <= 1
-    extra = [cell for cell in cells if result[cell] > n // len(cells)]
-    assert extra == [] or max(order[c] for c in extra) < min((order[c] for c in cells - set(extra)), default=100)
-
-
-def test_no_cells_no_shares():
-    assert shares(5, [], []) == {}

@@ -21,13 +21,13 @@ from scenegen.lang.check import check_text
 from scenegen.lang.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
 from scenegen.sampling import report
-from scenegen.sampling.auto import choose
-from scenegen.sampling.frame import Tape, make_frame
-from scenegen.sampling.levels import Stalled
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import MOST, make_trial
-from scenegen.sampling.request import Range
-from scenegen.sampling.splitting import Splitting, plan_splitting, why_stalled
+from scenegen.sampling.methods import make_plan
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rejection.trial import MOST, make_trial
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.splitting.chain_state import Tape, make_frame
+from scenegen.sampling.splitting.levels import Stalled
+from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
 
 BINS = """object item[6] = cylinder(0.03, 0.05)
 region left = rect(0.0, 0.0, 0.25, 0.25)
@@ -100,7 +100,7 @@ def test_work_is_bounded_wherever_planning_is(spec):
 
 
 def test_the_same_work_is_counted_each_time():
-    problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
+    problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
     one, other = make_trial(problem, Budget()), make_trial(problem, Budget())
     assert one.work == other.work > 0.0
     assert make_trial(problem, Budget(), most=one.work).hits.tolist() == one.hits.tolist()
@@ -111,12 +111,12 @@ def test_the_same_work_is_counted_each_time():
 def test_a_request_is_not_looked_at_for_longer_than_its_time(monkeypatch, spec):
     monkeypatch.setattr(module, "GRACE", 0.0)
     with pytest.raises(RequestError, match="time was up before"):
-        pose(spec, {"task": Range(0.0)}, n=1, budget=Budget(1e-9))
+        make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1), budget=Budget(1e-9))
 
 
 def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
     monkeypatch.setattr(module, "GRACE", 0.0)
-    problem = pose(check_text(CLUTTER), {"task": Range(0.0)}, n=1)
+    problem = make_problem(check_text(CLUTTER), SampleRequest({"task": Range(0.0)}, n=1))
     begin = time.thread_time()
     with pytest.raises(RequestError, match="time was up after no draws at all"):
         make_trial(problem, Budget(0.1))
@@ -142,9 +142,9 @@ FEW = "require leftOf(a, b)\ntask: closeTo(b, c, 0.2)"
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.levels.CHAINS", 256)
-    monkeypatch.setattr("scenegen.sampling.levels.FEWEST", 256)
-    return pose(check_text(FEW), {"task": Range(0.0, 0.04)}, n=64)
+    monkeypatch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
+    return make_problem(check_text(FEW), SampleRequest({"task": Range(0.0, 0.04)}, n=64))
 
 
 def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
@@ -170,7 +170,7 @@ def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
     rows = frame.draw(250, np.random.default_rng(0))
     whole, once, stop = Tape(frame)(rows), Calls(), Calls()
     Tape(frame, stop=once)([row[:64] for row in rows])
-    monkeypatch.setattr("scenegen.sampling.frame.LIVE", 4 * 10 * Tape(frame).length)
+    monkeypatch.setattr("scenegen.sampling.splitting.chain_state.LIVE", 4 * 10 * Tape(frame).length)
     parts = Tape(frame, stop=stop)(rows)
     assert [one.tolist() for one in parts] == [one.tolist() for one in whole]
     assert stop.calls == 4 * once.calls
@@ -178,11 +178,11 @@ def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
 
 @pytest.mark.parametrize("method", ["splitting", "rejection"])
 def test_a_piece_stops_when_it_is_told_to_and_the_run_ends_with_what_is_there(few, method):
-    plan = choose(few, method, Budget()).plan
+    plan = make_plan(few, Budget(), method=method)
     stop = Calls()
     free = replace(plan, stop=stop)
     assert free.plan_digest == plan.plan_digest
-    assert free.piece(0).rows.tobytes() == plan.piece(0).rows.tobytes()
+    assert free.draw(0).rows.tobytes() == plan.draw(0).rows.tobytes()
     assert stop.calls > 10
     many = replace(few, request=replace(few.request, n=10**6))
     broken = replace(plan, problem=many, stop=Calls(stop.calls + 5))
@@ -199,7 +199,7 @@ def test_a_piece_stops_when_it_is_told_to_and_the_run_ends_with_what_is_there(fe
 
 def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatch):
     """Time is up then: a look at thousands of scenes with hundreds of clearances would take seconds."""
-    problem = pose(check_text(CLUTTER), {"task": Range(0.0)}, n=1)
+    problem = make_problem(check_text(CLUTTER), SampleRequest({"task": Range(0.0)}, n=1))
     atom = next(index for index, node in enumerate(problem.core.nodes) if isinstance(node, Atom))
     seen = []
     monkeypatch.setattr(report, "deciding_atoms", lambda core, rows, name: seen.append(rows.shape[1]) or {atom: 1})
@@ -211,7 +211,7 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
     monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
     monkeypatch.setattr("scenegen.sampling.auto.first_look", lambda problem, budget: None)
-    problem = pose(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), {"task": Range(0.05)}, n=10)
-    choice = choose(problem, "auto", Budget())
-    assert choice.plan.name == "growth" and choice.reason == "pruning takes much work, growth does not"
+    problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
+    choice = make_plan(problem, Budget(), method="auto")
+    assert choice.method == "growth" and choice.why == "pruning takes much work, growth does not"
     assert make_trial(problem, Budget()).work < MOST

@@ -70,7 +70,7 @@ def test_scenes_are_the_truth(method, true):
 @pytest.mark.parametrize("double", DOUBLES)
 def test_wrong_samplers_are_seen(double, true):
     case = CASES["exp1"]
-    for seed in SEEDS:
+    for seed in SEEDS[:1]:  # the slow tests take them all, more scenes and more specs
         wrong = DOUBLES[double](case, N, np.random.default_rng([seed, 79]))
         assert fits(case, wrong).all()
         assert not judge(true[seed], wrong, np.random.default_rng([seed, 80])).alike

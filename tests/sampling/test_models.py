@@ -15,7 +15,7 @@ def model(request, tmp_path_factory, root=None):
 
     spec = scenegen.load(shipped_specs()["mug_left_of_plate"])
     out = tmp_path_factory.mktemp("models") / "m.safetensors"
-    return scenegen.train(spec, request.param, out=out, epochs=1, scenes=640)
+    return scenegen.train(spec, request.param, out=out, epochs=1, scenes=640, card=False)
 
 
 def in_range(phi):
@@ -43,3 +43,8 @@ def test_rejection_from_a_model_file_uses_its_spec(model):
     one = scenegen.sample(model, WANTED, n=20, seed=1, method="rejection")
     two = scenegen.sample(model.spec, WANTED, n=20, seed=1)
     assert np.array_equal(one.poses, two.poses) and one.header.sampler["method"] == "rejection"
+
+
+def test_raw_scenes_are_not_settled(model):
+    with pytest.raises(scenegen.RequestError, match="leave `raw` or `settle` out"):
+        scenegen.sample(model, WANTED, raw=True, settle=True)

@@ -8,17 +8,17 @@ import pytest
 
 import scenegen
 from scenegen.bounds.effort import StoppedError
-from scenegen.engine.exact import in_memory
+from scenegen.engine.run import draw, in_memory
 from scenegen.errors import RequestError
+from scenegen.evaluation.energy import energy_test
+from scenegen.evaluation.screen import ks_screen
 from scenegen.lang.check import check_text
-from scenegen.metrics.energy import energy_test
-from scenegen.metrics.screen import ks_screen
 from scenegen.sampling import problem as module
-from scenegen.sampling.auto import Choice, choose
+from scenegen.sampling.methods import make_plan
 from scenegen.sampling.paired import pair
 from scenegen.sampling.parts import independent_parts
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 LEVEL = 0.99
 ODDS = math.acos(LEVEL) / math.pi  # of sin(20 theta) >= LEVEL: twenty whole waves
@@ -37,15 +37,16 @@ REQUIRED = f"object a, b\nrequire {wave('b')}\ntask: {wave('a')}"
 
 def paired(problem, method="rejection"):
     parts = independent_parts(problem, Budget())
-    return pair(problem, parts, [choose(part.problem, method, Budget()).plan for part in parts])
+    return pair(problem, parts, [make_plan(part.problem, Budget(), method=method) for part in parts])
 
 
-def drawn(plan, **words):
-    return in_memory(Choice(plan), Budget(), workers=words.pop("workers", 1), **words)
+def drawn(plan, workers=1):
+    request = replace(plan.problem.request, workers=workers)
+    return in_memory(replace(plan, problem=replace(plan.problem, request=request)), Budget())
 
 
 def objects(text, ranges=SATISFIED, **words):
-    problem = pose(check_text(text), ranges, n=10, **words)
+    problem = make_problem(check_text(text), SampleRequest(ranges, n=10, **words))
     return [
         tuple(problem.core.objects[thing] for thing in part.objects) for part in independent_parts(problem, Budget())
     ]
@@ -75,7 +76,7 @@ def test_an_upper_end_parts_a_disjunction():
     text = f"task: !({wave('a')}) | !({wave('b')})"
     assert objects(text, {"task": Range(None, 0.0)}) == [("a",), ("b",)]
     assert objects(text, {"task": Range(-0.01, 0.0)}) == []
-    plan = paired(pose(check_text(text), {"task": Range(None, 0.0)}, n=200))
+    plan = paired(make_problem(check_text(text), SampleRequest({"task": Range(None, 0.0)}, n=200)))
     found = drawn(plan)
     assert found.count == 200 and np.sin(20 * found.rows[2::3]).min() >= LEVEL
 
@@ -90,8 +91,8 @@ def test_labels_that_scenes_are_spread_over_stay_together():
 
 def test_the_law_is_that_of_rejection():
     """And the tests see it where scenes of the parts are not paired at random."""
-    problem = pose(check_text(TWO), SATISFIED, n=2000, seed=4)
-    truth = drawn(choose(problem, "rejection", Budget()).plan)
+    problem = make_problem(check_text(TWO), SampleRequest(SATISFIED, n=2000, seed=4))
+    truth = drawn(make_plan(problem, Budget(), method="rejection"))
     plan = paired(problem)
     assert all(one.expected < 200_000 for one in plan.plans)
     made = drawn(plan)
@@ -104,13 +105,13 @@ def test_the_law_is_that_of_rejection():
 
 
 def test_equal_parts_do_not_share_random_numbers():
-    made = drawn(paired(pose(check_text(f"task: {wave('a')} & {wave('b')}"), SATISFIED, n=500)))
+    made = drawn(paired(make_problem(check_text(f"task: {wave('a')} & {wave('b')}"), SampleRequest(SATISFIED, n=500))))
     assert abs(np.corrcoef(made.rows[0], made.rows[3])[0, 1]) < 0.2
     assert not set(made.rows[0].tolist()) & set(made.rows[3].tolist())
 
 
 def test_probabilities_add_up():
-    plan = paired(pose(check_text(REQUIRED), SATISFIED, n=500, seed=1))
+    plan = paired(make_problem(check_text(REQUIRED), SampleRequest(SATISFIED, n=500, seed=1)))
     info = drawn(plan).info
     one, two = info["components"]
     assert info["method"] == "paired" and [one["objects"], two["objects"]] == [["a"], ["b"]]
@@ -122,10 +123,12 @@ def test_probabilities_add_up():
 
 def test_every_method_can_have_a_part():
     """Their facts differ in number, and none gets those of another."""
-    problem = pose(check_text(f"task: {wave('a')} & {wave('b')} & {wave('c')}"), SATISFIED, n=200)
+    problem = make_problem(
+        check_text(f"task: {wave('a')} & {wave('b')} & {wave('c')}"), SampleRequest(SATISFIED, n=200)
+    )
     parts = independent_parts(problem, Budget())
     methods = ("growth", "splitting", "rejection")
-    plans = [choose(part.problem, method, Budget()).plan for part, method in zip(parts, methods, strict=True)]
+    plans = [make_plan(part.problem, Budget(), method=method) for part, method in zip(parts, methods, strict=True)]
     plan = pair(problem, parts, plans)
     found = drawn(plan)
     assert found.count == 200 and np.sin(20 * found.rows[2::3]).min() >= LEVEL
@@ -136,7 +139,7 @@ def test_every_method_can_have_a_part():
 
 
 def test_cells_and_a_requirement():
-    plan = paired(pose(check_text(REQUIRED), {"task": Range(0.0, 0.008)}, n=640))
+    plan = paired(make_problem(check_text(REQUIRED), SampleRequest({"task": Range(0.0, 0.008)}, n=640)))
     found = drawn(plan)
     assert plan.reached == tuple(range(32)) and found.shortfall is None
     assert (np.histogram(found.phi[0], np.linspace(0.0, 0.008, 33))[0] == 20).all()
@@ -145,7 +148,7 @@ def test_cells_and_a_requirement():
 
 def test_parts_that_are_only_required():
     text = f"object a, b, c\nrequire {wave('a')}\nrequire {wave('b')}\ntask: leftOf(c, c) | x(c) >= 0.2"
-    plan = paired(pose(check_text(text), {}, n=300))
+    plan = paired(make_problem(check_text(text), SampleRequest(n=300)))
     assert [part.objects for part in plan.parts] == [(0,), (1,)]
     found = drawn(plan)
     assert found.count == 300 and np.sin(20 * found.rows[[2, 5]]).min() >= LEVEL
@@ -155,14 +158,14 @@ def test_parts_that_are_only_required():
 def test_objects_that_are_held():
     text = f"task: {wave('a')} & {wave('b')} & {wave('c', 'd')}"
     fixed = {"d": (0.5, 0.5, math.pi / 40), "a": (0.25, 0.75)}
-    assert objects(text, fixed=fixed) == [("a",), ("b",), ("c",)]
-    found = drawn(paired(pose(check_text(text), SATISFIED, n=200, fixed=fixed)))
+    assert objects(text, fix=fixed) == [("a",), ("b",), ("c",)]
+    found = drawn(paired(make_problem(check_text(text), SampleRequest(SATISFIED, n=200, fix=fixed))))
     assert found.count == 200
     assert (found.rows[:2] == [[0.25], [0.75]]).all() and (found.rows[9:] == [[0.5], [0.5], [math.pi / 40]]).all()
 
 
 def test_workers_change_nothing():
-    plan = paired(pose(check_text(TWO), SATISFIED, n=2000))
+    plan = paired(make_problem(check_text(TWO), SampleRequest(SATISFIED, n=2000)))
     one, two = drawn(plan), drawn(plan, workers=2)
     assert one.rows.tobytes() == two.rows.tobytes() and one.info == two.info
 
@@ -180,43 +183,48 @@ def test_a_run_is_resumed(monkeypatch, tmp_path):
 
 
 def test_auto_takes_a_dear_request_apart():
-    problem = pose(check_text(RARE), SATISFIED, n=1000)
-    choice = choose(problem, "auto", Budget())
-    assert choice.plan.name == "paired" and choice.reason == "2 parts share no clause: rejection, rejection"
-    assert choice.plan.plan_digest == choose(problem, "auto", Budget()).plan.plan_digest
+    problem = make_problem(check_text(RARE), SampleRequest(SATISFIED, n=1000))
+    choice = make_plan(problem, Budget(), method="auto")
+    assert choice.method == "paired" and choice.why == "2 parts share no clause: rejection, rejection"
+    assert choice.plan_digest == make_plan(problem, Budget(), method="auto").plan_digest
     assert (
-        choice.plan.plan_digest
-        != choose(pose(problem.spec, SATISFIED, n=1000, seed=1), "auto", Budget()).plan.plan_digest
+        choice.plan_digest
+        != make_plan(
+            make_problem(problem.spec, SampleRequest(SATISFIED, n=1000, seed=1)), Budget(), method="auto"
+        ).plan_digest
     )
 
 
 def test_auto_leaves_a_cheap_one_whole():
-    assert choose(pose(check_text(TWO), SATISFIED, n=100), "auto", Budget()).plan.name == "rejection"
+    assert (
+        make_plan(make_problem(check_text(TWO), SampleRequest(SATISFIED, n=100)), Budget(), method="auto").method
+        == "rejection"
+    )
 
 
 def test_pieces_are_of_a_size():
     """A common part does not draw what a rare one cannot be paired with."""
     text = f"task: {wave('a')} & {wave('b', 'c')}"
-    plan = paired(pose(check_text(text), SATISFIED, n=50_000))
-    one, two = (piece.rows.shape[1] for piece in (part.piece(0) for part in plan.plans))
+    plan = paired(make_problem(check_text(text), SampleRequest(SATISFIED, n=50_000)))
+    one, two = (piece.rows.shape[1] for piece in (part.draw(0) for part in plan.plans))
     assert 0.7 < one / two < 1.6
 
 
 def test_time_is_up(monkeypatch):
-    problem = pose(check_text(TWO), SATISFIED, n=100)
+    problem = make_problem(check_text(TWO), SampleRequest(SATISFIED, n=100))
     monkeypatch.setattr(module, "GRACE", 0.0)
     with pytest.raises(RequestError, match="time was up"):
         independent_parts(problem, Budget(0.0))
 
 
 def test_time_is_up_within_a_part():
-    plan = paired(pose(check_text(TWO), SATISFIED, n=100))
+    plan = paired(make_problem(check_text(TWO), SampleRequest(SATISFIED, n=100)))
 
     class Slow:
         def __getattr__(self, name):
             return getattr(plan.plans[1], name)
 
-        def piece(self, k):
+        def draw(self, k):
             raise StoppedError
 
     found = drawn(replace(plan, plans=(plan.plans[0], Slow())))
@@ -228,8 +236,10 @@ def test_rare_parts_cost_their_sum():
     """Each occurs in one scene of 30,000 or so, both in one of a thousand million."""
     one = " * ".join(f"sin(20 * theta({name}))" for name in "ab") + " >= 0.9999"
     two = one.replace("(a)", "(c)").replace("(b)", "(d)")
-    alone, both = (pose(check_text(f"task: {text}"), SATISFIED, n=1000) for text in (one, f"{one} & {two}"))
-    single, found = (in_memory(choose(each, "auto", Budget(600)), Budget(600), workers=1) for each in (alone, both))
+    alone, both = (
+        make_problem(check_text(f"task: {text}"), SampleRequest(SATISFIED, n=1000)) for text in (one, f"{one} & {two}")
+    )
+    single, found = (draw(each, Budget(600)) for each in (alone, both))
     assert found.count == 1000 and found.info["method"] == "paired"
     # u^2 + v^2 <= 2e-4 about each of the two peaks of a cell of 4 pi^2, to first order
     odds = 2 * math.log10(2 * math.pi * 2e-4 / (4 * math.pi**2))

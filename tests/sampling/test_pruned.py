@@ -6,12 +6,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scenegen.engine.exact import draw as run
+from scenegen.bounds.prune import Part
+from scenegen.engine.run import draw as run
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.rejection import make_plan
-from scenegen.sampling.request import Range
+from scenegen.sampling.base import draw as base
+from scenegen.sampling.base import piece_generator
+from scenegen.sampling.guided import score
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rejection.sampler import make_plan
+from scenegen.sampling.request import Range, SampleRequest
 
 rejection = partial(run, method="rejection")
 
@@ -21,7 +25,10 @@ N = 20_000
 def draw(text, n=N, seed=0, spread="base", **ranges):
     spec = check_text(text) if isinstance(text, str) else text
     found = rejection(
-        pose(spec, {name: Range(*ends) for name, ends in ranges.items()}, n=n, seed=seed, spread=spread), Budget()
+        make_problem(
+            spec, SampleRequest({name: Range(*ends) for name, ends in ranges.items()}, n=n, seed=seed, spread=spread)
+        ),
+        Budget(),
     )
     assert found.shortfall is None and found.count == n
     assert len({scene.tobytes() for scene in found.rows.T}) == n
@@ -134,11 +141,13 @@ def test_against_plain_rejection(case, exp1, same_distribution):
     text, ranges = PLAIN[case]
     spec = exp1 if text is None else check_text(shipped_specs()[text].read_text() if text in shipped_specs() else text)
     found = draw(spec, n=8000, seed=2, **ranges)
-    problem = pose(spec, {name: Range(*ends) for name, ends in ranges.items()}, n=1, spread="base")
+    problem = make_problem(
+        spec, SampleRequest({name: Range(*ends) for name, ends in ranges.items()}, n=1, spread="base")
+    )
     hits = []
     for piece in range(PIECES):
-        rows = problem.base(piece, stream=77)
-        phi = problem.score(rows)
+        rows = base(problem.lowest, problem.highest, problem.piece_size, piece_generator(0, piece, stream=77))
+        phi = score(problem, rows)
         hits.append(rows.numpy()[:, problem.cells.find(phi) == 0])
     truth = np.concatenate(hits, axis=1)
     assert truth.shape[1] > 1000
@@ -188,16 +197,16 @@ def test_rare_cells_are_served_like_common_ones():
 
 def test_pieces_depend_on_nothing_but_plan_and_number(exp1):
     def plan():
-        return make_plan(pose(exp1, {"task": Range(0.0, 0.9)}, n=5000, seed=5), Budget())
+        return make_plan(make_problem(exp1, SampleRequest({"task": Range(0.0, 0.9)}, n=5000, seed=5)), Budget())
 
     first, second = plan(), plan()
     assert len(first.sources) > 1
-    later = second.piece(3)
+    later = second.draw(3)
     for number in range(3):
-        first.piece(number)
-    again = first.piece(3)
+        first.draw(number)
+    again = first.draw(3)
     assert later.rows.tobytes() == again.rows.tobytes() and later.phi.tobytes() == again.phi.tobytes()
-    assert first.piece(2).rows.tobytes() != again.rows.tobytes()
+    assert first.draw(2).rows.tobytes() != again.rows.tobytes()
 
 
 def test_a_requirement_belongs_to_the_range(exp1):
@@ -209,3 +218,11 @@ def test_a_requirement_belongs_to_the_range(exp1):
     found = draw(spec, n=4000, task=(0.0, 0.1))
     assert np.hypot(found.rows[0] - found.rows[3], found.rows[1] - found.rows[4]).min() >= 0.25
     assert found.phi[0].min() >= 0.0 and found.phi[0].max() <= 0.1
+
+
+def test_an_alternative_that_is_the_same_for_all_scenes():
+    """`dist(c, c) >= 1 cm` in `exists d in can`: its value is one number, not one for each scene."""
+    part = Part(((0, 0.0, 1.0), (1, -1.0, 0.5)), {}, np.zeros(3), np.ones(3))
+    values = [np.float64(0.01), np.array([0.2, 0.4, 0.6])]
+    assert part.owns(values, slice(1, 3)).tolist() == [True, False]
+    assert part.owns([np.float64(-0.01), values[1]], slice(0, 3)).tolist() == [False] * 3

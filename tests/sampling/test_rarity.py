@@ -7,12 +7,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scenegen.engine.exact import draw
+from scenegen.engine.run import draw
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling.problem import Budget, pose
+from scenegen.sampling.base import draw as base
+from scenegen.sampling.base import piece_generator
+from scenegen.sampling.guided import score
+from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rarity import OutOfReach, combine, measure
-from scenegen.sampling.request import Range
+from scenegen.sampling.request import Range, SampleRequest
 
 SURE = 4.0  # standard errors: of a few dozen comparisons none should be further off
 
@@ -97,7 +100,7 @@ def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
 )
 def test_pruned_rejection_agrees(name, label, t):
     spec = check_text(shipped_specs()[name].read_text(), name)
-    problem = pose(spec, {label: Range(t, None)}, n=20_000, seed=1, spread="base")
+    problem = make_problem(spec, SampleRequest({label: Range(t, None)}, n=20_000, seed=1, spread="base"))
     info = draw(problem, Budget(), method="rejection").info
     ours = measured(spec, seed=1).reaches[label].up(t)
     error = math.hypot(ours.error, info["log10_error"] / 1.96)
@@ -155,8 +158,11 @@ def test_error_bars_are_honest(text, power):
 @pytest.mark.slow
 def test_error_bars_are_honest_where_something_is_required():
     spec = check_text(shipped_specs()["dinner_for_two"].read_text(), "dinner_for_two")
-    problem = pose(spec, {}, n=16, spread="base")
-    margins = [problem.score(problem.base(piece)) for piece in range(40)]
+    problem = make_problem(spec, SampleRequest(n=16, spread="base"))
+    scenes = (
+        base(problem.lowest, problem.highest, problem.piece_size, piece_generator(0, piece)) for piece in range(40)
+    )
+    margins = [score(problem, rows) for rows in scenes]
     phi = np.concatenate(margins, axis=1)
     total = phi.shape[1]
     phi = phi[:, phi[-1] >= 0.0]

@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scenegen.engine.exact import draw as run
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
+from scenegen.engine.run import draw as run
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 rejection = partial(run, method="rejection")
 
@@ -17,7 +17,7 @@ RANGE = Range(0.1, 0.3)
 
 @pytest.fixture(scope="module")
 def flat(exp1):
-    return rejection(pose(exp1, {"task": RANGE}, n=N, seed=3), Budget())
+    return rejection(make_problem(exp1, SampleRequest({"task": RANGE}, n=N, seed=3)), Budget())
 
 
 def test_every_scene_is_in_the_range_and_the_workspace(flat, phi1):
@@ -35,7 +35,7 @@ def test_the_cells_share_exactly(flat):
 
 @pytest.mark.parametrize("n", [1, 31, 33, 100])
 def test_shares_differ_by_at_most_one(exp1, n):
-    found = rejection(pose(exp1, {"task": RANGE}, n=n, seed=n), Budget())
+    found = rejection(make_problem(exp1, SampleRequest({"task": RANGE}, n=n, seed=n)), Budget())
     counts, _ = np.histogram(found.phi[0], np.linspace(0.1, 0.3, 33))
     assert counts.sum() == n and counts.max() - counts.min() <= 1
 
@@ -54,14 +54,14 @@ def test_within_a_cell_scenes_follow_the_base_distribution(flat, cell, phi1, dir
 
 def test_spread_over_two_labels(exp1, phi1, direct, same_distribution):
     ranges = {"task": Range(0.0, 0.2), "safe": Range(0.0, 0.2)}
-    found = rejection(pose(exp1, ranges, n=2560, seed=8), Budget())
+    found = rejection(make_problem(exp1, SampleRequest(ranges, n=2560, seed=8)), Budget())
     counts, _, _ = np.histogram2d(*found.phi, bins=[np.linspace(0, 0.2, 17)] * 2)
     assert found.info["cells"] == {"asked": 256, "reached": int((counts > 0).sum())}
     assert counts[counts > 0].max() - counts[counts > 0].min() <= 1 and counts.sum() == 2560
 
 
 def test_spread_base_follows_the_base_distribution_over_the_whole_range(exp1, phi1, direct, same_distribution):
-    found = rejection(pose(exp1, {"task": RANGE}, n=N, seed=4, spread="base"), Budget())
+    found = rejection(make_problem(exp1, SampleRequest({"task": RANGE}, n=N, seed=4, spread="base")), Budget())
     truth = direct(500_000)
     truth = truth[:, _between(phi1(truth)[0], 0.1, 0.3)]
     assert same_distribution(found.phi[0], phi1(truth)[0])
@@ -83,7 +83,7 @@ def test_the_order_has_no_pattern(flat):
 
 
 def test_nothing_asked_is_the_base_distribution(exp1, direct, same_distribution):
-    found = rejection(pose(exp1, {}, n=N, seed=1), Budget())
+    found = rejection(make_problem(exp1, SampleRequest(n=N, seed=1)), Budget())
     truth = direct(N)
     assert all(same_distribution(found.rows[row], truth[row]) for row in range(6))
 
@@ -92,7 +92,7 @@ def test_a_workspace_of_its_own(same_distribution):
     from scenegen.lang.check import check_text
 
     spec = check_text("workspace [-2 m, 30 cm] x [5, 6]\ntask: leftOf(mug, plate)")
-    found = rejection(pose(spec, {"task": Range(0.0)}, n=2000), Budget())
+    found = rejection(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=2000)), Budget())
     assert found.rows[0::3].min() >= -2 and found.rows[0::3].max() <= 0.3 and found.rows[0::3].min() < -1.9
     assert found.rows[1::3].min() >= 5 and found.rows[1::3].max() <= 6
     assert (found.rows[0] <= found.rows[3]).all()

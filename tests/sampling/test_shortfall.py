@@ -8,10 +8,10 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
-from scenegen.engine.exact import draw as run
+from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 rejection = partial(run, method="rejection")
 
@@ -28,7 +28,7 @@ def test_a_hopeless_range_names_label_and_atom(spread):
     assert problem.span.text.startswith("sin(theta(a))")
     assert int(re.search(r"decides phi in (\d+)% of those that fail", problem.label)[1]) > 90
     assert problem.note.startswith("phi of `task` was outside `0:0.2` in 100.0% of ")
-    assert "--timeout" in problem.help and "--keep-partial" not in problem.help
+    assert "`timeout`" in problem.help and "`keep_partial`" not in problem.help
 
 
 def test_a_range_that_is_provably_empty_names_what_clashes(exp2):
@@ -50,7 +50,7 @@ def test_the_label_that_fails_most_is_the_one_named(exp1):
 
 def test_keep_partial_keeps_what_there_is(exp1):
     wanted = {"task": (0.5, None)}
-    with pytest.raises(RequestError, match="save what there is with --keep-partial"):
+    with pytest.raises(RequestError, match="save what there is with `keep_partial`"):
         sample(Spec(exp1), wanted, n=4_000_000, timeout=0.3)
     scenes = sample(Spec(exp1), wanted, n=4_000_000, timeout=0.3, keep_partial=True)
     assert 0 < len(scenes) < 4_000_000
@@ -67,8 +67,8 @@ def test_keep_partial_of_nothing_is_nothing():
 
 def test_time_changes_no_scene(exp1):
     """A run that is cut short hands out scenes that the whole run has as well."""
-    whole = rejection(pose(exp1, {"task": Range(0.5)}, n=200_000, seed=6), Budget())
-    short = rejection(pose(exp1, {"task": Range(0.5)}, n=200_000, seed=6), Budget(1e-9))
+    whole = rejection(make_problem(exp1, SampleRequest({"task": Range(0.5)}, n=200_000, seed=6)), Budget())
+    short = rejection(make_problem(exp1, SampleRequest({"task": Range(0.5)}, n=200_000, seed=6)), Budget(1e-9))
     assert short.shortfall is not None and 0 < short.count < 200_000 == whole.count
     assert {scene.tobytes() for scene in short.rows.T} < {scene.tobytes() for scene in whole.rows.T}
 
@@ -76,7 +76,7 @@ def test_time_changes_no_scene(exp1):
 def test_infeasible_cells_are_reported_and_their_share_goes_to_the_others(exp1):
     """A distance of at most 0.17 cannot leave a coordinate 0.18 short."""
     ranges = {"task": Range(-0.18, -0.16), "safe": Range(-0.1, -0.08)}
-    found = rejection(pose(exp1, ranges, n=512, seed=0), Budget())
+    found = rejection(make_problem(exp1, SampleRequest(ranges, n=512, seed=0)), Budget())
     task, safe = np.linspace(-0.18, -0.16, 17), np.linspace(-0.1, -0.08, 17)
     feasible = safe[None, 1:] + 0.25 > -task[1:, None]
     counts, _, _ = np.histogram2d(*found.phi, bins=[task, safe])
@@ -93,13 +93,13 @@ def test_infeasible_cells_are_reported_and_their_share_goes_to_the_others(exp1):
 
 def test_a_corner_of_small_probability_is_reached(exp1):
     """phi of the last cell, 0.9969 to 1, has probability 2e-11."""
-    found = rejection(pose(exp1, {"task": Range(0.9, 1.0)}, n=32, seed=0), Budget())
+    found = rejection(make_problem(exp1, SampleRequest({"task": Range(0.9, 1.0)}, n=32, seed=0)), Budget())
     assert np.histogram(found.phi[0], np.linspace(0.9, 1.0, 33))[0].tolist() == [1] * 32 and found.warnings == ()
     assert found.info["cells"]["reached"] == 32
 
 
 def test_cells_that_bounds_rule_out_are_counted(exp1):
-    found = rejection(pose(exp1, {"safe": Range(-0.3, 0.0)}, n=64, seed=0), Budget())
+    found = rejection(make_problem(exp1, SampleRequest({"safe": Range(-0.3, 0.0)}, n=64, seed=0)), Budget())
     (warning,) = found.warnings
     assert warning.title.startswith("5 of 32 cells") and "interval bounds rule out 5 of them" in warning.note
 

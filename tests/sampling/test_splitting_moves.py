@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from scenegen.lang.check import check_text
-from scenegen.sampling.chains import Chains, Region, _systematic
-from scenegen.sampling.frame import Tape, frame_of
-from scenegen.sampling.kinds import KINDS, kinds_for
-from scenegen.sampling.mirrors import COMPOSED, MIRRORS
-from scenegen.sampling.mixing import Statistics, correlation, design_effect
-from scenegen.sampling.moves import Deck, Draw, Tuning, bring_home
-from scenegen.sampling.problem import pose
-from scenegen.sampling.steps import STEPS
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.splitting.autocorrelation import Statistics, correlation, design_effect
+from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chains import Chains, Region, _systematic
+from scenegen.sampling.splitting.involutions import COMPOSED, MIRRORS
+from scenegen.sampling.splitting.local_moves import STEPS
+from scenegen.sampling.splitting.move_registry import MOVES, moves_for
+from scenegen.sampling.splitting.moves import Deck, Draw, Tuning, bring_home
 
 SPEC = """
 workspace [0, 2] x [0, 1]
@@ -21,36 +22,40 @@ task: (leftOf(a, b) | closeTo(a, b, 0.3)) & angle(a, 1, 2) & belowOf(c, b)
 
 @pytest.fixture(scope="module")
 def problem():
-    return pose(check_text(SPEC), {}, n=16)
+    return make_problem(check_text(SPEC), SampleRequest(n=16))
 
 
 def chains_at_truth(problem, seed, low=0.05):
     """Chains that are exactly where they should be, by plain rejection."""
-    frame, rng = frame_of(problem), np.random.Generator(np.random.SFC64(seed))
-    tape = Tape(frame)
-    rows = frame.draw(120_000, rng)
+    chain_state, rng = frame_of(problem), np.random.Generator(np.random.SFC64(seed))
+    tape = Tape(chain_state)
+    rows = chain_state.draw(120_000, rng)
     good = tape(rows)[0] >= low
     rows = [row[good] for row in rows]
-    chains = Chains.start(frame, tape, problem.cells, len(rows[0]), rng)
+    chains = Chains.start(chain_state, tape, problem.cells, len(rows[0]), rng)
     chains.rows, chains.phi = rows, tape(rows)
     chains.pool = [row[:500] for row in rows]
     chains.region = Region(np.array([low]), np.array([np.inf]))
     return chains
 
 
-def tuning(frame, length=0.3):
-    width = frame.high - frame.low
+def tuning(chain_state, length=0.3):
+    width = chain_state.high - chain_state.low
     # part of the box alone, so that redraws have to tell who may take part
     return Tuning(
-        dict.fromkeys(KINDS, 1.0), dict.fromkeys(KINDS, 1.0), length * width, frame.low, frame.low + 0.8 * width
+        dict.fromkeys(MOVES, 1.0),
+        dict.fromkeys(MOVES, 1.0),
+        length * width,
+        chain_state.low,
+        chain_state.low + 0.8 * width,
     )
 
 
 def distances(chains, before, same_distribution):
     """Statistics, by number, whose distribution is no longer what it was."""
-    frame = chains.frame
+    chain_state = chains.chain_state
     now = [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
-    assert frame.dimension == 6
+    assert chain_state.dimension == 6
     return [index for index, (one, two) in enumerate(zip(before, now, strict=True)) if not same_distribution(one, two)]
 
 
@@ -58,14 +63,14 @@ def statistics(chains):
     return [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MOVES)
 def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
     chains, fresh = chains_at_truth(problem, 1), chains_at_truth(problem, 2)
     start = [row.copy() for row in chains.rows]
-    shares = [chains.move(kind, tuning(chains.frame))[0] for _ in range(12)]
+    shares = [chains.move(kind, tuning(chains.chain_state))[0] for _ in range(12)]
     assert distances(chains, statistics(fresh), same_distribution) == []
     assert chains.region.holds(chains.phi).all()
-    for row, low, high in zip(chains.rows, chains.frame.low, chains.frame.high, strict=True):
+    for row, low, high in zip(chains.rows, chains.chain_state.low, chains.chain_state.high, strict=True):
         assert row.min() >= low and row.max() <= high
     moved = np.mean([(a != b) for a, b in zip(start, chains.rows, strict=True)])
     assert (max(shares) > 0) == (moved > 0)
@@ -78,21 +83,21 @@ def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch)
     noise = Draw.noise
     monkeypatch.setattr(Draw, "noise", lambda self, half: noise(self, half) + 0.2 * half)
     for _ in range(12):
-        chains.move("row", tuning(chains.frame))
+        chains.move("row", tuning(chains.chain_state))
     assert distances(chains, statistics(fresh), same_distribution)
 
 
 @pytest.mark.parametrize("kind", MIRRORS)
 def test_a_mirror_undoes_itself(problem, kind, monkeypatch):
     monkeypatch.setattr(Draw, "coin", lambda self: np.ones(self.count, dtype=bool))
-    frame = frame_of(problem)
-    rows = frame.draw(100, np.random.default_rng(0))
+    chain_state = frame_of(problem)
+    rows = chain_state.draw(100, np.random.default_rng(0))
 
     def apply(rows, seed):
         rng = np.random.Generator(np.random.SFC64(seed))
-        decks = Deck(frame.dimension, rng), Deck(len(frame.parts), rng)
-        proposal = KINDS[kind](Draw(frame, *decks, rows, rows, tuning(frame), 1.0, rng))
-        values, _ = bring_home(frame, proposal)
+        decks = Deck(chain_state.dimension, rng), Deck(len(chain_state.parts), rng)
+        proposal = MOVES[kind](Draw(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
+        values, _ = bring_home(chain_state, proposal)
         out = list(rows)
         for row, value in zip(proposal.rows, values, strict=True):
             out[row] = value
@@ -106,7 +111,7 @@ def test_a_mirror_undoes_itself(problem, kind, monkeypatch):
         twice, _ = apply(once, seed)
         for row, (a, b) in enumerate(zip(rows, twice, strict=True)):
             off = np.abs(a - b)
-            off = np.minimum(off, 2 * np.pi - off) if frame.circular[row] else off
+            off = np.minimum(off, 2 * np.pi - off) if chain_state.circular[row] else off
             assert off.max() < 1e-12
     assert moved
 
@@ -118,11 +123,11 @@ def test_the_table_of_compositions_names_mirrors():
 
 
 def test_one_object_has_no_moves_of_two():
-    frame = frame_of(pose(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), {}, n=1))
-    assert frame.dimension == 2 and len(frame.parts) == 1
-    assert not {"pair", "shift run", "turn", "flip", "swap", "reverse", "swap, mirror x"} & set(kinds_for(frame))
-    line = frame_of(pose(check_text("x(mug) >= 0.5"), {}, n=1))
-    assert not {"two rows", "redraw two rows"} & set(kinds_for(line))
+    chain_state = frame_of(make_problem(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), SampleRequest(n=1)))
+    assert chain_state.dimension == 2 and len(chain_state.parts) == 1
+    assert not {"pair", "shift run", "turn", "flip", "swap", "reverse", "swap, mirror x"} & set(moves_for(chain_state))
+    line = frame_of(make_problem(check_text("x(mug) >= 0.5"), SampleRequest(n=1)))
+    assert not {"two rows", "redraw two rows"} & set(moves_for(line))
 
 
 def test_a_deck_deals_everyone_in_turn():
@@ -147,15 +152,15 @@ def test_copies_are_not_taken_until_they_have_parted(problem):
     chains.narrow(Region(np.array([0.15]), np.array([np.inf])))
     taken = chains.take()
     assert len(np.unique(np.array([row[taken] for row in chains.rows]), axis=1).T) == len(taken) < chains.count
-    chains.move("mirror y", tuning(chains.frame))
+    chains.move("mirror y", tuning(chains.chain_state))
     assert len(chains.take()) == 0
-    chains.move("redraw row", tuning(chains.frame))
+    chains.move("redraw row", tuning(chains.chain_state))
     assert len(chains.take()) > 0
 
 
 def test_families_show_in_the_design_effect(problem):
     chains = chains_at_truth(problem, 4)
-    watch = Statistics(chains.frame)
+    watch = Statistics(chains.chain_state)
     assert design_effect(chains, watch(chains)).max() == 1.0  # nobody has been copied yet
     chains.narrow(Region(np.array([0.6]), np.array([np.inf])))
     copies = chains.count / len(np.unique(chains.families[0]))
@@ -164,7 +169,7 @@ def test_families_show_in_the_design_effect(problem):
     assert abs(np.median(effect[effect > 1]) / copies - 1) < 0.3
     now = watch(chains)
     for _ in range(400):
-        chains.move("redraw row", tuning(chains.frame))
-        chains.move("object", tuning(chains.frame))
+        chains.move("redraw row", tuning(chains.chain_state))
+        chains.move("object", tuning(chains.chain_state))
     assert np.median(design_effect(chains, watch(chains))) < 1.3
     assert np.median(np.abs(correlation(now, watch(chains)))) < 0.1

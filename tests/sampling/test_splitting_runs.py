@@ -8,27 +8,35 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
-from scenegen.engine.exact import draw as run
+from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
-from scenegen.sampling.levels import Stalled, make_plan
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
-from scenegen.sampling.splitting import run_piece
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.splitting.levels import Stalled, _Planner, make_schedule
+from scenegen.sampling.splitting.sampler import run_piece
 
 splitting = partial(run, method="splitting")
 
 RARE = {"task": Range(0.05, 0.06)}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_chains():
+    """An eighth of the usual chains; tests/slow and tests/sampling/test_exactness_fast.py take all of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 1024)
+        yield
+
+
 @pytest.fixture(scope="module")
 def problem(exp2):
-    return pose(exp2, RARE, n=1000, seed=3, spread="base")
+    return make_problem(exp2, SampleRequest(RARE, n=1000, seed=3, spread="base"))
 
 
 @pytest.fixture(scope="module")
 def plan(problem):
-    plan = make_plan(problem, Budget())
+    plan = make_schedule(problem, Budget())
     assert not isinstance(plan, Stalled)
     return plan
 
@@ -43,7 +51,7 @@ def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
 
 
 def test_a_plan_made_again_is_the_same(problem, plan):
-    again = make_plan(problem, Budget())
+    again = make_schedule(problem, Budget())
     assert run_piece(problem, again, 0).rows.tobytes() == run_piece(problem, plan, 0).rows.tobytes()
 
 
@@ -57,12 +65,14 @@ def test_what_the_scene_file_says(exp2):
 
 def test_another_seed_is_another_set(exp1):
     wanted = {"task": Range(0.4, 0.45)}
-    runs = [splitting(pose(exp1, wanted, n=50, seed=seed), Budget()).rows for seed in (0, 2**63 - 1)]
+    runs = [
+        splitting(make_problem(exp1, SampleRequest(wanted, n=50, seed=seed)), Budget()).rows for seed in (0, 2**63 - 1)
+    ]
     assert not set(runs[0][0].tolist()) & set(runs[1][0].tolist())
 
 
 def test_time_cuts_short_and_changes_no_scene(exp1):
-    problem = pose(exp1, {"task": Range(0.3, 0.35)}, n=60_000, seed=1, spread="base")
+    problem = make_problem(exp1, SampleRequest({"task": Range(0.3, 0.35)}, n=8_000, seed=1, spread="base"))
     whole = splitting(problem, Budget())
 
     class OnePiece(Budget):
@@ -78,7 +88,7 @@ def test_time_cuts_short_and_changes_no_scene(exp1):
         OnePiece.left = False
 
     short = splitting(problem, OnePiece(), stop)
-    assert whole.count == 60_000 > short.count > 0 and short.shortfall is not None
+    assert whole.count == 8_000 > short.count > 0 and short.shortfall is not None
     assert set(short.rows[0].tolist()) < set(whole.rows[0].tolist())
 
 
@@ -96,19 +106,36 @@ def test_an_infeasible_query_ends_and_names_the_atom():
 
 def test_no_time_no_scenes(exp2):
     with pytest.raises(RequestError, match="found none of 16 scenes in "):
-        splitting(pose(exp2, RARE, n=16), Budget(1e-9))
+        splitting(make_problem(exp2, SampleRequest(RARE, n=16)), Budget(1e-9))
 
 
 def test_what_cannot_be_held_apart_from_the_rest_does_not_stall():
     """phi is the same on a whole part of the table: levels cannot part the scenes there."""
     spec = check_text("min(x(a) - 0.9, 0 * x(a)) <= 0 & x(b) >= 0.999")
-    found = splitting(pose(spec, {"task": Range(-0.0005, 0.1)}, n=100, spread="base"), Budget())
+    found = splitting(make_problem(spec, SampleRequest({"task": Range(-0.0005, 0.1)}, n=100, spread="base")), Budget())
     assert found.count == 100 and found.rows[3].min() >= 0.9985
+
+
+def test_what_is_required_is_met_level_by_level():
+    """One scene in 720: taken at one leap, a piece of 1,024 chains would begin with one ancestor, or none."""
+    spec = check_text(
+        "require leftOf(a, b) & leftOf(b, c) & leftOf(c, d) & leftOf(d, e) & leftOf(e, f)\ntask: closeTo(a, b, 0.9)"
+    )
+    planner = _Planner(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
+    low, free = np.array([-np.inf, 0.0]), np.full(2, np.inf)
+    assert planner._descend(low, free, -free) and len(planner._stages) > 6
+
+
+def test_a_value_that_most_scenes_share_is_left_behind():
+    """A few scenes: all others have the phi of the constant alternative."""
+    spec = check_text("object a, b, c, d, e\ntask: dist(a, a) >= 1 cm | leftOf(a, b) & leftOf(b, c) & leftOf(d, e)")
+    planner = _Planner(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
+    assert planner._descend(np.array([0.2]), np.array([np.inf]), np.array([-np.inf]))
 
 
 def test_nothing_that_moves():
     spec = check_text("object a, b\ntask: x(a) >= 0.2")
-    held = splitting(pose(_held(spec), {"task": Range(0.0)}, n=10), Budget())
+    held = splitting(make_problem(_held(spec), SampleRequest({"task": Range(0.0)}, n=10)), Budget())
     assert held.count == 10 and (held.rows[0] == 0.5).all()
 
 
@@ -119,5 +146,5 @@ def _held(spec):
 
 
 def test_phi_free_of_all_limits(exp1):
-    found = splitting(pose(exp1, {}, n=500), Budget())
+    found = splitting(make_problem(exp1, SampleRequest(n=500)), Budget())
     assert found.count == 500 and np.ptp(found.rows[0]) > 0.9

@@ -34,7 +34,8 @@ def plain():
     return values["task"][values[REQUIRE] >= 0.0], 200_000
 
 
-def test_growth_agrees_with_plain_rejection(plain):
+def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
+    monkeypatch.setattr(module, "EFFORT", 1e8)
     task, drawn = plain
     found = measure_vast(check_text(TABLE), ("task",), seed=1)
     share = len(task) / drawn
@@ -98,8 +99,9 @@ def test_who_takes_whose_place():
         assert not vast(spec.core, *spec.box(), spec.labels)
 
 
-def test_what_splitting_cannot_tell_growth_does():
+def test_what_splitting_cannot_tell_growth_does(monkeypatch):
     """P(phi >= 0) is pi * (0.2 mm)^2 times 0.001 / pi, less what lies beyond the border."""
+    monkeypatch.setattr(module, "EFFORT", 1e8)
     found = rarity(parse("task: dist(a, b) <= 0.2 mm & abs(wrap(theta(a) - theta(b))) <= 0.001"))
     (label,) = found.labels
     at_zero = next(level.above for level in label.levels if level.phi == 0.0)
@@ -107,7 +109,9 @@ def test_what_splitting_cannot_tell_growth_does():
     assert abs(at_zero.log10 - truth) < SURE * at_zero.error + 0.01
 
 
-def test_a_table_that_is_too_full():
+def test_a_table_that_is_too_full(monkeypatch):
+    monkeypatch.setattr(module, "EFFORT", 1e7)
+    monkeypatch.setattr(module, "FIRST", 1e8)
     full = "workspace [0, 0.5] x [0, 0.5]\nobject d[12] = cylinder(0.1, 0.1)\nrequire noOverlap() & insideWorkspace()\n"
     with pytest.raises(RequestError):
         rarity(parse(full + "task: leftOf(d[1], d[2])"))

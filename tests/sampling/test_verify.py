@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scenegen.engine.exact import draw
-from scenegen.sampling.problem import pose
-from scenegen.sampling.request import Range
+from scenegen.engine.run import draw
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.verify import CHUNK, verify
 
 
@@ -15,7 +15,7 @@ from scenegen.sampling.verify import CHUNK, verify
 def made(exp1):
     core = dataclasses.replace(exp1.core, labels={"task": exp1.core.labels["task"]})
     spec = dataclasses.replace(exp1, core=dataclasses.replace(core, requirement=exp1.core.labels["safe"]))
-    problem = pose(spec, {"task": Range(0.1, 0.2)}, n=CHUNK + 100, fixed={"plate": (0.6, 0.3)})
+    problem = make_problem(spec, SampleRequest({"task": Range(0.1, 0.2)}, n=CHUNK + 100, fix={"plate": (0.6, 0.3)}))
     return problem, draw(problem)
 
 
@@ -55,8 +55,8 @@ def too_far(rows, phi):
 WRONG = {
     "phi": (phi_off, "disagree"),
     "another scene": (swapped, "disagree"),
-    "range": (too_far, "not asked for"),
-    "requirement": (too_close, "not asked for"),
+    "range": (too_far, "outside the requested range"),
+    "requirement": (too_close, "outside the requested range"),
     "heading": (off(2, 7.0), "outside the workspace"),
     "no number": (nan, "outside the workspace"),
     "held": (off(3, 0.6 + 1e-12), "held in place"),
@@ -79,7 +79,7 @@ def test_what_must_not_come_out(name, made):
 
 
 def test_out_of_the_workspace(exp1):
-    problem = pose(exp1, {}, n=10)
+    problem = make_problem(exp1, SampleRequest(n=10))
     rows = draw(problem).rows
     rows[1, 3] = 1.0 + 1e-12
     with pytest.raises(AssertionError, match="outside the workspace"):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from scenegen.metrics.coverage import coverage
-from scenegen.metrics.energy import energy_test
-from scenegen.metrics.screen import ks_screen
+from scenegen.evaluation.coverage import coverage
+from scenegen.evaluation.energy import energy_test
+from scenegen.evaluation.screen import ks_screen
 
 LEAST_P = 0.01
 LEAST_COVERAGE = 0.95

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.metrics.coverage import coverage
+from scenegen.evaluation.coverage import coverage
 from scenegen.resources import shipped_specs
 from scenegen.sampling.base import draw, piece_generator
 from scenegen.sampling.piece_size import PIECE

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from scenegen.lang.check import check_text
-from scenegen.models.table import RECIPES
+from scenegen.models.registry import RECIPES
 from scenegen.training.config import make_config
 from scenegen.training.feed import make_feed
 from scenegen.training.session import Session
@@ -24,7 +24,7 @@ def test_a_step_and_a_sample(recipe, model):
     session = Session(spec, config, feed, None)
     device = torch.device("meta")
     session.model.to(device)
-    session.model.start(1e-3, session.judge)
+    session.model.start(1e-3, session.spec_loss)
     for optimiser in session.model.optimisers.values():
         optimiser.step = lambda *_: None  # the fused kernels have no meta version; they know all devices that matter
     batch = feed.fitting.to(device).take(slice(0, 32))
@@ -33,5 +33,5 @@ def test_a_step_and_a_sample(recipe, model):
     for phi in (batch.phi[:10], batch.phi[0]):
         x = session.model.sample(10, phi, None)
         assert x.shape == (10, 9) and x.device == device
-    reached = session.judge.phi(x)
+    reached = session.spec_loss.phi(x)
     assert reached.shape == (10, 2) and reached.device == device

@@ -77,6 +77,6 @@ def test_a_bad_folder_is_told_and_an_empty_one_not_left(tmp_path, exp1, monkeypa
 
 
 def _nothing():
-    from scenegen.errors import Diagnostic
+    from scenegen.errors import Kind
 
-    return (Diagnostic("nothing to train on"),)
+    return (Kind("nothing", "nothing to train on")(),)

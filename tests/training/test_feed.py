@@ -10,14 +10,14 @@ import torch
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.data import scenefile
-from scenegen.data.uniform import uniform
 from scenegen.errors import DataError, RequestError
 from scenegen.models.branches import survey
 from scenegen.models.published.gan import GAN
 from scenegen.scene.data import RequestData
 from scenegen.training import feed as feeds
 from scenegen.training.config import make_config
+from scenegen.training.datasets import scenefile
+from scenegen.training.datasets.uniform import uniform
 from scenegen.training.feed import Memory, Windows, make_feed, ranked, sorted_into
 from scenegen.training.interrupt import Interrupted
 from scenegen.training.loop import train
@@ -85,7 +85,7 @@ def test_batches_are_full_and_start_anywhere(file, exp1, small):
 
 def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
     full = make_feed(exp1, config(file))
-    monkeypatch.setattr("scenegen.data.streamed.CHOSEN", 8 * 95)
+    monkeypatch.setattr("scenegen.training.datasets.streamed.CHOSEN", 8 * 95)
     some = make_feed(exp1, config(file))
     assert len(some.fitting) < 130 < len(full.fitting)
     for end in (torch.amin, torch.amax):
@@ -108,7 +108,7 @@ def test_branches_are_those_of_a_survey(file, exp1, small, monkeypatch):
 def test_the_first_scenes_alone(file, exp1, small):
     made = make_feed(exp1, config(file, scenes=330))
     assert (made.scenes, len(made.held)) == (297, 33)
-    with pytest.raises(DataError, match="950 scenes, not the 951"):
+    with pytest.raises(DataError, match="950 scenes, fewer than the 951"):
         make_feed(exp1, config(file, scenes=951))
 
 
@@ -156,7 +156,7 @@ def test_the_default_recipe_learns_from_windows(file, exp1, tmp_path, small):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"), [("scenes.csv", "no ending of a format"), ("balancd", "did you mean `balanced`")]
+    ("data", "said"), [("scenes.csv", "not a format of scene files"), ("balancd", "did you mean `balanced`")]
 )
 def test_names_that_are_neither_data_set_nor_file(data, said):
     with pytest.raises(RequestError, match=said):

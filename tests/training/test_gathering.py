@@ -8,10 +8,10 @@ import torch
 from rich.console import Console
 
 import scenegen
-from scenegen.data import gathering as module
-from scenegen.data.gathering import Gathering
-from scenegen.data.table import DATASETS, dataset_maker
 from scenegen.errors import RequestError
+from scenegen.training.datasets import gathering as module
+from scenegen.training.datasets.gathering import Gathering
+from scenegen.training.datasets.registry import DATASETS, dataset_maker
 from scenegen.training.gathered import GatheringLines
 from scenegen.training.progress import TrainingProgress
 
@@ -60,7 +60,7 @@ def test_time_is_up_wherever_it_is(seconds, spec, tmp_path, monkeypatch):
     monkeypatch.setattr(module.time, "monotonic", clock)
     with pytest.raises(RequestError, match=rf"time was up after {seconds} s of (measuring|gathering)") as caught:
         scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", scenes=2000, timeout=seconds)
-    assert "nothing was written" in str(caught.value) and "--timeout" in caught.value.diagnostics[0].help
+    assert "nothing was written" in str(caught.value) and "`timeout`" in caught.value.diagnostics[0].help
     assert not list(tmp_path.iterdir())
 
 
@@ -81,14 +81,16 @@ def test_time_is_up_between_steps(easy, tmp_path, monkeypatch):
     over = iter([False] * 5 + [True] * 1000)
     real = module.time.monotonic
     monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
-    with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*--resume"):
+    with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*resume"):
         scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, **settings)
     monkeypatch.undo()
     over = iter([False] * 12 + [True] * 1000)
     monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
     made = scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, resume=True, card=True, **settings)
     monkeypatch.undo()
-    assert made.trained.card.epochs_done == 1 and notes[-1].startswith("time is up after 1 of 4 epochs; go on with")
+    assert made.trained.card.epochs_done == 1 and str(notes[-1]).startswith(
+        "time is up after 1 of 4 epochs; go on with"
+    )
     assert sorted(one.name for one in tmp_path.iterdir()) == ["m.safetensors", "m.safetensors.train"]
     scenegen.train(easy, "gan", out=out, batch_size=32, resume=True, **settings)
     scenegen.train(easy, "gan", out=tmp_path / "whole.safetensors", batch_size=32, **settings)

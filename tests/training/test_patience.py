@@ -45,7 +45,9 @@ def test_it_stops_and_keeps_the_best(scripted, tmp_path, exp1):
     found = train(exp1, CONFIG, tmp_path / "m", on_note=notes.append, on_epoch=reports.append)
     assert len(left) == 2 and [report.kept for report in reports] == [1, 2, 2, 2]
     assert (found.card.epochs_done, found.card.kept_epoch) == (4, 2)
-    assert notes == ["stopped after 4 epochs: no better than epoch 2, which is kept (mean error of phi 1)"]
+    assert [str(note) for note in notes] == [
+        "stopped after 4 epochs: no better than epoch 2, which is kept (mean error of phi 1)"
+    ]
     scripted(ERRORS)
     two = train(exp1, dataclasses.replace(CONFIG, epochs=2, patience=None), tmp_path / "two")
     assert same_weights(found, two) and two.card.kept_epoch is None
@@ -107,4 +109,4 @@ def test_a_rate_that_follows_another_plan_is_told(model, recipe, said, tmp_path,
     notes = []
     train(exp1, config, tmp_path / "m")
     train(exp1, dataclasses.replace(config, epochs=2), tmp_path / "m", resume=True, on_note=notes.append)
-    assert len([note for note in notes if "plan of 2 epochs from here on" in note]) == said == len(notes)
+    assert len([note for note in notes if "plan of 2 epochs from here on" in str(note)]) == said == len(notes)

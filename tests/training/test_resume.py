@@ -12,7 +12,7 @@ from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.models.checkpoint import load_model
 from scenegen.models.published.aae import AAE
 from scenegen.models.published.gan import GAN
-from scenegen.models.table import MODELS, PUBLISHED, model_class
+from scenegen.models.registry import MODELS, PUBLISHED, model_class
 from scenegen.training import session
 from scenegen.training.config import make_config
 from scenegen.training.interrupt import Interrupted
@@ -122,7 +122,7 @@ def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
         trained = train(exp1, config, out, resume=True, on_epoch=pytest.fail, on_note=notes.append)
         assert trained.card.epochs_done == 4
     assert files(out) == before
-    assert len(notes) == 2 and "4 epochs are already done" in notes[0]
+    assert len(notes) == 2 and "4 epochs are already done" in str(notes[0])
     out.unlink()
     assert train(exp1, CONFIG, out, resume=True).card.epochs_done == 4
     assert files(out) == before
@@ -142,14 +142,14 @@ def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"seed": 1}, "--seed was 0"),
-        ({"batch_size": 32}, "--batch-size was 64"),
-        ({"scenes": 301}, "--scenes was 300"),
-        ({"lr": 0.01}, "--lr was 0.001"),
-        ({"data": "boosted"}, "--data was 'uniform'"),
-        ({"model": "aae"}, "--model was 'gan'"),
-        ({"recipe": "default"}, "--recipe was 'paper'"),
-        ({"hyper": {"latent": 3}}, "--hyper was {}"),
+        ({"seed": 1}, "`seed` was 0"),
+        ({"batch_size": 32}, "`batch_size` was 64"),
+        ({"scenes": 301}, "`scenes` was 300"),
+        ({"lr": 0.01}, "`lr` was 0.001"),
+        ({"data": "boosted"}, "`data` was 'uniform'"),
+        ({"model": "aae"}, "`model` was 'gan'"),
+        ({"recipe": "default"}, "`recipe` was 'paper'"),
+        ({"hyper": {"latent": 3}}, "`hyper` was {}"),
     ],
 )
 def test_other_options_are_refused_by_name(change, named, tmp_path, exp1):
@@ -190,7 +190,7 @@ def test_nothing_to_resume(tmp_path, exp1):
 def test_other_data_is_noticed(tmp_path, exp1, monkeypatch):
     out = tmp_path / "m"
     train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
-    monkeypatch.setattr("scenegen.data.dataset.Dataset.sha256", property(lambda self: "0" * 64))
+    monkeypatch.setattr("scenegen.training.datasets.dataset.Dataset.sha256", property(lambda self: "0" * 64))
     with pytest.raises(DataError, match="cannot be rebuilt"):
         train(exp1, CONFIG, out, resume=True)
 

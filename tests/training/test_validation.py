@@ -9,7 +9,7 @@ import torch
 from scenegen.models.checkpoint import load_model
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
+from scenegen.models.spec_loss import SpecLoss
 from scenegen.training import session
 from scenegen.training.config import make_config
 from scenegen.training.feed import make_feed
@@ -31,19 +31,19 @@ class Scripted:
 
 
 @pytest.fixture
-def judge(exp1):
-    return Judge(exp1.core, torch.full((1, 2), -1), Codec(exp1.workspace, 2))
+def spec_loss(exp1):
+    return SpecLoss(exp1.core, torch.full((1, 2), -1), Codec(exp1.workspace, 2))
 
 
-def held(judge, count, seed=0):
+def held(spec_loss, count, seed=0):
     x = torch.rand(count, 6, generator=torch.Generator().manual_seed(seed))
-    return Examples(x, judge.phi(x), torch.zeros(count, dtype=torch.int64))
+    return Examples(x, spec_loss.phi(x), torch.zeros(count, dtype=torch.int64))
 
 
-def test_errors_and_score_by_hand(judge):
-    truth = held(judge, 7)
+def test_errors_and_score_by_hand(spec_loss):
+    truth = held(spec_loss, 7)
     one, two = torch.rand(7, 6), torch.rand(7, 6)
-    found = validate(Scripted(one, two), judge, truth, ("task", "safe"), torch.Generator())
+    found = validate(Scripted(one, two), spec_loss, truth, ("task", "safe"), torch.Generator())
 
     def phi(x):
         mx, my, _, px, py, _ = x.double().numpy().T
@@ -64,12 +64,13 @@ def test_errors_and_score_by_hand(judge):
     assert found.score == pytest.approx(score, abs=1e-6)
 
 
-def test_the_score_sees_a_collapse_that_the_error_does_not(judge):
-    truth = held(judge, 2000)
-    same = held(judge, 1).x.expand(2000, 6)  # one scene, again and again
-    fresh = [held(judge, 2000, seed).x for seed in (1, 2)]
+def test_the_score_sees_a_collapse_that_the_error_does_not(spec_loss):
+    truth = held(spec_loss, 2000)
+    same = held(spec_loss, 1).x.expand(2000, 6)  # one scene, again and again
+    fresh = [held(spec_loss, 2000, seed).x for seed in (1, 2)]
     collapsed, good = (
-        validate(Scripted(*made), judge, truth, ("task", "safe"), torch.Generator()) for made in ((same, same), fresh)
+        validate(Scripted(*made), spec_loss, truth, ("task", "safe"), torch.Generator())
+        for made in ((same, same), fresh)
     )
     assert collapsed.score > 1.2 * good.score
 

@@ -1,5 +1,5 @@
 """Strategies: which phi the next episode begins with. numpy only; any learner, any environment."""
 
-from scenegen.curriculum.strategies.table import STRATEGIES, strategy
+from scenegen.curriculum.strategies.registry import STRATEGIES, strategy
 
 __all__ = ["STRATEGIES", "strategy"]

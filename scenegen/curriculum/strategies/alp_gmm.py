@@ -1,12 +1,12 @@
 """Where success changes, by a mixture of Gaussians (Portelas, Colas, Hofmann and Oudeyer, Teacher algorithms for
 curriculum learning of deep RL in continuously parameterized environments, CoRL 2019: ALP-GMM).
 
-The absolute learning progress of an outcome is how much its score differs from that of the nearest earlier scene. Every
-`refit` outcomes a mixture is fitted to the last `window` pairs of scene and progress; a task is drawn from a Gaussian
-that was chosen by its mean progress, sometimes from anywhere. Here the score is success, 0 or 1; so where
-nothing is learnt, progress is 2 p (1 - p) on average, not 0, and the strategy is near to `learnability`. The nearest
-scene is looked for among the last `memory` ones, and a mixture has up to 4 Gaussians, not 10: both bound its cost.
-It refits more often than the source does (250), whose learners take far longer.
+The absolute learning progress of an outcome is the difference of its score from that of the nearest earlier scene.
+Every `refit` outcomes a mixture is fitted to the last `window` pairs of scene and progress; a task is drawn from a
+Gaussian that was chosen by its mean progress, sometimes from anywhere. Here the score is success, 0 or 1. So where
+nothing is learnt, progress is 2 p (1 - p) on average, not 0, and the strategy is similar to `learnability`. The nearest
+scene is searched among the last `memory` ones, and a mixture has up to 4 Gaussians, not 10: both limit the cost. It
+refits more often than the source does (250), because the source's learners take far longer.
 
 Several labels: the space is that of all their shares, each label on its own; no cells.
 """
@@ -23,13 +23,13 @@ from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
 BATCH = 32  # tasks that are drawn at once
-ROUNDS = 6  # of expectation maximisation; more cost time, and tasks were no better for it
+ROUNDS = 6  # of expectation maximisation; more cost time, and did not improve the tasks
 
 
 class AlpGmmSettings(Settings):
-    """`share` of scenes from all of the reach; `refit`: outcomes between two fits to the last `window`; `largest`
-    number of Gaussians; `memory`: scenes that the nearest is looked for among; `width` of a task, as a share of each
-    label's reach."""
+    """`share` of scenes from the whole range; `refit`: outcomes between two fits to the last `window`; `largest` number
+    of Gaussians; `memory`: scenes among which the nearest is searched; `width` of a task, as a share of each label's
+    range."""
 
     share: float = Field(default=0.2, gt=0.0, le=1.0)
     refit: int = Field(default=50, ge=1, le=1_000_000)
@@ -42,7 +42,7 @@ class AlpGmmSettings(Settings):
 class AlpGmm(Base):
     settings_class = AlpGmmSettings
     settings: AlpGmmSettings
-    fixed_shapes = False  # there are as many Gaussians as fit best
+    fixed_shapes = False  # the number of Gaussians varies: the one that fits best
     memory = ("told", "scenes", "scores", "pairs", "worth", "means", "roots", "drawn")
     told: int
     scenes: Floats
@@ -56,7 +56,7 @@ class AlpGmm(Base):
     drawn: list[list[float]]
     """Tasks for later."""
     roots: Floats
-    """Of the Gaussians' covariances: times a standard normal draw they give one of theirs."""
+    """Factors of the covariances: a factor times a standard normal draw is a draw from that Gaussian."""
 
     def begin(self) -> None:
         labels = self.axis.count
@@ -80,7 +80,7 @@ class AlpGmm(Base):
         chosen = upto.searchsorted(self.rng.random(BATCH) * upto[-1], side="right").clip(max=len(upto) - 1)
         noise = self.rng.standard_normal((BATCH, self.axis.count, 1))
         at = self.means[chosen] + (self.roots[chosen] @ noise)[:, :, 0]
-        # kept whole inside: a task cut in half by the border would be asked for as often as any
+        # moved inside as a whole: a task cut by the border would be chosen as often as any other
         found: list[list[float]] = (at - self.settings.width / 2).clip(0.0, 1.0 - self.settings.width).tolist()
         return found
 

@@ -1,9 +1,9 @@
-"""How hard phi is: 0 at the easy end of a reach, where phi is highest, 1 at the hard end.
+"""Difficulty: 0 at the easy end of a range, where phi is highest, 1 at the hard end.
 
-Of several labels the hardest counts: a scene is as hard as the label that is furthest along its way from its highest to
-its lowest phi, as the phi of a conjunction is the least of its parts. So the scenes between two difficulties form a
-shell around the easy corner, which is L boxes; one is drawn by its volume. The shells fill the reach and hold the
-mixed scenes (one label easy, another hard), which the straight line between the two corners would leave out.
+With several labels the hardest counts: a scene is as hard as the label that is furthest on its way from its highest to
+its lowest phi, just as the phi of a conjunction is the minimum of its parts. So the scenes between two difficulties
+form a shell around the easy corner. It consists of L boxes; one is drawn by its volume. The shells fill the range and
+contain the mixed scenes (one label easy, another hard), which the straight line between the two corners would miss.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from numbers import Real
 import numpy as np
 
 from scenegen.curriculum.tasks import PhiBox
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.learning import LABEL_NOT_THERE, NOT_A_REACH, REACH_ENDS, UNEVEN_REACH
 
 
 class Axis:
-    """Difficulty in `space`, along `labels` (positions; None: all) that have any reach; `count` of them."""
+    """Difficulty in `space`, along those `labels` (positions; None: all) whose range is not a single value; `count` of
+    them."""
 
     def __init__(self, space: PhiBox, labels: Sequence[int] | None = None) -> None:
         check(space)
         named = range(len(space.low)) if labels is None else labels
         for label in named:
             if not 0 <= label < len(space.low):
-                help_ = f"labels are counted from 0 to {len(space.low) - 1}, in the spec's order"
-                raise RequestError(Diagnostic(f"a curriculum about label {label}, which is not there", help=help_))
+                raise RequestError(LABEL_NOT_THERE(label=label, last=len(space.low) - 1))
         self.space = space
         self.along = tuple(label for label in sorted(set(named)) if space.low[label] < space.high[label])
         self.count = len(self.along)
@@ -45,17 +46,18 @@ class Axis:
         return None if shares is None else max(shares, default=0.0)
 
     def box(self, near: Sequence[float], far: Sequence[float]) -> PhiBox:
-        """Scenes whose labels of `along` have shares from `near` to `far`; the other labels have all of their reach."""
+        """Scenes whose labels of `along` have shares from `near` to `far`; the other labels have their whole range."""
         low, high = list(self.space.low), list(self.space.high)
         for (k, top, width), easy, hard in zip(self._ends, near, far, strict=True):
-            # a share of 1 is the low end itself, whatever rounding makes of the product
+            # a share of 1 is the low end itself, without rounding of the product
             low[k] = max(low[k], top - hard * width) if hard < 1.0 else low[k]
             high[k] = max(low[k], top - max(easy, 0.0) * width)
         return PhiBox(tuple(low), tuple(high))
 
     def shell(self, near: float, far: float) -> list[tuple[float, PhiBox]]:
-        """The boxes, with their volumes in shares, that make up the difficulties from `near` to `far`. Box i holds the
-        scenes whose i-th label is the hardest, and easier than `near` in the labels before it, lest two boxes meet."""
+        """The boxes, with their volumes in shares, that make up the difficulties from `near` to `far`. Box i contains
+        the scenes whose i-th label is the hardest; labels before it are easier than `near`, so that boxes do not
+        overlap."""
         if not self.count:
             return [(1.0, self.space)]
         found = []
@@ -69,7 +71,7 @@ class Axis:
 
 
 def pick(boxes: Sequence[tuple[float, PhiBox]], rng: np.random.Generator) -> PhiBox:
-    """One of some boxes by their volumes; of a single one without a draw."""
+    """One of the boxes by their volumes; a single box is returned without using a random number."""
     if len(boxes) == 1:
         return boxes[0][1]
     left = rng.random() * math.fsum(volume for volume, _ in boxes)
@@ -81,18 +83,14 @@ def pick(boxes: Sequence[tuple[float, PhiBox]], rng: np.random.Generator) -> Phi
 
 
 def check(space: PhiBox) -> None:
-    """Raises RequestError unless `space` has as many lows as highs, finite ones, in their order."""
+    """Raises RequestError unless `space` has as many lows as highs, all finite, each low at most its high."""
     if not isinstance(space, PhiBox) or not all(_numbers(ends) for ends in (space.low, space.high)):
-        title = f"{space!r} is no reach of phi"
-        raise RequestError(Diagnostic(title, help="write PhiBox((-0.7,), (0.0,)), or give `env.unwrapped.space`"))
+        raise RequestError(NOT_A_REACH(value=repr(space)))
     if len(space.low) != len(space.high) or not space.low:
-        title = f"a reach of phi with {len(space.low)} low and {len(space.high)} high ends"
-        raise RequestError(Diagnostic(title, help="give one low and one high end per label of the spec"))
+        raise RequestError(UNEVEN_REACH(low=len(space.low), high=len(space.high)))
     for label, (low, high) in enumerate(zip(space.low, space.high, strict=True)):
         if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            title = f"label {label}: no curriculum from phi {low} to {high}"
-            help_ = "both ends are finite, the lower one first; `scenegen range` prints what can be reached"
-            raise RequestError(Diagnostic(title, help=help_))
+            raise RequestError(REACH_ENDS(label=label, low=low, high=high))
 
 
 def _numbers(ends: object) -> bool:

@@ -1,4 +1,4 @@
-"""What all strategies have: checked settings, the axis of difficulty, and a state that can be saved."""
+"""The base class of strategies: checked settings, the axis of difficulty, and a state that can be saved."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ import numpy as np
 from scenegen.curriculum.strategies.axis import Axis
 from scenegen.curriculum.strategies.settings import Settings, checked
 from scenegen.curriculum.tasks import Outcome, PhiBox
-from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.learning import NOT_A_GENERATOR, NOT_A_STATE, OTHER_STATE, PARTIAL_STATE
+
+FORMER = {"asked": "tasks"}  # names in saved states of version 0.1, and what they are called now
 
 
 class Base(ABC):
     """A strategy over all the phi in `space`; everything random comes from `rng`.
 
-    Any order of calls will do: outcomes may come late, in another order, never, or for tasks of somebody else. An
-    outcome whose first scene lies outside of the space, or is NaN, is passed over.
+    Calls may come in any order: outcomes may be late, in another order, missing, or for tasks that the caller chose. An
+    outcome whose first scene lies outside of the space, or is NaN, is ignored.
     """
 
     settings_class: ClassVar[type[Settings]] = Settings
@@ -36,8 +39,7 @@ class Base(ABC):
         """Raises RequestError for a bad space, an unknown setting, or a value out of its range."""
         self.settings = checked(self.settings_class, self.name(), settings)
         if not isinstance(rng, np.random.Generator):
-            title = f"a strategy draws from a numpy.random.Generator, not from {rng!r}"
-            raise RequestError(Diagnostic(title, help="give np.random.default_rng(0)"))
+            raise RequestError(NOT_A_GENERATOR(value=repr(rng)))
         self.axis = Axis(space, self.settings.labels)
         self.space, self.rng = space, rng
         self.begin()
@@ -57,41 +59,43 @@ class Base(ABC):
 
     @abstractmethod
     def report(self, outcome: Outcome) -> None:
-        """Hear how an episode went."""
+        """Takes the outcome of an episode."""
 
     def log(self) -> dict[str, float]:
-        """A few numbers worth a curve each: where the strategy is."""
+        """A few numbers that show the strategy's progress, for plots."""
         return {}
 
     def state(self) -> dict[str, Any]:
-        """All that is needed to go on from here, as plain data that JSON holds."""
+        """Everything that is needed to continue from here, as plain data for JSON."""
         memory = {name: attrgetter(name)(self) for name in self.memory}
         return {**self._who(), **_plain({"rng": self.rng.bit_generator.state, "memory": memory})}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state`, the generator's included. Raises DataError for that of another strategy, another space
-        or other settings."""
+        """Continue from a `state`, including that of the generator. Raises DataError for a state of another strategy,
+        another space or other settings."""
         if not isinstance(state, Mapping):
-            raise DataError(Diagnostic(f"a state is a mapping, not {state!r}", help="use what state() gave"))
+            raise DataError(NOT_A_STATE(value=repr(state)))
         for part, mine in self._who().items():
             if state.get(part) != mine:
-                title = f"this state is of another {part}: {state.get(part)}, not {mine}"
-                raise DataError(Diagnostic(title, help="restore into a strategy made like the one that was saved"))
+                raise DataError(OTHER_STATE(part=part, found=str(state.get(part)), wanted=str(mine)))
         memory = state.get("memory")
-        if not isinstance(memory, Mapping) or set(memory) != set(self.memory):
+        if not isinstance(memory, Mapping):
+            raise self._not_whole()
+        memory = {FORMER.get(name, name): saved for name, saved in memory.items()}
+        if set(memory) != set(self.memory):
             raise self._not_whole()
         found = {name: self._like(attrgetter(name)(self), saved) for name, saved in memory.items()}
         try:
             self.rng.bit_generator.state = state["rng"]
         except (KeyError, TypeError, ValueError) as error:
-            title = f"this state is of another random generator: {error}"
-            raise DataError(Diagnostic(title, help="restore with a generator of the same kind")) from error
+            raise DataError(OTHER_STATE(part="random generator", found=str(error))) from error
         for name, value in found.items():
             path, _, last = name.rpartition(".")
             setattr(attrgetter(path)(self) if path else self, last, value)
 
     def _like(self, mine: Any, saved: Any) -> Any:
-        """A saved value as one of ours. Raises DataError for one of another kind; lists and arrays may grow."""
+        """A saved value as a value of this type. Raises DataError for another type; lists and arrays may have other
+        lengths."""
         if isinstance(mine, np.ndarray):
             try:
                 array = np.array(saved, dtype=mine.dtype)
@@ -106,7 +110,7 @@ class Base(ABC):
         return _plain(saved)
 
     def _not_whole(self) -> DataError:
-        return DataError(Diagnostic(f"this state is not a whole one of `{self.name()}`", help="use what state() gave"))
+        return DataError(PARTIAL_STATE(strategy=self.name()))
 
     def _who(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}

@@ -1,4 +1,4 @@
-"""Draws by weight, and success rates of parts: the two things that most strategies are made of."""
+"""Weighted draws, and success rates of parts: the building blocks of most strategies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def any_of(count: int, rng: np.random.Generator) -> int:
 
 
 def hear(rate: Floats, heard: Ints, part: int, score: float, span: int) -> None:
-    """Move a part's rate towards a score: a mean of all with one observation's worth of the first guess, and from
-    `span` outcomes on one that forgets, by 1 / span each time."""
+    """Move a part's rate towards a score: at first the mean of all outcomes, with the initial guess as one observation;
+    after `span` outcomes a running mean with step 1 / span."""
     heard[part] += 1
     rate[part] += (score - rate[part]) / min(int(heard[part]) + 1, span)

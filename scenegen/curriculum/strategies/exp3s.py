@@ -2,10 +2,10 @@
 Automated curriculum learning for neural networks, ICML 2017; Exp3.S: Auer, Cesa-Bianchi, Freund and Schapire, SIAM
 Journal on Computing 2002).
 
-Of the source's measures of progress, gains in the learner's loss, an outcome tells none; here it is the distance
-between a fast and a slow running mean of the cell's success. As there, it is scaled to [-1, 1] by the 20 % and 80 %
-points of recent rewards, divided by the chance that the cell had, and some weight flows from every cell to the others,
-so that a cell once dismissed can come back.
+The source measures progress by the decrease of the learner's loss, which an outcome does not have; here progress is the
+distance between a fast and a slow running mean of the cell's success. As in the source, it is scaled to [-1, 1] by the
+20 % and 80 % quantiles of recent rewards and divided by the cell's probability, and some weight flows from every cell
+to the others, so that a cell can always come back.
 
 Several labels: a grid of cells over all of them.
 """
@@ -23,11 +23,11 @@ from scenegen.curriculum.strategies.levels import Cells
 from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
-REWARDS = 200  # recent ones, which the scale is taken from
-RESCALED = 20  # outcomes between two looks at them
-LONGEST = 1.0  # step of a log weight, which a small chance would make huge
-FASTER = 3  # times, of the two running means
-LEAST_FLOW = 1e-3  # of the weight, per outcome; the source's 1 / t would end in a standstill
+REWARDS = 200  # recent rewards, which determine the scale
+RESCALED = 20  # outcomes between two updates of the scale
+LONGEST = 1.0  # maximum step of a log weight, which a small probability would make huge
+FASTER = 3  # time constants of the two running means
+LEAST_FLOW = 1e-3  # share of the weight that flows, per outcome; with the source's 1 / t changes would stop
 
 
 class Exp3SSettings(Settings):
@@ -75,7 +75,7 @@ class Exp3S(Base):
         self.slow[cell] += (score - self.slow[cell]) / min(int(self.heard[cell]) + 2, span)
         hear(self.fast, self.heard, cell, score, span // FASTER)
         reward = self._scaled(abs(float(self.fast[cell] - self.slow[cell])))
-        chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count  # were all cells open
+        chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count  # if all cells were open
         self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -LONGEST), LONGEST))
         flow = max(1.0 / self.told, LEAST_FLOW)
         self.weight = (1.0 - flow) / self.weight.sum() * self.weight + flow / count

@@ -1,9 +1,9 @@
-"""Where success is a toss-up: a scene teaches most when its chance p of success is neither 0 nor 1.
+"""Scenes with uncertain success: a scene teaches most if its probability p of success is neither 0 nor 1.
 
 A cell's weight is exp(beta p (1 - p)) (Tzannetos, Ribeiro, Kamalaruban and Singla, Proximal curriculum for
-reinforcement learning agents, TMLR 2023, with a best value of 1); the same score picks the levels of Rutherford,
-Beukman, Willi, Lacerda, Hawes and Foerster, No regrets, NeurIPS 2024, who also leave a share of levels to chance. p is
-a running mean of success, not a learner's own value, and begins at one half: what was not tried may be worth learning.
+reinforcement learning agents, TMLR 2023, with a best value of 1); Rutherford, Beukman, Willi, Lacerda, Hawes and
+Foerster, No regrets, NeurIPS 2024, choose levels by the same score, and also draw a share of levels at random. p is a
+running mean of success, not a learner's own value estimate, and begins at one half, so that untried cells are tried.
 
 Several labels: a grid of cells over all of them.
 """
@@ -44,7 +44,7 @@ class Learnability(Base):
         self.cells = Cells(self.axis, self.settings.cells)
         self.rate = np.full(self.cells.count, 0.5)
         self.heard = np.zeros(self.cells.count, dtype=np.int64)
-        self.weight = np.ones(self.cells.count)  # the greatest there is: exp(beta (p (1 - p) - 1 / 4))
+        self.weight = np.ones(self.cells.count)  # relative to the largest weight: exp(beta (p (1 - p) - 1 / 4))
 
     def next_task(self) -> PhiBox:
         by_chance = self.rng.random() < self.settings.share

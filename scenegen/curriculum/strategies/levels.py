@@ -1,11 +1,11 @@
-"""The reach of phi cut into parts that are counted: levels of difficulty, or cells over all labels.
+"""The range of phi cut into a finite number of parts: levels of difficulty, or cells over all labels.
 
-A source may have no scene for a part, and hand out its nearest. On the way out along the levels that is as good: the
-outcome belongs to the level that was asked for. Of cells, many may be out of reach (two labels that no scene fails
-badly at once), and every share of scenes for all of them would go to the border of what is there. So an outcome belongs
-to the cell that its first scene lay in, and a cell that never had a scene is closed after a few vain attempts.
+A source may have no scene for a part, and return the nearest one. For levels this is acceptable: the outcome belongs to
+the requested level. Many cells may be out of reach (two labels that no scene violates badly together), and all their
+scenes would come from the border of the reachable region. So an outcome belongs to the cell of its first scene, and a
+cell that never had a scene is closed after a few attempts.
 
-Outcomes of tasks that somebody else chose count like our own, by their phi.
+Outcomes of tasks that the caller chose count by their phi.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 from scenegen.curriculum.strategies.axis import Axis, pick
 from scenegen.curriculum.strategies.chances import Floats, Ints, drawn
 from scenegen.curriculum.tasks import Outcome, PhiBox
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
+from scenegen.errors.learning import TOO_MANY_CELLS
 
 CELLS = (16, 6, 4, 3)  # per label, of one, two, three and four labels; of more, two
 MOST = 4096
@@ -48,12 +49,12 @@ class Levels:
 class Cells:
     """A grid over all labels of the axis, `per` cells along each; the first label's index changes slowest.
 
-    `open` is 1 for cells that may have scenes, 0 for closed ones; `vain` counts the attempts on those that never had
-    one, and is -1 for the others. Raises RequestError where there are more than MOST.
+    `open` is 1 for cells that may have scenes, 0 for closed ones; `vain` counts the failed attempts for cells that
+    never had a scene, and is -1 for the others. Raises RequestError for more than MOST cells.
     """
 
     memory = ("cells.open", "cells.vain")
-    """For the `memory` of a strategy that has them as `cells`."""
+    """The names for the `memory` of a strategy whose grid is its attribute `cells`."""
     open: Floats
     vain: Ints
 
@@ -61,8 +62,7 @@ class Cells:
         per = per or (CELLS[axis.count - 1] if 0 < axis.count <= len(CELLS) else 2)
         self.axis, self.per, self.count = axis, per, per**axis.count
         if self.count > MOST:
-            title = f"{axis.count} labels with {per} cells each make {self.count} cells, more than {MOST}"
-            raise RequestError(Diagnostic(title, help="name the labels that matter: labels=[0, 1]"))
+            raise RequestError(TOO_MANY_CELLS(labels=axis.count, per=per, count=self.count, limit=MOST))
         edges = [(k / per, (k + 1) / per) for k in range(per)]
         corners = [zip(*cell, strict=True) for cell in itertools.product(edges, repeat=axis.count)]
         self._boxes = [axis.box(*corner) if axis.count else axis.space for corner in corners]
@@ -78,13 +78,12 @@ class Cells:
         return drawn(self.open, rng)
 
     def of(self, outcome: Outcome) -> int | None:
-        """The cell that an outcome belongs to, None if it lies outside of the space. Takes note of cells without
-        scenes."""
-        asked = self._named.get(outcome.task)
-        if asked is not None and not outcome.task.holds(outcome.phi):
-            self._missed(asked)
-            asked = None
-        cell = self._of(outcome.phi) if asked is None else asked
+        """The cell that an outcome belongs to, None if it lies outside of the space. Records cells without scenes."""
+        requested = self._named.get(outcome.task)
+        if requested is not None and not outcome.task.holds(outcome.phi):
+            self._missed(requested)
+            requested = None
+        cell = self._of(outcome.phi) if requested is None else requested
         if cell is not None and self.vain[cell] >= 0:
             self.vain[cell], self.open[cell] = -1, 1.0
         return cell

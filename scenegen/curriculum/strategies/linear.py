@@ -1,8 +1,8 @@
-"""Difficulty that grows with the number of episodes, whatever the learner makes of it (the paper's Fig. 5, `linear`).
+"""Difficulty that grows with the number of episodes, independently of the learner (the paper's Fig. 5, `linear`).
 
-The reach is cut into levels; over `episodes` episodes each in its turn is asked for equally often, from the easiest on.
-After that it is `uniform`. With `grow` the easier levels stay in: a reach that grows instead of a band that moves.
-Several labels: levels are shells around the easy corner (axis.py).
+The range is cut into levels; over `episodes` episodes one level after another is used equally often, from easy to hard.
+After that the strategy is `uniform`. With `grow` the easier levels stay in: the range grows, instead of a band that
+moves. Several labels: levels are shells around the easy corner (axis.py).
 """
 
 from __future__ import annotations
@@ -26,29 +26,30 @@ class LinearSettings(Settings):
 class Linear(Base):
     settings_class = LinearSettings
     settings: LinearSettings
-    memory = ("asked",)
-    asked: int
+    memory = ("tasks",)
+    tasks: int
+    """How many were drawn so far."""
 
     def begin(self) -> None:
-        self.asked = 0
+        self.tasks = 0
         self.levels = Levels(self.axis, self.settings.levels)
         grown = [(level + 1) / self.levels.count for level in range(self.levels.count)]
         self._grown = [self.axis.shell(0.0, far)[0][1] for far in grown]
 
     @property
     def level(self) -> int:
-        """The level that it is the turn of; after the last, how many there are."""
-        return min(self.asked * self.levels.count // self.settings.episodes, self.levels.count)
+        """The current level; after the last one, the number of levels."""
+        return min(self.tasks * self.levels.count // self.settings.episodes, self.levels.count)
 
     def next_task(self) -> PhiBox:
         level = self.level
-        self.asked += 1
+        self.tasks += 1
         if level == self.levels.count:
             return self.space
         return self._grown[level] if self.settings.grow else self.levels.box(level, self.rng)
 
     def report(self, outcome: Outcome) -> None:
-        """Nothing is learnt from it: the clock decides."""
+        """Does nothing: the number of episodes determines the level."""
 
     def log(self) -> dict[str, float]:
         return {"level": self.level}

@@ -1,8 +1,8 @@
 """Mixtures of Gaussians by expectation maximisation, of several sizes at once.
 
 scikit-learn fits one mixture at a time, in tens of milliseconds; a strategy refits while its learner waits. Here the
-fits for 2, 3, ..., `largest` Gaussians are one more axis of the same arrays, and the smallest value of Akaike's
-criterion (Akaike 1974) says which is kept.
+fits for 2, 3, ..., `largest` Gaussians are an additional axis of the same arrays, and the fit with the smallest value
+of Akaike's criterion (Akaike 1974) is kept.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Mixture:
 
 
 def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10) -> Mixture:
-    """A mixture of 2 to `largest` Gaussians for `points` (N, D), N > 0; fewer where there are fewer points than that.
-    It starts from points drawn from `rng`."""
+    """A mixture of 2 to `largest` Gaussians for `points` (N, D), N > 0; at most as many as points. It starts from
+    points drawn by `rng`."""
     count, width = points.shape
     largest = min(largest, count)
     sizes = np.arange(min(2, largest), largest + 1)  # (S,)
@@ -38,7 +38,7 @@ def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10
     floor = FLOOR * np.eye(width)
     spread = points - points.mean(0)
     covariances = np.broadcast_to(spread.T @ spread / count + floor, (len(sizes), largest, width, width))
-    across = np.ascontiguousarray(points.T)  # points last: numpy is quick along long rows
+    across = np.ascontiguousarray(points.T)  # points last: numpy is fast along long rows
     for left in reversed(range(rounds + 1)):
         apart = across - means[..., None]  # (S, K, D, N)
         far = (apart * (np.linalg.inv(covariances) @ apart)).sum(2)  # (S, K, N)
@@ -55,7 +55,7 @@ def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10
         means = parts @ points / held[..., None]
         apart = across - means[..., None]
         covariances = (parts[:, :, None, :] * apart) @ np.swapaxes(apart, 2, 3) / held[..., None, None] + floor
-    likelihood = (top + np.log(total)).sum((1, 2))  # but for a constant
+    likelihood = (top + np.log(total)).sum((1, 2))  # up to a constant
     freedom = sizes * (1 + width + width * (width + 1) // 2) - 1
     best = int((freedom - likelihood).argmin())
     kept = slice(int(sizes[best]))

@@ -1,13 +1,13 @@
-"""Prioritised level replay: back to where episodes surprise, and to what was not seen for long (Jiang, Grefenstette and
-Rocktäschel, Prioritized level replay, ICML 2021).
+"""Prioritised level replay: cells with surprising outcomes, and cells that were not used recently (Jiang, Grefenstette
+and Rocktäschel, Prioritized level replay, ICML 2021).
 
-There, a level is one seed of a generator, and its score the mean size of the value function's errors over an episode.
-Here a level is a cell of phi, and no value function is asked: the cell keeps a running mean of what its episodes were
-worth, and its score is the running mean of how far an episode was from that. So chance within a cell counts as a
-surprise and never ends, where the learner's own errors would. An episode is worth its success; with `worth="total"` its
-rewards, which lets a fall from the table count most, and then the edge of the table draws more than what lies on the
-way there. Scores count by rank alone, so the scale of rewards does not matter. As in the source, cells that were not
-asked for yet are drawn in proportion to how many they are.
+In the source, a level is one seed of a generator, and its score is the mean absolute error of the value function over
+an episode. Here a level is a cell of phi, and no value function is used: the cell keeps a running mean of its episodes'
+worth, and its score is the running mean of an episode's distance from that mean. So randomness within a cell counts as
+a surprise for ever, while the learner's own errors would decrease. An episode is worth its success, or with
+`worth="total"` its total reward; then falls from the table count most, and the edge of the table gets more episodes
+than the way there. Only the rank of scores matters, so the scale of rewards does not. As in the source, cells that were
+not used yet are drawn in proportion to their number.
 
 Several labels: a grid of cells over all of them.
 """
@@ -28,9 +28,9 @@ from scenegen.curriculum.tasks import Outcome, PhiBox
 
 
 class ReplaySettings(Settings):
-    """`cells` along each label (None: 16, or fewer where there are several); `temperature`: weight is
-    rank^(-1 / temperature); `staleness`: share of draws by how long ago a cell was asked for; means over about `window`
-    outcomes; `worth` of an episode: its success or its total reward."""
+    """`cells` along each label (None: 16, or fewer for several labels); `temperature`: weight is rank^(-1 /
+    temperature); `staleness`: share of draws by how long ago a cell was chosen; means over about `window` outcomes;
+    `worth` of an episode: its success or its total reward."""
 
     cells: int | None = Field(default=None, ge=1, le=1000)
     temperature: float = Field(default=0.5, gt=0.0, le=1000.0)
@@ -42,38 +42,39 @@ class ReplaySettings(Settings):
 class Replay(Base):
     settings_class = ReplaySettings
     settings: ReplaySettings
-    memory = (*Cells.memory, "mean", "score", "heard", "last", "asked")
+    memory = (*Cells.memory, "mean", "score", "heard", "last", "tasks")
     mean: Floats
     score: Floats
     heard: Ints
     last: Ints
-    """When a cell was asked for, as a count of tasks; -1: never."""
-    asked: int
+    """When a cell was last chosen, as a count of tasks; -1: never."""
+    tasks: int
+    """How many were drawn so far."""
 
     def begin(self) -> None:
         self.cells = Cells(self.axis, self.settings.cells)
         count = self.cells.count
         self.mean, self.score = np.zeros(count), np.zeros(count)
-        self.heard, self.last, self.asked = np.zeros(count, dtype=np.int64), np.full(count, -1), 0
+        self.heard, self.last, self.tasks = np.zeros(count, dtype=np.int64), np.full(count, -1), 0
         self._by_rank = (1.0 + np.arange(count)) ** (-1.0 / self.settings.temperature)
 
     def next_task(self) -> PhiBox:
         cell = self._cell()
-        self.last[cell] = self.asked
-        self.asked += 1
+        self.last[cell] = self.tasks
+        self.tasks += 1
         return self.cells.box(cell)
 
     def _cell(self) -> int:
         count, there = self.cells.count, self.cells.open
-        if self.asked < 100 * count:  # by then none is left, but for one chance in e^100
+        if self.tasks < 100 * count:  # after so many draws none is left, with probability 1 - e^-100
             new = np.flatnonzero(self.last < 0)
             draw = self.rng.random() * count
             if draw < len(new):
                 return int(new[int(draw)])
         if self.rng.random() < self.settings.staleness:
-            return drawn((self.asked - self.last) * there, self.rng)
+            return drawn((self.tasks - self.last) * there, self.rng)
         place = drawn(self._by_rank[: int(there.sum())], self.rng)
-        # the cell at that place, closed ones last; sorting all of them for each draw would cost more
+        # the cell of that rank, closed ones last; sorting all of them for each draw would cost more
         return int(np.argpartition(1.0 - there - self.score * there, place)[place])
 
     def report(self, outcome: Outcome) -> None:

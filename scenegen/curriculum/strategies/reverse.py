@@ -1,11 +1,11 @@
 """Outwards from the goal: starts near those that succeed sometimes (Florensa, Held, Wulfmeier, Zhang and Abbeel,
 Reverse curriculum generation for reinforcement learning, CoRL 2017).
 
-There, good starts are states whose rate of success lies between two bounds; new ones are found by short random walks
-from them, and some old ones are replayed. Here a start is a level of difficulty, a walk a normal step along the axis,
-and an old start a level that succeeds more often than the upper bound. Where no level is good the walk sets out from
-the outermost old one, at first from the goal. Not in the source: a share of scenes from all of the reach, without
-which a level that no scene can reach, wider than the walks, would be the end.
+In the source, good starts are states whose success rate lies between two bounds; new ones are found by short random
+walks from them, and some old ones are replayed. Here a start is a level of difficulty, a walk is a normal step along
+the axis, and an old start is a level that succeeds more often than the upper bound. If no level is good, the walk
+starts from the hardest old one, at first from the goal. Not in the source: a share of scenes from the whole range,
+without which the strategy could not cross a gap without scenes that is wider than the walks.
 
 Several labels: levels are shells around the easy corner (axis.py).
 """
@@ -25,8 +25,8 @@ ENOUGH = 3  # outcomes of a level before its rate is believed
 
 
 class ReverseSettings(Settings):
-    """`levels` of the reach; `low` and `high` rate of a good level's success, over about `window` outcomes; `walk`: a
-    walk's standard deviation in levels; `replay`: share of old starts, `share` of scenes from all of the reach."""
+    """`levels` of the range; `low` and `high` success rate of a good level, over about `window` outcomes; `walk`: a
+    walk's standard deviation in levels; `replay`: share of old starts, `share` of scenes from the whole range."""
 
     levels: int = Field(default=20, ge=1, le=1000)
     low: float = Field(default=0.1, ge=0.0, le=1.0)

@@ -2,11 +2,11 @@
 learner's own success sets the pace: Kumar, Packer and Koller, Self-paced learning for latent variable models, NeurIPS
 2010).
 
-Three things keep it from getting stuck. The band has at least two levels: on one level alone a learner may never see
-the way home from it rewarded, for that leads through the level that it no longer visits. A share of the scenes
-comes from all of the reach. And after `patience` outcomes on one level it moves on all the same; past the last level
-it is `uniform`, so at worst it costs `levels * patience` episodes. Short streaks are no proof of skill: `window` is
-long. The paper's rule, 40 successes in a row, is `window=40, rate=1`.
+Three rules keep it from getting stuck. The band has at least two levels: on one level alone a learner may never be
+rewarded for moving towards the goal, because the way leads through the level that it no longer visits. A share of the
+scenes comes from the whole range. And after `patience` outcomes on one level the strategy advances in any case; after
+the last level it is `uniform`, so at worst it costs `levels * patience` episodes. Short streaks are no proof of skill,
+so `window` is long. The paper's rule, 40 successes in a row, is `window=40, rate=1`.
 
 Several labels: levels are shells around the easy corner (axis.py).
 """
@@ -23,9 +23,9 @@ from scenegen.curriculum.tasks import Outcome, PhiBox
 
 
 class SelfPacedSettings(Settings):
-    """`levels` of the reach, of which the newest `band` are asked for; `rate` of success over the last `window`
-    outcomes in the band that lets it advance; `share` of scenes from all of the reach; `patience`: outcomes, wherever
-    they are, after which it advances anyway."""
+    """`levels` of the range, of which the newest `band` are used; success `rate` over the last `window` outcomes in the
+    band at which it advances; `share` of scenes from the whole range; `patience`: number of outcomes, on any level,
+    after which it advances anyway."""
 
     levels: int = Field(default=20, ge=2, le=1000)
     band: int = Field(default=2, ge=2, le=1000)
@@ -40,7 +40,7 @@ class SelfPaced(Base):
     settings: SelfPacedSettings
     memory = ("level", "heard", "recent")
     level: int
-    """The newest; after the last, how many there are."""
+    """The newest level; after the last one, the number of levels."""
     heard: int
     recent: list[int]
 

@@ -1,4 +1,4 @@
-"""What can be set in a strategy, and what is said of settings that are wrong."""
+"""The settings of a strategy, and the errors for wrong ones."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from scenegen.errors import Diagnostic, RequestError, quoted, suggest
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_SETTING, WRONG_SETTING
 
 
 class Settings(BaseModel):
-    """What all strategies have; subclasses add fields with defaults and bounds.
+    """The settings of all strategies; subclasses add fields with defaults and bounds.
 
-    `labels`: positions, in the spec's order, of the labels that the curriculum is about. The others are asked for in
-    all of their reach. None is all labels.
+    `labels`: positions, in the spec's order, of the labels that the curriculum controls. The others have their whole
+    range. None is all labels.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -32,14 +33,11 @@ def checked(kind: type[Some], owner: str, values: Mapping[str, object]) -> Some:
     except ValidationError as error:
         first = error.errors()[0]
         name = str(first["loc"][0]) if first["loc"] else ""
-        all_of_them = f"`{owner}` has settings {quoted(kind.model_fields)}"
+        known, of = tuple(kind.model_fields), f"strategy `{owner}`"
         if first["type"] == "extra_forbidden":
-            title = f"strategy `{owner}` has no setting `{name}`"
-            raise RequestError(Diagnostic(title, help=suggest(name, kind.model_fields, all_of_them))) from error
+            raise RequestError(UNKNOWN_SETTING(owner=of, name=name, known=known)) from error
         message = first["msg"].removeprefix("Value error, ")
-        if name not in kind.model_fields:  # of several settings together
-            raise RequestError(Diagnostic(f"strategy `{owner}`: {message}", help=all_of_them)) from error
-        title = f"setting `{name}` of strategy `{owner}`: {message[:1].lower()}{message[1:]}"
-        raise RequestError(
-            Diagnostic(title, help=f"by default `{name}` is {kind.model_fields[name].default}")
-        ) from error
+        if name not in known:  # an error about several settings together
+            raise RequestError(WRONG_SETTING(owner=of, reason=message, name="", known=known)) from error
+        reason, usual = f"{message[:1].lower()}{message[1:]}", str(kind.model_fields[name].default)
+        raise RequestError(WRONG_SETTING(owner=of, name=name, reason=reason, usual=usual)) from error

@@ -1,10 +1,11 @@
-"""A teacher that asks for what the student's score changes most on (Matiisen, Oliver, Cohen and Schulman,
+"""A teacher that chooses tasks on which the student's score changes most (Matiisen, Oliver, Cohen and Schulman,
 Teacher-student curriculum learning, 2017: the `window` algorithm).
 
-Each cell keeps its last outcomes; the slope of a line through them, in success per outcome, up or down, is the cell's
-progress. The cell with the greatest progress is asked for, now and then any. Down counts as up: what is being forgotten
-is worth going back to. In the source the line runs over time; here over the cell's own outcomes, so that a cell asked
-for rarely is not judged by the age of what it knows. Cells that are not full yet come first: their slope is unknown.
+Each cell keeps its last outcomes; the absolute slope of a line through them, in success per outcome, is the cell's
+progress. The cell with the greatest progress is chosen, sometimes a random one. Falling counts like rising: what the
+learner forgets should be practised again. In the source the line is a function of time; here of the cell's own
+outcomes, so that the age of outcomes does not matter for rarely chosen cells. Cells without enough outcomes come first:
+their slope is unknown.
 
 Several labels: a grid of cells over all of them.
 """
@@ -21,12 +22,12 @@ from scenegen.curriculum.strategies.settings import Settings
 from scenegen.curriculum.tasks import Outcome, PhiBox
 
 UNKNOWN = 1.0  # more than any slope over three outcomes or more
-DIGITS = 9  # of a slope: equal ones are drawn from by lot, not by how they were rounded
+DIGITS = 9  # rounding of a slope: ties are broken at random, not by rounding errors
 
 
 class TeacherSettings(Settings):
-    """`cells` along each label (None: 16, or fewer where there are several); `window`: outcomes that a slope is taken
-    over; `share` of scenes from any cell."""
+    """`cells` along each label (None: 16, or fewer for several labels); `window`: number of outcomes for a slope;
+    `share` of scenes from any cell."""
 
     cells: int | None = Field(default=None, ge=1, le=1000)
     window: int = Field(default=20, ge=3, le=1000)

@@ -1,7 +1,7 @@
-"""The baseline: all of the reach, at all times.
+"""The baseline: the whole range, at all times.
 
-How scenes spread in one wide box is their source's affair. With `levels` above 1 every level of difficulty is asked for
-equally often instead. Several labels: the whole box, or its shells.
+How scenes are spread in one wide box is left to their source. With `levels` above 1, every level of difficulty is
+chosen equally often instead. Several labels: the whole box, or its shells.
 """
 
 from __future__ import annotations
@@ -34,4 +34,4 @@ class Uniform(Base):
         return self.levels.box(any_of(self.levels.count, self.rng), self.rng)
 
     def report(self, outcome: Outcome) -> None:
-        """Nothing is learnt from it."""
+        """Does nothing: outcomes do not change the tasks."""

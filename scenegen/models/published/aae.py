@@ -21,9 +21,9 @@ from torch.nn.functional import softplus
 
 from scenegen.models.base import Hyper, SceneModel
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout
 from scenegen.models.mlp import Mlp, Pass, Trainable
+from scenegen.models.spec_loss import SpecLoss
 
 
 class AAEHyper(Hyper):
@@ -46,7 +46,7 @@ class AAE(SceneModel):
         self.decoder = Mlp((self.latent + labels, 256, 128, 128, 64, 64, self.width), 0.0)
         self.discriminator = Mlp((self.latent, 128, 128, 64, 64, 32, 32, 1), 0.2)
 
-    def start(self, lr: float, judge: Judge) -> None:
+    def start(self, lr: float, spec_loss: SpecLoss) -> None:
         encoder, decoder, critic = Trainable(self.encoder), Trainable(self.decoder), Trainable(self.discriminator)
         self.optimisers = {
             "reconstruction": torch.optim.Adam([encoder.vector, decoder.vector], lr=lr, fused=True),
@@ -104,10 +104,10 @@ class AAE(SceneModel):
 class _Passes:
     """The buffers of a step; `coded` is the lower half of `both`, the discriminator's batch."""
 
-    def __init__(self, encoder: Trainable, decoder: Trainable, judge: Trainable, rows: int) -> None:
+    def __init__(self, encoder: Trainable, decoder: Trainable, spec_loss: Trainable, rows: int) -> None:
         self.encoder = Pass(encoder, rows)
         self.decoder = Pass(decoder, rows)
-        self.both = Pass(judge, 2 * rows)
+        self.both = Pass(spec_loss, 2 * rows)
         self.coded = self.both.part(rows, 2 * rows)
-        self.is_real = judge.vector.new_zeros(2 * rows, 1)
+        self.is_real = spec_loss.vector.new_zeros(2 * rows, 1)
         self.is_real[:rows] = 1.0

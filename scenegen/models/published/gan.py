@@ -17,9 +17,9 @@ from torch.nn.functional import softplus
 
 from scenegen.models.base import Hyper, SceneModel
 from scenegen.models.examples import Examples
-from scenegen.models.judge import Judge
 from scenegen.models.layout import Layout
 from scenegen.models.mlp import Mlp, Pass, Trainable
+from scenegen.models.spec_loss import SpecLoss
 
 BETAS = (0.5, 0.999)
 
@@ -43,7 +43,7 @@ class GAN(SceneModel):
         self.generator = Mlp((self.latent + labels, 256, 128, 128, 64, 64, self.width), 0.0)
         self.discriminator = Mlp((self.width + labels, 128, 128, 64, 64, 32, 32, 1), 0.2)
 
-    def start(self, lr: float, judge: Judge) -> None:
+    def start(self, lr: float, spec_loss: SpecLoss) -> None:
         maker, critic = Trainable(self.generator), Trainable(self.discriminator)
         self.optimisers = {
             "generator": torch.optim.Adam([maker.vector], lr=lr, betas=BETAS, fused=True),
@@ -99,9 +99,9 @@ class GAN(SceneModel):
 class _Passes:
     """The buffers of a step: the generator's, the discriminator's on real and made scenes (`fake`, the lower half)."""
 
-    def __init__(self, maker: Trainable, judge: Trainable, rows: int) -> None:
+    def __init__(self, maker: Trainable, spec_loss: Trainable, rows: int) -> None:
         self.maker = Pass(maker, rows)
-        self.both = Pass(judge, 2 * rows)
+        self.both = Pass(spec_loss, 2 * rows)
         self.fake = self.both.part(rows, 2 * rows)
         self.is_real = maker.vector.new_zeros(2 * rows, 1)
         self.is_real[:rows] = 1.0

@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import FLAT, row_of
 from scenegen.sampling.growth.insert import MANY
+from scenegen.sampling.growth.outlook import chance
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.touch import within
+from scenegen.sampling.growth.ways import held_ways
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 
 def attempt(
@@ -21,11 +22,9 @@ def attempt(
     things: Sequence[int],
     new: Mapping[int, Array],
     allowed: Bool | None = None,
-    *,
-    places: bool = True,
 ) -> Bool:
     """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
-    in which that was so. `places`: the values are new to the scene, not those of another of its objects."""
+    in which that was so. Where what begun choices promise changes, moves are taken in proportion to that."""
     machine, cell = particles.machine, particles.cell
     graph = machine.graph
     good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
@@ -49,16 +48,14 @@ def attempt(
     for row, value in brought.items():
         rows[row] = value
     _holds(particles, things, rows, trial, good)
-    met = _ways_met(particles, things, rows, good)
+    held = _ways_held(particles, things, rows, good)
     for row, value in brought.items():
         np.copyto(particles.scenes[row], value, where=good)
-    for index, (which, held) in met.items():
-        table = particles.met[index]
-        assert table is not None
-        table[which] = np.where(good, held, table[which])
-    for thing in things if places else ():
-        if 3 * thing in brought or 3 * thing + 1 in brought or 3 * thing not in graph.rows:
-            particles.fresh[thing] |= good
+    for index, (table, chances) in held.items():
+        known = particles.held[index]
+        assert known is not None
+        np.copyto(known, table, where=good)
+        np.copyto(particles.chances[index], chances, where=good)
     return good
 
 
@@ -72,20 +69,10 @@ def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], t
         if met is not None:
             good &= met
             machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(good))
-        for one in touch.way_clauses_in_force(stage):
-            if machine.ends[one.choice] <= stage:
-                continue
-            some = np.flatnonzero(good & (particles.chosen[one.choice] == one.way))
-            if len(some):
-                values = touch.values(("way", one.clause.node), [one.clause.node])
-                inside = within(values([row[some] for row in rows])[0], one.clause, cell[some])
-                machine.count(len(values.steps), len(some))
-                if inside is not None:
-                    good[some] &= inside
     for thing in things:
         touch = machine.touch[thing]
         if touch.layers and good.any():
-            x, y, theta = (rows[3 * thing + axis] for axis in range(3))
+            x, y, theta = (rows[row_of(thing, axis)] for axis in FLAT)
             machine.count(6 * stage, len(good))
             if good.mean() > MANY:
                 touch.clear((x, y, theta), trial, cell, stage, good)
@@ -96,29 +83,22 @@ def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], t
                 good[some] = clear
 
 
-def _ways_met(
+def _ways_held(
     particles: Particles, things: Sequence[int], rows: Sequence[Array], good: Bool
-) -> dict[int, tuple[Index, Bool]]:
-    """For every choice whose objects are all placed and of which some way touches `things`: those ways, and which hold
-    now. Takes scenes out of `good` in which no way is left."""
-    machine, cell = particles.machine, particles.cell
-    found: dict[int, tuple[Index, Bool]] = {}
-    for index, table in enumerate(particles.met):
-        if table is None:
+) -> dict[int, tuple[Bool, Array]]:
+    """For every choice of which some way touches `things`: which ways hold now (W, P), and the chance of the choice
+    (P,). Takes scenes out of `good` as often as their chances have become worse."""
+    machine, cell, stage = particles.machine, particles.cell, particles.stage
+    found: dict[int, tuple[Bool, Array]] = {}
+    for index, known in enumerate(particles.held):
+        if known is None:
             continue
         numbers = sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())})
         if not numbers:
             continue
-        ways = [machine.graph.choices[index].ways[number] for number in numbers]
-        touch = machine.touch[things[0]]
-        values = touch.values(("met", index, *numbers), [way.whole.node for way in ways])
-        machine.count(len(values.steps), len(good))
-        held = np.ones((len(ways), len(good)), dtype=bool)
-        for row, way, value in zip(held, ways, values(rows), strict=True):
-            inside = within(value, way.whole, cell)
-            if inside is not None:
-                row &= inside
-        which = np.array(numbers, dtype=np.intp)
-        good &= table.sum(axis=0) - table[which].sum(axis=0) + held.sum(axis=0) > 0
-        found[index] = which, held
+        table = known.copy()
+        table[numbers] = held_ways(machine, index, numbers, rows, cell, stage)
+        chances = chance(table, machine.outlooks[index][:, stage], cell)
+        good &= particles.rng.random(len(good)) * particles.chances[index] < chances
+        found[index] = table, chances
     return found

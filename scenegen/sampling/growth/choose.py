@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import PLACE, X, Y, row_of
 from scenegen.sampling.growth.attempt import attempt
+from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room, make_room
@@ -23,15 +25,21 @@ def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
     which do not depend on where it stands now (an independence move, Tierney 1994)."""
     machine, rng = particles.machine, particles.rng
     touch = machine.touch[thing]
-    choices = [index for index in touch.ways if particles.met[index] is not None]
-    if not choices:
+    if not touch.ways:
         return
-    index = choices[int(rng.integers(len(choices)))]
-    numbers = np.array(touch.ways[index])
-    if len(numbers) > WAYS:
-        numbers = np.sort(rng.choice(numbers, WAYS, replace=False))
-    room = _room(machine, thing, index, tuple(map(int, numbers)), particles.stage)
-    boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
+    index = list(touch.ways)[int(rng.integers(len(touch.ways)))]
+    placed = set(particles.placed)
+    asked = [
+        tuple(one for one in clauses if thing in one.objects and one.objects <= placed)
+        for clauses in (machine.graph.choices[index].ways[number].clauses for number in touch.ways[index])
+    ]
+    branches = [clauses for clauses in asked if clauses]
+    if not branches:
+        return
+    if len(branches) > WAYS:
+        branches = [branches[k] for k in np.sort(rng.choice(len(branches), WAYS, replace=False))]
+    room = _room(machine, thing, touch.in_force(particles.stage), branches)
+    boxes = room.boxes(particles.scenes, particles.cell)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw_evenly(rng)
     before, after = boxes.even_density(particles.scenes[list(touch.rows)]), boxes.even_density(poses)
@@ -41,11 +49,11 @@ def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
         tally.note("jump", len(good), int(good.sum()))
 
 
-def _room(machine: Machine, thing: int, choice: int, numbers: tuple[int, ...], stage: int) -> Room:
-    touch = machine.touch[thing]
-    ways = [machine.graph.choices[choice].ways[number] for number in numbers]
-    branches = [tuple(one for one in way.clauses if thing in one.objects) for way in ways]
-    return make_room(machine.problem, touch, touch.in_force(stage), (), branches)
+def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]) -> Room:
+    key = "jump", thing, len(clauses), *(id(one) for branch in branches for one in branch)
+    if key not in machine.rooms:
+        machine.rooms[key] = make_room(machine.problem, machine.touch[thing], clauses, branches)
+    return machine.rooms[key]
 
 
 def cluster(particles: Particles, tally: Tally | None) -> None:
@@ -55,11 +63,11 @@ def cluster(particles: Particles, tally: Tally | None) -> None:
     if not machine.graph.choices:
         return
     free = machine.graph.rows
-    things = [thing for thing in particles.placed if 3 * thing in free and 3 * thing + 1 in free]
+    things = [thing for thing in particles.placed if row_of(thing, X) in free and row_of(thing, Y) in free]
     if not 2 <= len(things) <= LARGEST:
         return
-    x, y = (particles.scenes[[3 * thing + axis for thing in things]] for axis in range(2))
-    width = float((machine.problem.highest - machine.problem.lowest)[3 * things[0]])
+    x, y = (particles.scenes[[row_of(thing, axis) for thing in things]] for axis in PLACE)
+    width = float((machine.problem.highest - machine.problem.lowest)[row_of(things[0], X)])
     reach = width * 2.0 ** -(1.0 + (SCALES - 1.0) * rng.random())
     near = (np.abs(x[:, None] - x) <= reach) & (np.abs(y[:, None] - y) <= reach)
     member = np.zeros((len(things), particles.count), dtype=bool)
@@ -75,8 +83,7 @@ def cluster(particles: Particles, tally: Tally | None) -> None:
     allowed = ~(close & member & ~member[:, None]).any(axis=(0, 1)) & ~member.all(axis=0)
     new: dict[int, Array] = {}
     for place, thing in enumerate(things):
-        new[3 * thing], new[3 * thing + 1] = new_x[place], new_y[place]
-    good = attempt(particles, things, new, allowed, places=False)
-    particles.fresh[things] |= member & good
+        new[row_of(thing, X)], new[row_of(thing, Y)] = new_x[place], new_y[place]
+    good = attempt(particles, things, new, allowed)
     if tally is not None:
         tally.note("cluster", len(good), int(good.sum()))

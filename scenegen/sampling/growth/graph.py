@@ -5,8 +5,8 @@ ends. A clause depends on the poses of a few objects only; growth scores it as s
 and a move scores the clauses of what it moves. Three kinds are told apart:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
-* a `Choice` is a disjunction over three or more objects: one of its `Way`s must hold, and which one is decided before
-  the objects are placed;
+* a `Choice` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says which
+  ways are still open;
 * every other clause is evaluated as it is.
 
 The ends of a clause depend on the cell of the range that a scene is for.
@@ -21,15 +21,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import contract, start
-from scenegen.bounds.wanted import EVERYTHING, Ends, both, push_down
-from scenegen.lang.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, Node, children
-from scenegen.primitives import PRIMITIVES, Footprint
-from scenegen.primitives.footprint import POINT, Circle
+from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
+from scenegen.lang.core import REQUIRE, Apply, Const, Coord, Core, Junction, Node
+from scenegen.pose import FLAT, PLACE, owner, row_of
+from scenegen.primitives import Footprint
+from scenegen.primitives.footprint import POINT
+from scenegen.sampling.growth.reading import flat, members, needed, offset_of, read_by
 from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
-LOCAL = 2  # objects up to which a disjunction is evaluated as a whole: both are placed at once, or nearly so
+LOCAL = 2  # objects up to which a disjunction is evaluated as a whole if each of its ways touches them all
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,8 +71,9 @@ class Way:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """At least one way holds."""
+    """At least one way holds: `whole` does."""
 
+    whole: Clause
     ways: tuple[Way, ...]
     objects: frozenset[int]
 
@@ -78,22 +81,20 @@ class Choice:
 @dataclass(frozen=True, slots=True, eq=False)
 class Graph:
     """`rows` are the rows of (3N, B) storage that any clause reads and that are free: all others are independent of
-    everything and uniform. `parts` are the connected components, as sets of objects, largest first. `low`, `high`
-    (3N, C) is the box that contraction leaves to each cell."""
+    everything and uniform. `low`, `high` (3N, C) is the box that contraction leaves to each cell."""
 
     core: Core
     clauses: tuple[Clause, ...]
     pairs: tuple[Pair, ...]
     choices: tuple[Choice, ...]
     rows: frozenset[int]
-    parts: tuple[frozenset[int], ...]
     low: Array
     high: Array
 
     @property
     def objects(self) -> frozenset[int]:
         """The free objects that phi depends on."""
-        return frozenset(row // 3 for row in self.rows)
+        return frozenset(owner(row) for row in self.rows)
 
 
 def make_graph(problem: Problem) -> Graph:
@@ -117,10 +118,8 @@ def make_graph(problem: Problem) -> Graph:
         else:
             clauses.append(clause)
     rows = builder.rows_read([*narrowing, *pairs])
-    groups = [one.objects for one in clauses] + [one.objects for one in pairs] + [one.objects for one in choices]
-    parts = components(groups)
     low, high = builder.box(narrowing)
-    return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, parts, low, high)
+    return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high)
 
 
 def touched(problem: Problem) -> dict[int, frozenset[int]]:
@@ -155,7 +154,7 @@ class _Builder:
                 self._reads.append(1 << node.row if free[node.row] else 0)
             else:
                 bits = 0
-                for child in _read(node):
+                for child in read_by(node):
                     bits |= self._reads[child]
                 self._reads.append(bits)
 
@@ -188,18 +187,18 @@ class _Builder:
         return [Clause(node, self._objects(node), low, high) for node, (low, high) in demands.items()]
 
     def _objects(self, node: int) -> frozenset[int]:
-        return frozenset(row // 3 for row in _bits(self._reads[node]))
+        return frozenset(owner(row) for row in members(self._reads[node]))
 
     def rows_read(self, clauses: Iterable[Clause | Pair]) -> frozenset[int]:
         """The free rows that some clause reads."""
         bits = 0
         for one in clauses:
             bits |= self._reads[one.node]
-        return frozenset(_bits(bits))
+        return frozenset(members(bits))
 
     def pair(self, clause: Clause) -> Pair | None:
         """The clause as a pair, where it is one: a lower end of a clearance or a distance, and nothing else."""
-        form = _offset(self._core.nodes, clause.node)
+        form = offset_of(self._core.nodes, clause.node)
         if form is None:
             return None
         at, sign, constant = form
@@ -210,9 +209,10 @@ class _Builder:
         assert isinstance(node, Apply)
         if node.primitive == "gap":
             shapes = node.shapes[0], node.shapes[1]
-            a, b = self._place(_needed(node.args[:3], shapes[0])), self._place(_needed(node.args[3:], shapes[1]))
+            first, second = node.args[: len(FLAT)], node.args[len(FLAT) :]
+            a, b = self._place(needed(first, shapes[0])), self._place(needed(second, shapes[1]))
         else:
-            a, b, shapes = self._place(node.args[:2]), self._place(node.args[2:]), (POINT, POINT)
+            a, b, shapes = self._place(node.args[: len(PLACE)]), self._place(node.args[len(PLACE) :]), (POINT, POINT)
         if a is None or b is None or a == b or not (isinstance(a, int) or isinstance(b, int)):
             return None
         return Pair(clause.node, shapes, a, b, low - sign * constant)
@@ -222,10 +222,10 @@ class _Builder:
         nodes = [self._core.nodes[arg] for arg in args]
         owners = {node.object for node in nodes if isinstance(node, Coord)}
         if len(owners) == 1 and all(isinstance(node, Coord) and node.axis == axis for axis, node in enumerate(nodes)):
-            (owner,) = owners
-            rows = [3 * owner + axis for axis in range(len(args))]
+            (thing,) = owners
+            rows = [row_of(thing, axis) for axis in range(len(args))]
             if (self._problem.lowest[rows] < self._problem.highest[rows]).any():
-                return owner
+                return thing
         values = [self._constant(node) for node in nodes]
         if any(value is None for value in values):
             return None
@@ -239,15 +239,18 @@ class _Builder:
         return node.value if isinstance(node, Const) else None
 
     def choice(self, clause: Clause) -> Choice | None:
-        """The clause as a choice, where it is a disjunction over more objects than are placed together."""
+        """The clause as a choice, where it is a disjunction that says something before all of its objects are
+        placed."""
         node = self._core.nodes[clause.node]
-        if not isinstance(node, Junction) or len(clause.objects) <= LOCAL:
+        if not isinstance(node, Junction) or len(clause.objects) < 2:
             return None
         ways = []
         for arg in flat(self._core, clause.node):
             whole = Clause(arg, self._objects(arg), clause.low, clause.high)
             ways.append(Way(whole, tuple(self.clauses(asked(self._core, whole)))))
-        return Choice(tuple(self._possible(ways) or ways), clause.objects)
+        if len(clause.objects) <= LOCAL and all(way.whole.objects == clause.objects for way in ways):
+            return None
+        return Choice(clause, tuple(self._possible(ways) or ways), clause.objects)
 
     def _possible(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
@@ -279,35 +282,6 @@ class _Builder:
         return lowest, highest
 
 
-def _read(node: Node) -> list[int]:
-    """The nodes that a value depends on: a circle's heading is not one of them."""
-    if not isinstance(node, Apply) or not node.shapes:
-        return list(children(node))
-    read: list[int] = []
-    at = 0
-    shapes = iter(node.shapes)
-    for kind in PRIMITIVES[node.primitive].params:
-        size = {"number": 1, "place": 2, "footprint": 3}[kind]
-        args = node.args[at : at + size]
-        at += size
-        read += args[:2] if kind == "footprint" and isinstance(next(shapes), Circle) else args
-    return read
-
-
-def _needed(args: Sequence[int], shape: Footprint) -> Sequence[int]:
-    """Arguments x, y and heading, of a round footprint the first two."""
-    return args[:2] if isinstance(shape, Circle) else args
-
-
-def _bits(bits: int) -> list[int]:
-    found = []
-    while bits:
-        lowest = bits & -bits
-        found.append(lowest.bit_length() - 1)
-        bits ^= lowest
-    return found
-
-
 def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
     """What a clause asks of the formula nodes below it, pushed down cell by cell: node -> ends, (C,) each."""
     count = len(clause.low)
@@ -319,47 +293,3 @@ def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
             ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
             ends[0][cell], ends[1][cell] = low, high
     return found
-
-
-def flat(core: Core, index: int) -> list[int]:
-    """The arguments of a junction, those of junctions of the same kind within it instead of these; each only once."""
-    top = core.nodes[index]
-    assert isinstance(top, Junction)
-    found: dict[int, None] = {}
-    waiting = list(reversed(top.args))
-    while waiting:
-        arg = waiting.pop()
-        node = core.nodes[arg]
-        if isinstance(node, Junction) and node.kind == top.kind:
-            waiting += reversed(node.args)
-        else:
-            found[arg] = None
-    return list(found)
-
-
-def _offset(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | None:
-    """A margin as sign times a clearance or distance, plus a constant: its node, the sign, the constant."""
-    node = nodes[index]
-    if not isinstance(node, Atom):
-        return None
-    index, sign, constant = node.margin, 1.0, 0.0
-    while True:
-        node = nodes[index]
-        if not isinstance(node, Apply):
-            return None
-        if node.primitive in ("gap", "dist"):
-            return index, sign, constant
-        values = [nodes[arg] for arg in node.args]
-        match node.primitive, values:
-            case "neg", _:
-                index, sign = node.args[0], -sign
-            case "add", [_, Const(value)]:
-                index, constant = node.args[0], constant + sign * value
-            case "add", [Const(value), _]:
-                index, constant = node.args[1], constant + sign * value
-            case "sub", [_, Const(value)]:
-                index, constant = node.args[0], constant - sign * value
-            case "sub", [Const(value), _]:
-                index, constant, sign = node.args[1], constant + sign * value, -sign
-            case _:
-                return None

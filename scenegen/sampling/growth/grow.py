@@ -22,6 +22,8 @@ FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
 MOST_POSES = 1 << 21  # poses tried for one object in all scenes, at most
 HITS = 12.0  # poses that meet all clauses that a scene should have among its tries
 EVEN = 0.9  # effective share of the scenes after weighting from which on no moves are made
+SWEEPS, MOST_SWEEPS = 3.0, 24  # sweeps after a step for each scene that a carried weight stands for, but for one
+AFFORDED, PAID = 2e4, 0.3  # evaluations that they may take, and how many for each evaluation of growth before them
 SOME = 24  # objects moved after one is placed: all of them would cost more than the scenes' number of objects squared
 
 
@@ -92,6 +94,7 @@ def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[Placed, int]:
 
 def _with_enough_tries(particles: Particles) -> Placed:
     stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MOST_POSES // particles.count)
+    held, chances = list(particles.held), particles.chances.copy()
     while True:
         placed = place(particles, tries, planning=True)
         rate = placed.hits / placed.tries
@@ -99,7 +102,7 @@ def _with_enough_tries(particles: Particles) -> Placed:
         if enough <= 2 * tries or tries >= most:
             return placed
         tries = min(most, max(2, enough))
-        particles.stage = stage
+        particles.stage, particles.held, particles.chances = stage, list(held), chances.copy()
 
 
 def _grow(
@@ -112,7 +115,7 @@ def _grow(
     machine, rng = particles.machine, particles.rng
     log_share = np.full((int(particles.island.max()) + 1, machine.cells), -np.inf)
     log_share[particles.island, particles.cell] = 0.0
-    last = len(machine.order) - 1
+    last, start = len(machine.order) - 1, machine.work
     for stage in range(len(machine.order)):
         placed, sweeps = advance(particles)
         keep, mean = resample(placed.weights, particles.group, rng)
@@ -127,14 +130,20 @@ def _grow(
             sweeps = 0 if even > EVEN or stage == last else _sweeps(even)
             assert steps is not None
             steps[-1] = Step(steps[-1].tries, sweeps)
+        machine.furthest = max(machine.furthest, stage + 1)
         if stage in (last // 2, 3 * last // 4, last):
             particles.note_ancestors()
         particles.take(keep)
-        for _ in range(sweeps):
+        begun = machine.work
+        for done in range(sweeps):
             sweep(particles, settings, tally, SOME)
+            if steps is not None and machine.work - begun > max(AFFORDED, PAID * (begun - start)):
+                steps[-1] = Step(steps[-1].tries, done + 1)
+                break
     return Grown(particles, log_share)
 
 
 def _sweeps(even: float) -> int:
-    """Sweeps after a step: more where few scenes carry the weight, for their copies must part."""
-    return 1 if even > 0.5 else 2 if even > 0.2 else 4
+    """Sweeps after a step: more where few scenes carry the weight, for their copies must part. While few objects are
+    placed that costs little, and later, when objects stand in each other's way, it would cost much."""
+    return min(MOST_SWEEPS, int(np.ceil(SWEEPS * (1.0 / even - 1.0))))

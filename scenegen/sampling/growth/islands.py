@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import TooMuchError
-from scenegen.bounds.proposal import BELOW_TURN
+from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.sampling.growth.grow import Grown, Stuck, explore, grow
 from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import Settings, sweep
@@ -86,7 +86,7 @@ def _grow_islands(problem: Problem, machine: Machine, islands: int, each: int, s
     for row in range(len(lowest)):
         if row not in machine.graph.rows and lowest[row] < highest[row]:
             rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
-    np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
+    np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
     values = problem.phi(rows)
     phi = np.full((islands, len(values), each), np.nan)
     for island in range(islands):

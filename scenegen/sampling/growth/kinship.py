@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import PLACE, is_angle, row_of
 from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.values import make_values
@@ -59,14 +60,14 @@ class Kinship:
         """(S, P), standardised; those that are the same in all scenes are 0."""
         scenes, found = particles.scenes, list[Array]()
         for row in self._rows:
-            found += [np.cos(scenes[row]), np.sin(scenes[row])] if row % 3 == 2 else [scenes[row]]
+            found += [np.cos(scenes[row]), np.sin(scenes[row])] if is_angle(row) else [scenes[row]]
         for first, second in self._pairs:
-            for axis in range(2):
-                apart = scenes[3 * first + axis] - scenes[3 * second + axis]
+            for axis in PLACE:
+                apart = scenes[row_of(first, axis)] - scenes[row_of(second, axis)]
                 found += [apart, np.abs(apart)]
         found += [np.broadcast_to(value, particles.count) for value in self._margins(list(scenes))]
         for kin in self._machine.kin:
-            x, y = (scenes[[3 * block[0] + axis for block in kin]] for axis in range(2))
+            x, y = (scenes[[row_of(block[0], axis) for block in kin]] for axis in PLACE)
             found += [x.mean(axis=0), y.mean(axis=0), x.var(axis=0), y.var(axis=0)]
             found += [((x - x.mean(axis=0)) * (y - y.mean(axis=0))).mean(axis=0)]
         table = np.nan_to_num(np.array(found).reshape(len(found), particles.count))

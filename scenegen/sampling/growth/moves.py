@@ -8,26 +8,27 @@ kind of move and its objects are drawn once for all scenes, steps for each scene
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
 from scenegen.sampling.growth.tally import Tally
-from scenegen.sampling.growth.touch import within
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-KINDS = ("redraw", "shift", "turn", "way", "jump", "cluster")
-FINEST = 7  # step lengths go down to the box's over 2 to this power
+KINDS = ("redraw", "shift", "turn", "jump", "cluster")
+FINEST = 9  # step lengths go down to the box's over 2 to this power
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first
+JUMPS = 0.25  # jumps between the ways of a choice for each walk
 CLUSTERS = 2  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
 MOST_TRADES = 8
@@ -38,10 +39,14 @@ SWAPS = 0.5  # swaps for each object that has kin
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles."""
+    of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
+    `redraws` is how often an object is redrawn for each of its turns, `jumps` how often it jumps between the ways of a
+    choice."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
+    redraws: Mapping[int, float] = field(default_factory=dict)
+    jumps: float = JUMPS
 
     def makes(self, kind: str) -> bool:
         return not kind.startswith("shuffle") if self.kinds is None else kind in self.kinds
@@ -59,15 +64,16 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
     for place in turns:
         thing = placed[place]
         taken += _walk(particles, thing, settings, tally)
-        room = machine.room(thing, particles.stage, placing=False)
-        if settings.makes("redraw") and rng.random() < (REDRAWS / DEAR if room.nodes else REDRAWS):
+        room = machine.room(thing, particles.stage)
+        often = settings.redraws.get(thing, REDRAWS / DEAR if room.nodes else REDRAWS)
+        if settings.makes("redraw") and rng.random() < often:
             _redraw(particles, thing, room, tally)
         group = [one for one in machine.groups[thing] if machine.at[one] <= particles.stage]
         if len(group) > 1 and settings.makes("shift"):
             _shift(particles, thing, group, settings, tally)
         if len(group) > 1 and settings.makes("turn"):
             _turn(particles, thing, group, tally)
-        if settings.makes("jump"):
+        if settings.makes("jump") and rng.random() < settings.jumps:
             jump(particles, thing, tally)
     if settings.makes("cluster"):
         for _ in range(CLUSTERS):
@@ -87,10 +93,6 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
         kind = f"trade {index}"
         if settings.makes(kind):
             _trades(particles, few, others, kind, tally)
-    if settings.makes("way"):
-        for index, (begin, end) in enumerate(zip(machine.begins, machine.ends, strict=True)):
-            if begin <= particles.stage < end:
-                _other_way(particles, index, tally)
     return taken / max(1, len(turns))
 
 
@@ -127,7 +129,7 @@ def _width(particles: Particles, row: int) -> Array | float:
 def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -> None:
     machine, rng = particles.machine, particles.rng
     rows = machine.touch[thing].rows
-    boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
+    boxes = room.boxes(particles.scenes, particles.cell)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw(1, rng)[:, 0]
     allowed = boxes.volumes.sum(axis=0) > 0.0
@@ -137,6 +139,7 @@ def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -
     good = attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), allowed)
     if tally is not None:
         tally.note("redraw", len(good), int(good.sum()))
+        tally.note(f"redraw of {thing}", len(good), int(good.sum()))
 
 
 def _swap(
@@ -166,16 +169,13 @@ def _trade(
     particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index, kind: str, tally: Tally | None
 ) -> None:
     """Block i takes the poses of block order[i], (blocks, P) or (blocks, 1)."""
-    touch, fresh = particles.machine.touch, particles.fresh
+    touch = particles.machine.touch
     new: dict[int, Array] = {}
     for members in zip(*blocks, strict=True):
         for rows in zip(*(touch[thing].rows for thing in members), strict=True):
             values = np.take_along_axis(particles.scenes[list(rows)], order, axis=0)
             new.update(zip(rows, values, strict=True))
-    good = attempt(particles, [thing for block in blocks for thing in block], new, places=False)
-    for members in zip(*blocks, strict=True):
-        mine = fresh[list(members)]
-        fresh[list(members)] = np.where(good, np.take_along_axis(mine, order, axis=0), mine)
+    good = attempt(particles, [thing for block in blocks for thing in block], new)
     if tally is not None:
         tally.note(kind, len(good), int(good.sum()))
 
@@ -185,7 +185,8 @@ def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Set
     rng, count = particles.rng, particles.count
     factor = 0.5 * 2.0 ** -(FINEST * rng.random())
     new = {}
-    rows = [[row for one in group for row in particles.machine.touch[one].rows if row % 3 == axis] for axis in (0, 1)]
+    touch = particles.machine.touch
+    rows = [[row for one in group for row in touch[one].rows if axis_of(row) == axis] for axis in PLACE]
     for along in rows:
         if along:
             width = float((particles.machine.problem.highest - particles.machine.problem.lowest)[along].min())
@@ -200,51 +201,25 @@ def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Set
 def _turn(particles: Particles, thing: int, group: Sequence[int], tally: Tally | None) -> None:
     """All that hang from an object around it, headings included."""
     machine, rng = particles.machine, particles.rng
-    x, y = 3 * thing, 3 * thing + 1
+    x, y = row_of(thing, X), row_of(thing, Y)
     angle = (2.0 * rng.random(particles.count) - 1.0) * (np.pi * 2.0 ** -(FINEST * rng.random()))
     cos, sin = np.cos(angle), np.sin(angle)
     new: dict[int, Array] = {}
     for one in group:
         rows = machine.touch[one].rows
         if one != thing:
-            if 3 * one not in rows or 3 * one + 1 not in rows:
+            if row_of(one, X) not in rows or row_of(one, Y) not in rows:
                 return
             dx, dy = (
-                particles.scenes[3 * one] - particles.scenes[x],
-                particles.scenes[3 * one + 1] - particles.scenes[y],
+                particles.scenes[row_of(one, X)] - particles.scenes[x],
+                particles.scenes[row_of(one, Y)] - particles.scenes[y],
             )
-            new[3 * one] = particles.scenes[x] + cos * dx - sin * dy
-            new[3 * one + 1] = particles.scenes[y] + sin * dx + cos * dy
-        if 3 * one + 2 in rows:
-            if not machine.circular(3 * one + 2):
+            new[row_of(one, X)] = particles.scenes[x] + cos * dx - sin * dy
+            new[row_of(one, Y)] = particles.scenes[y] + sin * dx + cos * dy
+        if row_of(one, THETA) in rows:
+            if not machine.circular(row_of(one, THETA)):
                 return
-            new[3 * one + 2] = particles.scenes[3 * one + 2] + angle
+            new[row_of(one, THETA)] = particles.scenes[row_of(one, THETA)] + angle
     good = attempt(particles, tuple(group), new)
     if tally is not None:
         tally.note("turn", len(good), int(good.sum()))
-
-
-def _other_way(particles: Particles, index: int, tally: Tally | None) -> None:
-    """Decide on another way of a choice, where what it asks of the objects placed so far is met."""
-    machine, rng = particles.machine, particles.rng
-    ways = machine.graph.choices[index].ways
-    proposed = rng.integers(len(ways), size=particles.count)
-    promise = machine.promises[index][:, particles.stage]
-    gain = np.exp(np.minimum(promise[proposed] - promise[particles.chosen[index]], 0.0))
-    good = (proposed != particles.chosen[index]) & (rng.random(particles.count) < gain)
-    placed = set(particles.placed)
-    for number, way in enumerate(ways):
-        mine = np.flatnonzero(good & (proposed == number))
-        clauses = [clause for clause in way.clauses if clause.objects and clause.objects <= placed]
-        if not len(mine) or not clauses:
-            continue
-        touch = machine.touch[machine.order[0]]
-        values = touch.values(("ways", *(clause.node for clause in clauses)), [clause.node for clause in clauses])
-        machine.count(len(values.steps), len(mine))
-        for clause, value in zip(clauses, values(list(particles.scenes[:, mine])), strict=True):
-            inside = within(value, clause, particles.cell[mine])
-            if inside is not None:
-                good[mine] &= inside
-    particles.chosen[index] = np.where(good, proposed, particles.chosen[index])
-    if tally is not None:
-        tally.note("way", len(good), int(good.sum()))

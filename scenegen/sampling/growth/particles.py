@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import rows_of
 from scenegen.sampling.growth.machine import Machine
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-GENERATIONS = 4  # times at which ancestors are noted
-
 
 @dataclass(slots=True)
 class Particles:
-    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other. `chosen`
-    (choices, P) are the ways decided on, -1 before that; `met[c]` (W, P) tells which ways of choice c hold once its
-    objects are placed. `fresh` (N, P) tells which objects have moved since a scene was last copied. `families` are
+    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other.
+
+    `held[c]` (W, P) tells which ways of choice c are met as far as their objects are placed, None before the first of
+    them is; `chances` (choices, P) are the chances that a way holds in the end, see outlook.py. `families` are
     ancestors, (P,) each, at several times."""
 
     machine: Machine
@@ -28,9 +28,8 @@ class Particles:
     scenes: Array
     cell: Index
     island: Index
-    chosen: Index
-    met: list[Bool | None]
-    fresh: Bool
+    held: list[Bool | None]
+    chances: Array
     stage: int = -1
     families: list[Index] = field(default_factory=list)
 
@@ -46,9 +45,8 @@ class Particles:
             scenes,
             cell,
             island,
-            np.full((choices, count), -1, dtype=np.intp),
             [None] * choices,
-            np.ones((len(problem.lowest) // 3, count), dtype=bool),
+            np.ones((choices, count)),
             families=[np.arange(count)],
         )
 
@@ -65,34 +63,21 @@ class Particles:
     def placed(self) -> tuple[int, ...]:
         return self.machine.order[: self.stage + 1]
 
-    @property
-    def apart(self) -> Bool:
-        """Which scenes share no object's place with another, (P,)."""
-        out: Bool = np.all(self.fresh[list(self.placed)], axis=0)
-        return out
-
     def note_ancestors(self) -> None:
         self.families.append(np.arange(self.count))
 
     def take(self, index: Index) -> None:
-        """Go on with copies of the given scenes, each in the place of one; the first of several copies counts as the
-        scene itself, the others as copies until they have moved."""
+        """Go on with copies of the given scenes, each in the place of one."""
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
         if len(index) == self.count:
-            rows = [row for thing in self.placed for row in range(3 * thing, 3 * thing + 3)]
+            rows = [row for thing in self.placed for row in rows_of(thing)]
             self.scenes[rows] = self.scenes[rows][:, index]
         else:
             self.scenes = self.scenes[:, index]
         self.cell, self.island = self.cell[index], self.island[index]
-        self.chosen = self.chosen[:, index]
-        self.met = [None if met is None else met[:, index] for met in self.met]
-        self.fresh = self.fresh[:, index]
-        _, first = np.unique(index, return_index=True)
-        copied = np.ones(len(index), dtype=bool)
-        copied[first] = False
-        things = np.array(self.placed, dtype=np.intp)
-        self.fresh[things[:, None], np.flatnonzero(copied)] = False
+        self.held = [None if held is None else held[:, index] for held in self.held]
+        self.chances = self.chances[:, index]
         self.families = [family[index] for family in self.families]
 
 

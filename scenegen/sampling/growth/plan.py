@@ -7,6 +7,7 @@ never timed, so spec, request and seed fix the plan, and its pieces can run anyw
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,11 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError
+from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.grow import Grown, Step, Stuck, explore
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import FINEST, KINDS, Settings, sweep
+from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, Settings, sweep
 from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.settle import Settled, apart, part_of, settle
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.problem import Budget, Problem
 
@@ -31,40 +34,63 @@ LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL = 12  # scenes of each cell of the range in an island, at least
 NUMBERS = 1 << 22  # coordinates of a population at most
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
-ALIKE = 1.5  # design effect of common ancestors from which on scenes count as apart
-APART = 0.995  # share of the scenes in which every object must have moved since a copy was made
-LONGEST = 400  # sweeps at most
-PATIENT = 12.0  # times the cost of growing that sweeps may take, but for a few
-FEW = 16
-ANYWAY = 3e5  # evaluations that sweeps may take however little growing costs
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
+TAKEN, OFTEN = 0.1, 0.25  # share of an object's redraws that must be taken for it to be redrawn at so many turns
 EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
 FAMILIES = 12.0  # effective ancestors below which a larger population is grown
 AGAIN = 2  # times that a population is made four times larger
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class First:
+    """What the population of a plan brings, its first piece: `scenes` (3N, m), rows that no clause reads left open;
+    `log_share` (islands, C) as in Grown, `accepted` the share of walks taken, `copies` that of scenes left out,
+    `effect` the design effect."""
+
+    scenes: Array
+    log_share: Array
+    accepted: float
+    copies: float
+    effect: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
-    """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps. `effect` is the
-    design effect of common ancestors that is left then, `evaluations` the cost of the plan, `piece` of a piece."""
+    """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
+    `thin` is taken. `effect` is the design effect of common ancestors that is left among these, `evaluations` the cost
+    of the plan, `piece` of a piece. `first` is the first piece: the population by which all this was found out."""
 
     steps: tuple[Step, ...]
     settings: Settings
     cells: tuple[int, ...]
     count: int
     settle: int
+    thin: float
     effect: float
     evaluations: float
     piece: float
+    first: First | None = None
+
+    @property
+    def brings(self) -> float:
+        """About how many scenes a piece brings."""
+        return self.count / self.thin
+
+    def pieces(self, scenes: int) -> int:
+        """About how many pieces bring so many scenes."""
+        there = 0 if self.first is None else self.first.scenes.shape[1]
+        return (self.first is not None) + math.ceil(max(0, scenes - there) / self.brings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stalled:
-    """No plan: time was up (`stuck` is None), or there was no room for an object."""
+    """No plan: time was up (`stuck` is None), there was no room for an object, or a `proof` says that there is none for
+    all of them."""
 
     machine: Machine | None
     stuck: Stuck | None
     evaluations: float
+    proof: str = ""
 
     @property
     def crowded(self) -> bool:
@@ -89,7 +115,10 @@ def make_recipe(problem: Problem, budget: Budget, *, patient: bool) -> tuple[Mac
     machine = None
     try:
         machine = make_machine(problem)
-        machine.deadline = budget.started + budget.seconds
+        proof = too_full(machine.graph, problem.core.objects)
+        if proof:
+            return Stalled(machine, None, 0.0, proof)
+        machine.deadline = budget.ends
         return _make(machine, AGAIN if patient else 0)
     except StoppedError:
         return Stalled(machine, None, 0.0 if machine is None else machine.work)
@@ -115,13 +144,20 @@ def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
     assert isinstance(grown, Grown)
     cost = machine.work - before
     reached = tuple(map(int, np.unique(grown.particles.cell)))
-    wanted = max(ISLANDS * OF_A_CELL * len(reached), int(np.ceil(SPARE * problem.request.n)))
-    size = min(most, max(count if count > LEAST else LEAST // 2, wanted))
     if not again and _ancestors(grown.particles) < FAMILIES / 2.0:
-        return machine, Recipe(tuple(steps), Settings({}), reached, size, 0, np.inf, machine.work, np.inf)
-    settle, effect, settings, swept = _settle(grown.particles, tally, cost)
-    piece = (cost + swept * settle) * size / count
-    return machine, Recipe(tuple(steps), settings, reached, size, settle, effect, machine.work, piece)
+        return machine, Recipe(tuple(steps), Settings({}), reached, count, 0, 1.0, np.inf, machine.work, np.inf)
+    scenes = SPARE * len(reached) * -(-problem.request.n // len(reached))  # every cell gets as many
+    settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
+    first = _first(grown, max(now.thin, grown.particles.count / scenes), now.effect, accepted, rng)
+    left = max(0.0, scenes - first.scenes.shape[1])
+    wanted = max(ISLANDS * OF_A_CELL * len(reached), int(np.ceil(settled.thin * left)))
+    pieces = -(-wanted // most)  # of one size: a last one for a few scenes would cost as much
+    size = max(count if count > LEAST else LEAST // 2, -(-wanted // pieces))
+    piece = (cost + settled.cost * settled.sweeps) * size / count
+    recipe = Recipe(
+        tuple(steps), settings, reached, size, settled.sweeps, settled.thin, settled.left, machine.work, piece, first
+    )
+    return machine, recipe
 
 
 def _ancestors(particles: Particles) -> float:
@@ -130,26 +166,26 @@ def _ancestors(particles: Particles) -> float:
     return float(sizes.sum() ** 2 / (sizes * sizes).sum())
 
 
-def _settle(particles: Particles, tally: Tally, cost: float) -> tuple[int, float, Settings, float]:
-    """How many sweeps make scenes of one ancestor as different as any, the design effect left after these, the settings
-    tuned on the way, and the cost of a sweep."""
-    machine = particles.machine
-    kinship = Kinship(machine)
-    begun, done = machine.work, 0
+def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> tuple[Settings, Settled, Settled, float]:
+    """The settings tuned on whole scenes, how long these are moved, see settle.py, and the share of walks taken.
+    Growing them took `cost`."""
     final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
-    while done < 2:
-        sweep(particles, Settings({}), final)
-        done += 1
+    trial = Settings({}, redraws=dict.fromkeys(particles.placed, OFTEN))
+    for _ in range(2):
+        sweep(particles, trial, final)
     settings = tuned(final)
-    while True:
-        block = max(1, done // 3)
-        for _ in range(block):
-            sweep(particles, settings)
-        done += block
-        effect = kinship(particles)
-        spent = machine.work - begun > max(ANYWAY, PATIENT * cost) and done >= FEW
-        if (effect <= ALIKE and particles.apart.mean() >= APART) or done >= LONGEST or spent:
-            return done, effect, settings, (machine.work - begun) / done
+    alike = Kinship(particles.machine)
+    taken: list[float] = []
+    best, now = settle(particles, lambda: taken.append(sweep(particles, settings)), alike, cost, wanted)
+    return settings, best, now, float(np.mean(taken))
+
+
+def _first(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> First:
+    particles = grown.particles
+    some = part_of(particles.cell, thin, rng)
+    taken = apart(particles, some)
+    effect = 1.0 + (effect - 1.0) / thin
+    return First(particles.scenes[:, taken], grown.log_share, accepted, 1.0 - len(taken) / len(some), effect)
 
 
 def tuned(tally: Tally) -> Settings:
@@ -165,9 +201,15 @@ def tuned(tally: Tally) -> Settings:
         rate = tally.rate(kind)
         if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
             kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
-    return Settings(odds, tuple(kinds))
+    redraws = {}
+    for thing in tally.steps:
+        rate = tally.rate(f"redraw of {thing}")
+        if rate is not None and rate >= TAKEN:  # a redraw brings an object anywhere at once
+            redraws[thing] = OFTEN
+    jumps = tally.rate("jump")
+    return Settings(odds, tuple(kinds), redraws, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
 
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:
-    """The same with another deadline, and with its count of work begun again."""
-    return replace(machine, work=0.0, deadline=deadline)
+    """The same with another deadline, and with its counts of work and of placed objects begun again."""
+    return replace(machine, work=0.0, deadline=deadline, furthest=0)

@@ -18,33 +18,36 @@ import numpy.typing as npt
 
 from scenegen.bounds.contract import SLACK, contract, size_of
 from scenegen.lang.core import Coord, Junction, Node
-from scenegen.sampling.growth.graph import Clause, asked, flat
-from scenegen.sampling.growth.touch import Touch, WayClause
+from scenegen.pose import THETA, TWO_PI, axis_of
+from scenegen.sampling.growth.graph import Clause, asked
+from scenegen.sampling.growth.reading import flat
+from scenegen.sampling.growth.touch import Touch
 from scenegen.sampling.problem import Problem
-from scenegen.scene.workspace import TWO_PI
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 BRANCHES = 12  # branches of a room at most
-ROUNDS = 3
+ROUNDS = 2  # of contraction: all other objects stand somewhere, so hardly anything comes of more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
     """R rows in J branches for P scenes: `low`, `width` (R, J, P). `volumes` (J, P) are shares of the volume of the
-    object's whole box, 0 where a branch is empty."""
+    object's whole box, 0 where a branch is empty.
+    `odds` (J, P) are the chances with which branches are drawn from, in proportion to their volumes where None."""
 
     low: Array
     width: Array
     volumes: Array
+    odds: Array | None = None
 
     def draw(self, tries: int, rng: np.random.Generator) -> Array:
-        """Poses uniform over each branch, branches by volume: (R, tries, P). Anything where there is no room."""
+        """Poses uniform over each branch, branches by their odds: (R, tries, P). Anything where there is no room."""
         rows, branches, count = self.low.shape
         if branches == 1:
             return self.low[:, 0, None] + rng.random((rows, tries, count)) * self.width[:, 0, None]
-        edges = np.cumsum(self.volumes, axis=0)
+        edges = np.cumsum(self.volumes if self.odds is None else self.odds, axis=0)
         at = rng.random((tries, count)) * edges[-1]
         branch = np.zeros((tries, count), dtype=np.intp)
         for edge in edges[:-1]:
@@ -72,6 +75,26 @@ class Boxes:
         out: Array = density / np.maximum((self.volumes > 0.0).sum(axis=0), 1)
         return out
 
+    def density(self, poses: Array) -> Array:
+        """The density of `draw` at poses (R, ..., P), relative to that over the whole box: (..., P), 0 where there is
+        no room."""
+        total = self.volumes.sum(axis=0)
+        if self.odds is None:
+            out: Array = self.holding(poses) * np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+            return out
+        found = np.zeros(poses.shape[1:])
+        for low, width, volume, odds in zip(
+            self.low.swapaxes(0, 1), self.width.swapaxes(0, 1), self.volumes, self.odds, strict=True
+        ):
+            each = np.where(volume > 0.0, odds / np.where(volume > 0.0, volume, 1.0), 0.0)
+            if not each.any():
+                continue
+            inside = (poses[0] >= low[0]) & (poses[0] <= low[0] + width[0])
+            for row, least, wide in zip(poses[1:], low[1:], width[1:], strict=True):
+                inside &= (row >= least) & (row <= least + wide)
+            found += inside * each
+        return found
+
     def holding(self, poses: Array) -> Array:
         """How many of the branches that are not empty hold each pose: (R, ..., P) -> (..., P)."""
         if self.low.shape[1] == 1:
@@ -93,7 +116,6 @@ class Room:
 
     touch: Touch
     clauses: tuple[Clause, ...]
-    ways: tuple[WayClause, ...]
     nodes: tuple[Node, ...]
     dims: tuple[int, ...]
     others: tuple[tuple[int, int], ...]
@@ -101,8 +123,8 @@ class Room:
     branches: tuple[tuple[int, tuple[Clause, ...]], ...]
     scale: float
 
-    def boxes(self, scenes: Array, cell: Index, chosen: npt.NDArray[np.intp]) -> Boxes:
-        """The room in each of P scenes, `scenes` (3N, P), `cell` (P,), `chosen` (choices, P)."""
+    def boxes(self, scenes: Array, cell: Index) -> Boxes:
+        """The room in each of P scenes, `scenes` (3N, P), `cell` (P,)."""
         graph, rows = self.touch.graph, list(self.touch.rows)
         count, branches = scenes.shape[1], len(self.branches)
         base_low, base_high = graph.low[rows][:, cell], graph.high[rows][:, cell]
@@ -117,9 +139,6 @@ class Room:
             lo[place] = hi[place] = scenes[row]
         for clause in self.clauses:
             self._impose(clause, cell, lo, hi, slice(None))
-        for one in self.ways:
-            mine = np.flatnonzero(chosen[one.choice] == one.way)
-            self._impose(one.clause, cell[mine], lo, hi, mine)
         for branch, (half, ends) in enumerate(self.branches):
             if half >= 0:
                 place = self.dims[-1]
@@ -156,16 +175,18 @@ def make_room(
     problem: Problem,
     touch: Touch,
     clauses: Sequence[Clause],
-    ways: Sequence[WayClause],
     choice: Sequence[tuple[Clause, ...]] = (),
+    *,
+    halved: bool = False,
 ) -> Room:
-    """The room of an object under clauses whose other objects are placed, with a branch for each way of a `choice`."""
+    """The room of an object under clauses whose other objects are placed, with a branch for each way of a `choice`; or
+    one for each half of the circle of headings and each way of a choice, where it is to be `halved`."""
     tape, rows = problem.tape, touch.rows
     scale = size_of(problem.lowest, problem.highest)
     splits = [split for clause in clauses if len(split := _alternatives(problem, clause)) > 1]
     splits = [list(choice)] if choice else splits
-    turned = bool(rows) and rows[-1] % 3 == 2 and _whole_circle(touch, rows[-1]) and bool(clauses or ways)
-    halves = (0, 1) if turned and not choice else (-1,)
+    turned = bool(rows) and axis_of(rows[-1]) == THETA and _whole_circle(touch, rows[-1]) and bool(clauses or choice)
+    halves = (0, 1) if turned and (halved or not choice) else (-1,)
     while splits and not choice and math.prod(map(len, splits)) * len(halves) > BRANCHES:
         splits.pop(max(range(len(splits)), key=lambda place: len(splits[place])))
     branches = tuple(
@@ -175,12 +196,11 @@ def make_room(
     )
     imposed = [
         *clauses,
-        *(one.clause for one in ways),
         *(clause for split in splits for way in split for clause in way),
     ]
     wanted = [tape.where[clause.node] for clause in imposed]
     if not wanted:
-        return Room(touch, (), (), (), (), (), {}, ((-1, ()),), scale)
+        return Room(touch, (), (), (), (), {}, ((-1, ()),), scale)
     dims = [tape.rows[row] for row in rows]
     nodes, number = tape.restrict([*wanted, *dims])
     mine = {number[node] for node in dims}
@@ -188,7 +208,6 @@ def make_room(
     return Room(
         touch,
         tuple(clauses),
-        tuple(ways),
         nodes,
         tuple(number[node] for node in dims),
         tuple(others),

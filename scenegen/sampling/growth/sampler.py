@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.proposal import BELOW_TURN
+from scenegen.bounds.effort import StoppedError
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.requests import SCENES_ALIKE, TABLE_TOO_FULL
 from scenegen.lang.core import REQUIRE
-from scenegen.sampling.cells import Cells
+from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.sampling.digest import digest
 from scenegen.sampling.growth.grow import Stuck, grow
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.moves import sweep
-from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.plan import (
     GROWTH,
     ISLANDS,
@@ -27,32 +28,32 @@ from scenegen.sampling.growth.plan import (
     spread_over,
     with_deadline,
 )
-from scenegen.sampling.growth.stuck import why_stuck
-from scenegen.sampling.pieces import Account, Candidates, Tally
+from scenegen.sampling.growth.settle import apart, part_of
+from scenegen.sampling.growth.stuck import how_far, others, why_stuck
+from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import too_early
-from scenegen.sampling.splitting import probability
+from scenegen.sampling.splitting.sampler import probability
 
 Array = npt.NDArray[np.float64]
 
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
+CUT = "cut"  # the note of how many objects a piece had placed when time was up
 LOW = 0.3  # effective share below which the user is warned
-EXTRA = 8  # further sweeps for scenes that have not moved apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Growth:
+class Growth(Plan):
     """A plan for one request. The facts of a piece are: its islands, the sum of their estimates of the probability and
     of the squares of these, 1 if any lived, the share of walks taken, the share of scenes left out as copies, the
     design effect of common ancestors, and its evaluations."""
 
-    problem: Problem
     machine: Machine
     recipe: Recipe
+    budget: Budget
 
-    name = "growth"
-    fewest = 1
-    patience = BARREN
+    method: ClassVar[str] = "growth"
+    patience: ClassVar[int] = BARREN
 
     @property
     def plan_digest(self) -> str:
@@ -64,85 +65,75 @@ class Growth:
             recipe.steps,
             odds,
             recipe.settings.kinds,
+            sorted(recipe.settings.redraws.items()),
+            recipe.settings.jumps,
             recipe.cells,
-            (recipe.count, recipe.settle),
+            (recipe.count, recipe.settle, recipe.thin),
         )
-
-    @property
-    def wanted(self) -> int:
-        return self.problem.request.n
-
-    @property
-    def seed(self) -> int:
-        return self.problem.request.seed
-
-    @property
-    def cells(self) -> Cells:
-        return self.problem.cells
 
     @property
     def reached(self) -> tuple[int, ...]:
         return self.recipe.cells
 
     @property
-    def ruled_out(self) -> frozenset[int]:
-        return frozenset()
+    def scenes_per_piece(self) -> float:
+        return self.recipe.brings
 
     @property
     def shared_by(self) -> int:
-        return -(-self.wanted // self.recipe.count)
+        return self.recipe.pieces(self.wanted)
 
     @property
     def evaluations(self) -> float:
-        pieces = -(-self.wanted // self.recipe.count)
-        return self.recipe.evaluations + pieces * self.recipe.piece
+        further = self.recipe.pieces(self.wanted) - (self.recipe.first is not None)
+        return self.recipe.evaluations + further * self.recipe.piece
 
-    def piece(self, k: int) -> Candidates:
-        """Piece k. Raises StoppedError where the plan's deadline passes meanwhile."""
+    def draw(self, k: int) -> Piece:
+        """Piece k. Raises StoppedError where time is up meanwhile."""
         with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
-            return self._piece(k)
+            return self._draw(k)
 
-    def _piece(self, k: int) -> Candidates:
-        problem, recipe = self.problem, self.recipe
-        machine = with_deadline(self.machine, self.machine.deadline)
+    def _draw(self, k: int) -> Piece:
+        recipe = self.recipe
         rng = generator(self.seed, k)
+        if k == 0 and recipe.first is not None:
+            first = recipe.first
+            return self._made(first.scenes, first.log_share, (first.accepted, first.copies, first.effect, 0.0), rng)
+        machine = with_deadline(self.machine, self.budget.ends)
+        try:
+            return self._grow(machine, k, rng)
+        except StoppedError:
+            self.machine.notes[CUT] = machine.furthest
+            raise
+
+    def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
+        problem, recipe = self.problem, self.recipe
         grown = grow(machine, *spread_over(recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
         if isinstance(grown, Stuck):
             rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-            facts = [float(ISLANDS), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, machine.work]
-            return Candidates(rows, phi, np.empty(0, dtype=np.intp), np.array(facts))
+            none = np.array([float(ISLANDS), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, machine.work])
+            return Piece(rows, phi, np.empty(0, dtype=np.intp), none)
         particles = grown.particles
         accepted = float(np.mean([sweep(particles, recipe.settings) for _ in range(recipe.settle)]))
-        for _ in range(EXTRA):
-            if particles.apart.all():
-                break
-            sweep(particles, recipe.settings)
-        apart = particles.apart
-        rows = self._whole(particles, np.flatnonzero(apart), rng)
-        rows = rows.take(_aside(self.seed, k).permutation(rows.shape[1]), axis=1)
-        phi = problem.phi(rows)
-        share = np.exp(grown.log_share + log_base(machine)).sum(axis=1)
-        facts = [
-            float(ISLANDS),
-            float(share.sum()),
-            float((share * share).sum()),
-            1.0,
-            accepted,
-            1.0 - float(apart.mean()),
-            Kinship(machine)(particles),
-            machine.work,
-        ]
-        return Candidates(rows, phi, self.cells.find(phi), np.array(facts))
+        some = part_of(particles.cell, recipe.thin, _aside(self.seed, k))
+        taken = apart(particles, some)
+        effect = 1.0 + (Kinship(machine)(particles) - 1.0) / recipe.thin
+        facts = accepted, 1.0 - len(taken) / len(some), effect, machine.work
+        return self._made(particles.scenes[:, taken], grown.log_share, facts, rng)
 
-    def _whole(self, particles: Particles, index: npt.NDArray[np.intp], rng: np.random.Generator) -> Array:
-        """Whole scenes, (3N, B): rows that no clause reads are drawn afresh."""
+    def _made(self, scenes: Array, log_share: Array, facts: tuple[float, ...], rng: np.random.Generator) -> Piece:
+        """What a piece brings: whole scenes, (3N, B), in which rows that no clause reads are drawn afresh; and facts,
+        of which the last four are given."""
         lowest, highest = self.problem.lowest, self.problem.highest
-        rows = particles.scenes[:, index]
+        rows = scenes.copy()
         for row in range(len(lowest)):
-            if row not in particles.machine.graph.rows and lowest[row] < highest[row]:
-                rows[row] = lowest[row] + rng.random(len(index)) * (highest[row] - lowest[row])
-        np.minimum(rows[2::3], BELOW_TURN, out=rows[2::3])
-        return rows
+            if row not in self.machine.graph.rows and lowest[row] < highest[row]:
+                rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
+        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        phi = self.problem.phi(rows)
+        share = np.exp(log_share + log_base(self.machine)).sum(axis=1)
+        shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), 1.0
+        return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *facts]))
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
@@ -159,6 +150,7 @@ class Growth:
             "pieces": tally.pieces,
             "population": recipe.count,
             "sweeps": recipe.settle,
+            "thinning": round(float(recipe.thin), 2),
             "acceptance": round(accepted / each, 4),
             "copies": round(copies / each, 4),
             "effective_share": round(share, 4),
@@ -168,13 +160,17 @@ class Growth:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
         if 0.0 < share < LOW:
-            title = f"scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one"
-            note = "the table may be too full for its objects to pass each other; shares of arrangements are uncertain"
-            warnings = (Diagnostic(title, help="compare runs with several seeds", note=note, severity="warning"),)
-        return Account(info, f"{evaluations:,} evaluations of growth", warnings)
+            warnings = (SCENES_ALIKE(share=share),)
+        return Account(info, f"{evaluations:,} evaluations of growth", warnings, self._how_far())
 
-    def misses(self) -> tuple[Array, Array]:
-        return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+    def _how_far(self) -> str:
+        """How far the piece got that time cut short, if it was drawn in this process; else ""."""
+        placed, count = self.machine.notes.get(CUT), len(self.machine.order)
+        if placed is None:
+            return ""
+        if placed < count:
+            return f"the next {self.recipe.count:,} scenes had {placed} of {count} objects when time was up"
+        return f"the next {self.recipe.count:,} scenes had all {count} objects when time was up, but were not ready"
 
 
 def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True) -> Growth | Stalled:
@@ -185,15 +181,28 @@ def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True) -> Gr
     if isinstance(made, Stalled):
         return made
     machine, recipe = made
-    return Growth(problem, machine, recipe)
+    return Growth(problem, machine, recipe, budget)
+
+
+def make_plan(problem: Problem, budget: Budget) -> Growth:
+    """The plan of a problem. Raises RequestError where growth comes to nothing."""
+    plan = plan_growth(problem, budget)
+    if isinstance(plan, Stalled):
+        raise no_growth(problem, plan)
+    return plan
 
 
 def no_growth(problem: Problem, end: Stalled) -> RequestError:
     """What to say where growth came to nothing."""
     tried = f"{int(end.evaluations):,} evaluations of growth"
-    if end.stuck is None or end.machine is None:
+    if end.proof:
+        return RequestError(TABLE_TOO_FULL(proof=end.proof))
+    if end.machine is None:
         return RequestError(too_early(problem, tried, problem.cells.count))
-    return RequestError(why_stuck(end.machine, end.stuck, tried))
+    if end.stuck is None:
+        return RequestError(how_far(end.machine, tried))
+    with np.errstate(all="ignore"):
+        return RequestError(why_stuck(end.machine, end.stuck, others(problem, end.machine, end.stuck), tried))
 
 
 def log_base(machine: Machine) -> Array:

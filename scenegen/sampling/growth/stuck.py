@@ -2,49 +2,125 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.errors import Diagnostic, Span
+from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW
 from scenegen.lang.core import Atom, Core, Junction
-from scenegen.primitives.footprint import Box, Circle, Footprint
-from scenegen.primitives.outline import corners
-from scenegen.sampling.growth.grow import Stuck
-from scenegen.sampling.growth.machine import Machine
+from scenegen.pose import FLAT, row_of
+from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.primitives.footprint import POINT
+from scenegen.sampling.growth.full import area
+from scenegen.sampling.growth.grow import Grown, Stuck, explore
+from scenegen.sampling.growth.machine import Machine, make_machine
+from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.growth.touch import within
 from scenegen.sampling.growth.values import make_values
+from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
 TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
 SHOWN = 3
+MORE = 3  # further objects of which it is seen whether they are refused, too
+SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least
 
 
-def why_stuck(machine: Machine, end: Stuck, tried: str) -> Diagnostic:
-    """The objects that could be placed, the clauses that refuse the next, and how full the table is."""
+def others(problem: Problem, machine: Machine, end: Stuck) -> tuple[int, tuple[int, ...]]:
+    """How many objects can be placed at once, and which are refused then: those that have been are left to the last, as
+    far as a little work goes."""
+    refused = [machine.order[end.stage]]
+    most = end.stage
+    for attempt in range(MORE):
+        again = make_machine(problem, refused)
+        again.deadline, again.most = machine.deadline, max(EFFORT, machine.work)
+        number = np.arange(SCENES)
+        cell = end.particles.cell[number % end.particles.count]
+        try:
+            found, _ = explore(again, cell, number % 2, np.random.default_rng(attempt), Tally())
+        except (StoppedError, TooMuchError):
+            most = max(most, again.furthest)
+            break
+        if isinstance(found, Grown):  # in another order there was room for all: few scenes were lucky
+            break
+        most = max(most, found.stage)
+        thing = again.order[found.stage]
+        if thing in refused:
+            break
+        refused.append(thing)
+    return most, tuple(refused)
+
+
+def why_stuck(machine: Machine, end: Stuck, placed: tuple[int, tuple[int, ...]], tried: str) -> Diagnostic:
+    """The objects that could be `placed`, see `others`; the clauses that refuse the first one that could not be; and
+    how full the table is."""
     problem, order = machine.problem, machine.order
     names = problem.core.objects
+    most, refused_things = placed
     thing = order[end.stage]
-    many = f"{end.stage} of {len(order)} objects"
-    title = f"no room was found for `{names[thing]}` after {many} were placed, in {tried}"
-    filled = _area(problem.spec.shapes[one].footprint for one in order) / _table(machine)
-    note = f"the footprints of the {len(order)} objects take {filled:.0%} of the workspace"
+    facts: dict[str, Any] = {
+        "names": tuple(names[one] for one in refused_things),
+        "placed": str(most),
+        "count": len(order),
+        "filled": _filled(machine),
+    }
     refused = _refused(machine, end)
-    crowded = end.placed.attracted > 0
+    if end.placed.attracted > 0:
+        by_footprints, by_distances = _in_the_way(machine, end)
+        if not by_distances or by_distances[0][2] < by_footprints:
+            crowd = {"crowded": end.placed.attracted, "tries": end.placed.tries, "first": names[thing]}
+            return NO_ROOM(tried=tried, **crowd, **facts)
+        refused = by_distances
     span: Span | None = None
-    label = ""
-    if crowded:
-        note += f"; {end.placed.attracted:,} of {end.placed.tries:,} poses met all else,"
-        note += " and none was clear of what stands there"
-    elif refused:
+    if refused:
         text, span, share = refused[0]
-        label = f"`{text}` refused {share:.0%} of the poses"
-        others = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
-        note += f"; also refused: {others}" if others else ""
-    help_ = (
-        "use fewer or smaller objects, or a larger area" if crowded else "widen the range, or what the spec requires"
-    )
-    return Diagnostic(title, span, label, help_, note=note)
+        also = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
+        facts |= {"clause": text, "share": share, "others": also}
+    return NO_ROOM(span, tried=tried, **facts)
+
+
+def how_far(machine: Machine, tried: str) -> Diagnostic:
+    """What to say where time is up while scenes grow."""
+    count = len(machine.order)
+    placed = None if machine.furthest == count else str(machine.furthest)
+    return NO_TIME_TO_GROW(tried=tried, placed=placed, count=count, filled=_filled(machine))
+
+
+def _filled(machine: Machine) -> float:
+    """The share of the workspace that the objects' footprints take together."""
+    shapes = machine.problem.spec.shapes
+    return sum(area(shapes[one].footprint) for one in machine.order) / _table(machine)
+
+
+def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Span | None, float]]]:
+    """The share of the poses in the object's room that footprints refuse; and of those that distances do which the
+    spec asks for by name, with the text of each clause."""
+    thing, particles = machine.order[end.stage], end.particles
+    some = np.arange(min(TRIED, particles.count))
+    scenes, cell = particles.scenes[:, some], particles.cell[some]
+    poses = machine.room(thing, end.stage).boxes(scenes, cell).draw(TRIED, np.random.default_rng(0))
+    rows: list[Array] = list(scenes)
+    for row, values in zip(machine.touch[thing].rows, poses, strict=True):
+        rows[row] = values
+    placed = set(machine.order[: end.stage + 1])
+    pairs = [pair for pair in machine.graph.pairs if thing in pair.objects and pair.objects <= placed]
+    by_footprints, found = np.zeros((TRIED, len(some)), dtype=bool), []
+    for pair in pairs:
+        ends = [
+            [rows[row_of(end, axis)] for axis in FLAT] if isinstance(end, int) else end
+            for end in (pair.first, pair.second)
+        ]
+        gap = PRIMITIVES["gap"].evaluate(NUMPY, *pair.shapes, *ends[0], *ends[1])
+        refused = gap < (pair.low[cell] if len(pair.low) > 1 else pair.low[0])
+        if pair.shapes == (POINT, POINT):
+            found.append((*_said(machine.problem.core, pair.node), float(np.mean(refused))))
+        else:
+            by_footprints |= refused
+    return float(np.mean(by_footprints)), sorted(found, key=lambda one: -one[2])
 
 
 def _refused(machine: Machine, end: Stuck) -> list[tuple[str, Span | None, float]]:
@@ -78,24 +154,6 @@ def _said(core: Core, node: int) -> tuple[str, Span | None]:
     assert isinstance(at, Junction)
     text, span = _said(core, at.args[0])
     return at.text or f"{text} {'and' if at.kind == 'min' else 'or'} ...", span
-
-
-def _area(footprints: object) -> float:
-    total = 0.0
-    assert hasattr(footprints, "__iter__")
-    for footprint in footprints:
-        total += area(footprint)
-    return total
-
-
-def area(footprint: Footprint) -> float:
-    """The area of a footprint, in square metres."""
-    if isinstance(footprint, Circle):
-        return float(np.pi * footprint.radius**2)
-    if isinstance(footprint, Box):
-        return footprint.length * footprint.width
-    x, y = np.array(corners(footprint)).T
-    return float(0.5 * np.abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
 
 
 def _table(machine: Machine) -> float:

@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.primitives import NUMPY, PRIMITIVES, Footprint
+from scenegen.pose import FLAT, along, rows_of
+from scenegen.primitives import Footprint
 from scenegen.primitives.footprint import Circle
 from scenegen.primitives.outline import measures
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
+from scenegen.sampling.growth.separation import apart
 from scenegen.sampling.growth.values import Values, make_values
 
 Array = npt.NDArray[np.float64]
@@ -27,38 +29,32 @@ Index = npt.NDArray[np.intp]
 
 BLOCK = 1 << 15  # distances computed at a time: they stay in the cache
 NEVER = 1 << 40  # a stage that does not come
+ROUNDING = 1e-9  # by how much smaller discs within footprints are taken than they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layer:
     """What one object keeps a distance from, at most one pair with each of N things: other objects of the spec, or
     fixed poses `fixed` (N, 3). `stages` (N,) is when a pair comes into force, past all stages where there is none.
-    `low` is the least clearance, `square` the square of the distance of the centres beyond which it is met, (N, C or 1)
-    each, in metres. `kind` (N,) is an index into `kinds`: the footprints, and whether the object is the first of the
-    pair; -1 where both are round, so that the distance says it all."""
+    `low` is the least clearance, `square` the square of the distance of the centres beyond which it is met, `inner`
+    that of the distance within which it is not, -1 where there is none, (N, C or 1) each, in metres. `kind` (N,) is an
+    index into `kinds`: the footprints, and whether the object is the first of the pair; -1 where both are round, so
+    that the distance says it all."""
 
     fixed: Array | None
     stages: Index
     low: Array
     square: Array
+    inner: Array
     kind: Index
     kinds: tuple[tuple[tuple[Footprint, Footprint], bool], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WayClause:
-    """A clause of way `way` of choice `choice`."""
-
-    choice: int
-    way: int
-    clause: Clause
-
-
 @dataclass(slots=True, eq=False)
 class Touch:
-    """All that touches object `thing`. `rows` are its rows that some clause reads, `shapes` its
-    footprints in pairs; `ways[c]` the ways of choice c that
-    touch it. `cache` holds evaluators by the number of clauses that they are for."""
+    """All that touches object `thing`. `rows` are its rows that some clause reads, `shapes` its footprints in pairs;
+    `ways[c]` the ways of choice c that touch it. `cache` holds evaluators by the number of clauses that they are
+    for."""
 
     thing: int
     rows: tuple[int, ...]
@@ -67,17 +63,12 @@ class Touch:
     clause_stages: tuple[int, ...]
     layers: tuple[Layer, ...]
     shapes: frozenset[Footprint]
-    way_clauses: tuple[WayClause, ...]
-    way_stages: tuple[int, ...]
     ways: Mapping[int, tuple[int, ...]]
     cache: dict[object, Values] = field(default_factory=dict)
 
     def in_force(self, stage: int) -> tuple[Clause, ...]:
         """The clauses over objects placed by then."""
         return self.clauses[: bisect_right(self.clause_stages, stage)]
-
-    def way_clauses_in_force(self, stage: int) -> tuple[WayClause, ...]:
-        return self.way_clauses[: bisect_right(self.way_stages, stage)]
 
     def meets(self, rows: Sequence[Any], cell: Index, stage: int) -> Bool | None:
         """Which columns meet the clauses in force other than pairs; None where there are none. `rows` are 3N arrays
@@ -159,8 +150,11 @@ def _clear(
         if not len(which):
             continue
         which = which + begin
+        # what lies too near whatever the headings, and round footprints, for which the distance says it all
+        distance = dx[which - begin, column]
+        inner = layer.inner[which, 0] if layer.inner.shape[1] == 1 else layer.inner[which, cell[column]]
         kind = layer.kind[which]
-        good[column[kind < 0]] = False
+        good[column[(kind < 0) | (distance < inner)]] = False
         for number, (shapes, is_first) in enumerate(layer.kinds):
             mine = np.flatnonzero((kind == number) & good[column])
             if not len(mine):
@@ -168,20 +162,21 @@ def _clear(
             other, here = which[mine], column[mine]
             scene = here if columns is None else columns[here]
             if layer.fixed is None:
-                there = scenes[3 * other, scene], scenes[3 * other + 1, scene], scenes[3 * other + 2, scene]
+                there = tuple(scenes[along(axis)][other, scene] for axis in FLAT)
             else:
-                there = layer.fixed[other, 0], layer.fixed[other, 1], layer.fixed[other, 2]
+                there = tuple(layer.fixed[other, axis] for axis in FLAT)
             own = x[here], y[here], theta[here]
-            gap = PRIMITIVES["gap"].evaluate(NUMPY, *shapes, *((*own, *there) if is_first else (*there, *own)))
             least = layer.low[other, 0] if layer.low.shape[1] == 1 else layer.low[other, cell[here]]
-            good[here[gap < least]] = False
+            ends: tuple[tuple[Array, ...], ...] = (own, there) if is_first else (there, own)
+            clear = apart(*shapes, ends[0], ends[1], least)
+            good[here[~clear]] = False
 
 
 def _coordinates(layer: Layer, axis: int, part: slice, scenes: Array, columns: Index | None) -> Array:
     """x (axis 0) or y (1) of some things at some columns, (m, B) or (m, 1)."""
     if layer.fixed is not None:
         return layer.fixed[part, axis, None]
-    rows = scenes[axis::3][part]
+    rows = scenes[along(axis)][part]
     return rows if columns is None else rows[:, columns]
 
 
@@ -190,7 +185,6 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
     at = {thing: place for place, thing in enumerate(order)}
     clauses: dict[int, list[Clause]] = {thing: [] for thing in order}
     pairs: dict[int, list[tuple[Pair, bool]]] = {thing: [] for thing in order}
-    ways: dict[int, list[WayClause]] = {thing: [] for thing in order}
     touched: dict[int, dict[int, list[int]]] = {thing: {} for thing in order}
     for clause in graph.clauses:
         for thing in clause.objects:
@@ -202,9 +196,6 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
         for number, way in enumerate(choice.ways):
             for thing in way.whole.objects:
                 touched[thing].setdefault(index, []).append(number)
-            for clause in way.clauses:
-                for thing in clause.objects:
-                    ways[thing].append(WayClause(index, number, clause))
 
     def stage(objects: frozenset[int]) -> int:
         return max(at[thing] for thing in objects)
@@ -212,17 +203,14 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
     found = {}
     for thing in order:
         mine = sorted(clauses[thing], key=lambda one: (stage(one.objects), one.node))
-        further = sorted(ways[thing], key=lambda one: (stage(one.clause.objects), one.choice, one.way, one.clause.node))
         found[thing] = Touch(
             thing,
-            tuple(row for row in range(3 * thing, 3 * thing + 3) if row in graph.rows),
+            tuple(row for row in rows_of(thing) if row in graph.rows),
             graph,
             tuple(mine),
             tuple(stage(one.objects) for one in mine),
             _layers(pairs[thing], at, len(graph.core.objects)),
             frozenset(pair.shapes[0 if first else 1] for pair, first in pairs[thing]),
-            tuple(further),
-            tuple(stage(one.clause.objects) for one in further),
             {index: tuple(numbers) for index, numbers in touched[thing].items()},
         )
     return found
@@ -250,16 +238,20 @@ def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: in
 
 def _layer(members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], count: int, fixed: Array | None) -> Layer:
     cells = max(len(pair.low) for pair, _ in members.values())
-    low, square = np.zeros((count, cells)), np.full((count, cells), -1.0)
+    low, square, inner = np.zeros((count, cells)), np.full((count, cells), -1.0), np.full((count, cells), -1.0)
     stages, kind = np.full(count, NEVER, dtype=np.intp), np.full(count, -1, dtype=np.intp)
     kinds: dict[tuple[tuple[Footprint, Footprint], bool], int] = {}
     for place, (pair, first) in members.items():
         low[place] = pair.low
         reach = np.maximum(pair.low + sum(measures(shape).outer for shape in pair.shapes), 0.0)
         square[place] = reach * reach
+        discs = [measures(shape).inner for shape in pair.shapes]  # each footprint holds such a disc round its centre
+        if min(discs) > 0.0:
+            near = np.maximum(pair.low + sum(discs), 0.0) * (1.0 - ROUNDING)
+            inner[place] = near * near
         stages[place] = max(at[thing] for thing in pair.objects)
         if not all(isinstance(shape, Circle) for shape in pair.shapes):
             kind[place] = kinds.setdefault((pair.shapes, first), len(kinds))
     if (low == low[:, :1]).all():
-        low, square = low[:, :1], square[:, :1]
-    return Layer(fixed, stages, low, square, kind, tuple(kinds))
+        low, square, inner = low[:, :1], square[:, :1], inner[:, :1]
+    return Layer(fixed, stages, low, square, inner, kind, tuple(kinds))

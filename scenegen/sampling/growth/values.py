@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
-from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.lang.core import Coord, Core, Node, children, moved
+from scenegen.lang.fold import fold
+from scenegen.lang.interpret import Numbers
+from scenegen.primitives import NUMPY
 
 Array = npt.NDArray[np.float64]
 
@@ -26,23 +28,7 @@ class Values:
 
     def __call__(self, rows: Sequence[Any]) -> list[Array]:
         """One value per wanted node. `rows` are 3N arrays that broadcast against each other, or numbers."""
-        values: list[Any] = []
-        for node in self.steps:
-            match node:
-                case Const(value):
-                    values.append(value)
-                case Coord():
-                    values.append(rows[node.row])
-                case Apply(primitive, args, shapes):
-                    values.append(PRIMITIVES[primitive].evaluate(NUMPY, *shapes, *[values[arg] for arg in args]))
-                case Atom(margin):
-                    values.append(values[margin])
-                case Junction(kind, args):
-                    step = np.minimum if kind == "min" else np.maximum
-                    value = values[args[0]]
-                    for arg in args[1:]:
-                        value = step(value, values[arg])
-                    values.append(value)
+        values = fold(self.steps, Numbers(NUMPY, rows))
         return [values[place] for place in self.wanted]
 
 

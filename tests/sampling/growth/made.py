@@ -4,16 +4,18 @@ import numpy as np
 
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import evaluate
+from scenegen.sampling.growth.aim import look_out, newly
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.problem import pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.growth.ways import held_ways
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 POSITIVE = {"task": Range(0.0)}
 
 
 def posed(text, ranges=POSITIVE, n=16, seed=0, spread="base", fixed=None):
-    return pose(check_text(text), ranges, n=n, seed=seed, spread=spread, fixed=fixed)
+    return make_problem(check_text(text), SampleRequest(ranges, n=n, seed=seed, spread=spread, fix=fixed or {}))
 
 
 def machine_of(text, ranges=POSITIVE, **words):
@@ -49,7 +51,12 @@ def everything_placed(machine, rows, seed=0, stage=None):
     particles = Particles.start(machine, zeros, zeros, np.random.default_rng(seed))
     particles.scenes = rows.copy()
     particles.stage = len(machine.order) - 1 if stage is None else stage
-    for index, end in enumerate(machine.ends):
-        if end <= particles.stage:
-            particles.met[index] = machine.held_ways(index, particles.scenes, zeros)
+    look_out(particles, newly(machine, particles.stage))
     return particles
+
+
+def ways_held(machine, choice, rows, stage=None):
+    """Which ways of a choice nothing placed by a stage, or at all, rules out: (W, B)."""
+    numbers = range(len(machine.graph.choices[choice].ways))
+    stage = len(machine.order) - 1 if stage is None else stage
+    return held_ways(machine, choice, numbers, list(rows), np.zeros(rows.shape[1], dtype=np.intp), stage)

@@ -7,19 +7,19 @@ from scipy import stats
 
 from scenegen.lang.check import check_text
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 
 def planned(text, ranges, n, seed=0, spread="flat"):
-    plan = plan_growth(pose(check_text(text), ranges, n=n, seed=seed, spread=spread), Budget())
+    plan = plan_growth(make_problem(check_text(text), SampleRequest(ranges, n=n, seed=seed, spread=spread)), Budget())
     assert isinstance(plan, Growth)
     return plan
 
 
 def test_all_cells_get_equal_shares_and_the_probability_adds_up():
     plan = planned("leftOf(a, b)", {"task": Range(0.1, 0.9)}, 3200)
-    made = plan.piece(0)
+    made = plan.draw(0)
     counts = np.bincount(made.cell, minlength=32)
     assert made.cell.min() >= 0 and len(counts) == 32 and np.ptp(counts) <= 8
     islands, total, square = made.facts[:3]
@@ -39,7 +39,7 @@ def test_all_cells_get_equal_shares_and_the_probability_adds_up():
 def test_several_labels_have_a_product_of_cells():
     text = "left: leftOf(a, b)\nbelow: belowOf(a, b)\nfree: closeTo(a, b, 0.3)"
     plan = planned(text, {"left": Range(0.1, 0.5), "below": Range(0.2, 0.6)}, 256 * 4)
-    made = plan.piece(0)
+    made = plan.draw(0)
     counts = np.bincount(made.cell, minlength=256)
     assert (counts >= 4).all()
     phi = made.phi
@@ -60,7 +60,7 @@ def test_the_deciding_atom_is_one_more_choice():
     """min(d1, d2) in a band: which of the two is the smaller one comes in equal shares."""
     plan = planned("leftOf(a, b) & leftOf(b, c)", {"task": Range(0.1, 0.12)}, 2000, spread="base")
     assert len(plan.machine.graph.choices) == 1
-    made = plan.piece(0)
+    made = plan.draw(1)  # larger than the first
     x = made.rows[0::3]
     first = x[1] - x[0] < x[2] - x[1]
     assert abs(first.mean() - 0.5) < 4 * 0.5 / math.sqrt(len(first) / plan.recipe.effect)

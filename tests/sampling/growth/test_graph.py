@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.primitives.footprint import POINT, Circle
-from scenegen.sampling.growth.graph import make_graph
+from scenegen.sampling.growth.graph import components, make_graph
 from scenegen.sampling.request import Range
 
 from .made import machine_of, posed
@@ -23,7 +23,7 @@ def test_a_conjunction_is_its_atoms():
     (pair,) = graph.pairs
     assert (pair.first, pair.second, pair.shapes) == (0, 2, (POINT, POINT))
     assert pair.low == pytest.approx([0.3])  # dist - 0.2 >= 0.1
-    assert graph.choices == () and graph.parts == (frozenset({0, 1, 2}),)
+    assert graph.choices == ()
     # leftOf and dist read no heading, leftOf no y: those of b are free of everything
     assert graph.rows == {0, 1, 3, 6, 7}
 
@@ -75,7 +75,8 @@ def test_an_upper_end_of_a_clearance_is_no_pair():
 
 def test_parts_that_have_nothing_to_do_with_each_other():
     graph = graph_of("leftOf(a, b) & leftOf(c, d) & leftOf(e, c) & closeTo(f, (0.5, 0.5), 0.2)")
-    assert graph.parts == (frozenset({2, 3, 4}), frozenset({0, 1}), frozenset({5}))
+    groups = [one.objects for one in (*graph.clauses, *graph.pairs)]
+    assert components(groups) == (frozenset({2, 3, 4}), frozenset({0, 1}), frozenset({5}))
 
 
 def test_contraction_leaves_each_cell_its_box():

@@ -11,7 +11,7 @@ from scenegen.sampling.growth.moves import Settings, sweep
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.request import Range
 
-from .made import POSITIVE, anywhere, everything_placed, machine_of, plain
+from .made import POSITIVE, anywhere, everything_placed, machine_of, plain, ways_held
 
 COUNT = 2000
 DISCS = "object p[3] = cylinder(0.12, 0.1)\nobject q = cylinder(0.12, 0.1)\nrequire noOverlap()\n"
@@ -35,7 +35,7 @@ def walk(particles):
 
 def redraw(particles):
     for thing in particles.placed:
-        room = particles.machine.room(thing, particles.stage, placing=False)
+        room = particles.machine.room(thing, particles.stage)
         moves._redraw(particles, thing, room, None)
 
 
@@ -134,8 +134,8 @@ def test_the_uniform_distribution_stays(name, move, made):
     assert (machine.problem.cells.find(machine.problem.phi(rows)) >= 0).all()
     assert (rows[sorted(machine.graph.rows)] != start[sorted(machine.graph.rows)]).any(axis=0).mean() > 0.3
     assert p_value(machine, rows, truth) > 1e-3
-    for index, table in enumerate(particles.met):  # what is remembered of the choices is right
-        np.testing.assert_array_equal(table, machine.held_ways(index, rows, particles.cell))
+    for index, table in enumerate(particles.held):  # what is remembered of the choices is right
+        np.testing.assert_array_equal(table, ways_held(machine, index, rows))
 
 
 def drifting(particles):
@@ -149,8 +149,8 @@ def drifting(particles):
 def careless(particles):
     """Redraws of poses from the room, those that two branches hold twice as often."""
     for thing in particles.placed:
-        room = particles.machine.room(thing, particles.stage, placing=False)
-        boxes = room.boxes(particles.scenes, particles.cell, particles.chosen)
+        room = particles.machine.room(thing, particles.stage)
+        boxes = room.boxes(particles.scenes, particles.cell)
         poses = boxes.draw(1, particles.rng)[:, 0]
         rows = particles.machine.touch[thing].rows
         attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
@@ -166,43 +166,25 @@ def test_moves_that_do_not_keep_it_are_seen(name, move):
     assert p_value(machine, particles.scenes, plain(machine.problem, 2 * COUNT, 2)) < 1e-6
 
 
-def test_a_change_of_way_keeps_scenes_with_the_ways_that_they_meet():
-    """Before the last object of a choice comes: pairs of a scene and a way that it meets so far are equally likely."""
-    machine = machine_of("leftOf(a, b) & leftOf(b, c) | leftOf(b, a) & leftOf(b, c) | belowOf(a, b) & leftOf(c, b)")
-    assert machine.ends[0] == 2
-    placed = machine.order[:2]
-    rng = np.random.default_rng(5)
-    rows, way = anywhere(machine.problem, 8000), rng.integers(3, size=8000)
-    particles = everything_placed(machine, rows, stage=1)
-    fits = np.ones(8000, dtype=bool)
-    touched = {one.clause.node: one for thing in placed for one in machine.touch[thing].way_clauses_in_force(1)}
-    for one in touched.values():
-        (value,) = machine.touch[placed[0]].values(("test", one.clause.node), [one.clause.node])(list(rows))
-        fits &= (way != one.way) | (value >= one.clause.low[0])
-    particles = everything_placed(machine, rows[:, fits], stage=1)
-    particles.chosen[0] = way[fits]
-    before = np.bincount(particles.chosen[0], minlength=3)
-    scenes = particles.scenes.copy()
-    for _ in range(8):
-        moves._other_way(particles, 0, None)
-    after = np.bincount(particles.chosen[0], minlength=3)
-    assert (particles.chosen[0] != way[fits]).mean() > 0.1 and (particles.scenes == scenes).all()
-    assert stats.chi2_contingency([before, after]).pvalue > 1e-3
-    for one in touched.values():
-        (value,) = machine.touch[placed[0]].values(("test", one.clause.node), [one.clause.node])(list(scenes))
-        assert (value[particles.chosen[0] == one.way] >= one.clause.low[0]).all()
-
-
-def test_only_objects_that_have_moved_count_as_moved():
-    machine = machine_of(*SPECS["discs"])
-    particles = everything_placed(machine, plain(machine.problem, 50))
-    particles.take(np.zeros(50, dtype=np.intp))
-    start = particles.scenes.copy()
-    for _ in range(3):
-        sweep(particles, Settings({}))
-    places = {tuple(start[3 * thing : 3 * thing + 2, 0]) for thing in machine.order}
-    for column in range(1, 50):
-        for thing in machine.order:
-            place = tuple(particles.scenes[3 * thing : 3 * thing + 2, column])
-            if particles.fresh[thing, column]:
-                assert place not in places  # taken over from another object of the copy, it would still be shared
+@pytest.mark.parametrize("text", [
+    "leftOf(a, b) & closeTo(b, c, 0.2) | belowOf(a, b) & closeTo(a, c, 0.2) | leftOf(b, a) & closeTo(c, b, 0.3)",
+    "closeTo(a, b, 0.2) | closeTo(b, c, 0.2) | closeTo(a, c, 0.2)",
+])  # fmt: skip
+@pytest.mark.parametrize("move", [walk, jumps, everything])
+def test_before_its_last_object_a_choice_counts_by_its_chance(text, move):
+    """Two of three objects are placed: scenes that promise more are so much more frequent, and moves keep it so."""
+    machine = machine_of(text)
+    rng, some = np.random.default_rng(5), 30_000
+    promised = everything_placed(machine, anywhere(machine.problem, some), stage=1)
+    assert len(np.unique(promised.chances[0])) > 1
+    kept = promised.scenes[:, rng.random(some) * promised.chances[0].max() < promised.chances[0]]
+    start, truth = kept[:, :COUNT], kept[:, COUNT : 3 * COUNT]
+    particles = everything_placed(machine, start, stage=1)
+    for _ in range(9):
+        move(particles)
+    assert (particles.scenes[0] != start[0]).mean() > 0.2
+    np.testing.assert_array_equal(particles.held[0], ways_held(machine, 0, particles.scenes, 1))
+    placed = [3 * thing + axis for thing in machine.order[:2] for axis in (0, 1)]
+    one, two = (np.array([*rows[placed], rows[0] - rows[3], rows[1] - rows[4]]) for rows in (particles.scenes, truth))
+    p = [stats.ks_2samp(*pair, method="asymp").pvalue for pair in zip(one, two, strict=True)]
+    assert min(p) * len(p) > 1e-3

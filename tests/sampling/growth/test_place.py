@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth import insert
 from scenegen.sampling.growth.grow import Grown, Step, grow
 from scenegen.sampling.growth.moves import Settings
-from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.request import Range
 
@@ -84,20 +82,6 @@ def test_the_pose_that_is_taken_is_uniform_over_the_free_ones():
     ring = np.hypot(x - 0.5, y - 0.5) < 0.35
     for share, truth in ((corner.mean(), 0.0625 / free), (ring.mean(), math.pi * (0.35**2 - 0.25**2) / free)):
         assert abs(share - truth) < 4 * math.sqrt(truth / len(x))
-
-
-def test_ways_are_chosen_equally_often_however_many_scenes_there_are():
-    """Ten scenes, four ways: each scene takes each way with the same probability."""
-    machine = machine_of("leftOf(a, b) | leftOf(b, c) | leftOf(c, a) | belowOf(a, c)")
-    zeros, counts, runs = np.zeros(10, dtype=np.intp), np.zeros(4), 4000
-    rng = np.random.default_rng(3)
-    particles = Particles.start(machine, zeros, zeros, rng)
-    for _ in range(runs):
-        insert._decide(particles, machine.begins[0])
-        found = np.bincount(particles.chosen[0], minlength=4)
-        assert np.ptp(found) <= 1
-        counts += found
-    assert (np.abs(counts / runs - 2.5) < 4 * 0.5 / math.sqrt(runs)).all()
 
 
 def test_the_shares_of_overlapping_ways_are_right():

@@ -30,11 +30,10 @@ def test_groups_keep_to_themselves_and_the_dead_are_left_out():
     assert mean.tolist() == [0.5, 0.5, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0]
 
 
-def test_one_of_several_copies_counts_as_the_scene_itself():
+def test_copies_know_their_ancestors():
     machine = machine_of("leftOf(a, b) & leftOf(b, c)")
     particles = everything_placed(machine, anywhere(machine.problem, 5))
     before = particles.scenes.copy()
     particles.take(np.array([1, 1, 3, 1, 4]))
     assert (particles.scenes == before[:, [1, 1, 3, 1, 4]]).all()
-    assert particles.apart.tolist() == [True, False, True, False, True]
     assert particles.families[0].tolist() == [1, 1, 3, 1, 4]

@@ -29,10 +29,9 @@ def holding(boxes, poses):
 def rooms(machine, rows, moving=False):
     """For each object, its stage and its room given the others' poses in the scenes."""
     cell = np.zeros(rows.shape[1], dtype=np.intp)
-    chosen = np.full((len(machine.graph.choices), rows.shape[1]), -1, dtype=np.intp)
     for stage, thing in enumerate(machine.order):
         at = len(machine.order) - 1 if moving else stage
-        yield thing, stage, machine.room(thing, at, placing=not moving).boxes(rows, cell, chosen)
+        yield thing, stage, machine.room(thing, at).boxes(rows, cell)
 
 
 @pytest.mark.parametrize("moving", [False, True])

@@ -11,11 +11,14 @@ import scenegen
 from scenegen.bounds.effort import StoppedError
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
-from scenegen.sampling.auto import choose
 from scenegen.sampling.growth import machine as machine_module
+from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, pose
-from scenegen.sampling.request import Range
+from scenegen.sampling.growth.stuck import how_far
+from scenegen.sampling.methods import make_plan
+from scenegen.sampling.plan import Tally
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 TEXT = """object p[3] = cylinder(0.06, 0.1), q = box(0.2, 0.1, 0.1)
 workspace [0, 0.6] x [0, 0.6]
@@ -36,7 +39,9 @@ def small_populations():
 
 
 def planned(text=TEXT, n=600, seed=3, ranges=None, seconds=600.0):
-    problem = pose(check_text(text), {"task": Range(0.0)} if ranges is None else ranges, n=n, seed=seed)
+    problem = make_problem(
+        check_text(text), SampleRequest({"task": Range(0.0)} if ranges is None else ranges, n=n, seed=seed)
+    )
     plan = plan_growth(problem, Budget(seconds))
     assert isinstance(plan, Growth)
     return plan
@@ -56,11 +61,11 @@ def alone():
 def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
     again = planned()
     assert again.plan_digest == plan.plan_digest and again.recipe.settle == plan.recipe.settle
-    one, other = plan.piece(1), again.piece(1)
+    one, other = plan.draw(1), again.draw(1)
     assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
     # a piece does not depend on those before it
-    plan.piece(0)
-    assert plan.piece(1).rows.tobytes() == one.rows.tobytes()
+    plan.draw(0)
+    assert plan.draw(1).rows.tobytes() == one.rows.tobytes()
     assert planned(seed=4).plan_digest != plan.plan_digest
 
 
@@ -93,17 +98,17 @@ def test_a_file_holds_the_same_and_resumes(alone, monkeypatch, tmp_path):
     assert (tmp_path / "whole.jsonl").read_bytes() == (tmp_path / "memory.jsonl").read_bytes()
     done = []
 
-    def broken(self, k, honest=Growth.piece):
+    def broken(self, k, honest=Growth.draw):
         if k == 2:
             raise StoppedError
         done.append(k)
         return honest(self, k)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Growth, "piece", broken)
+        patch.setattr(Growth, "draw", broken)
         with pytest.raises(RequestError, match=r"found [\d,]+ of 600 scenes") as caught:
             scenegen.sample_to(path, spec, **WORDS, workers=1)
-    assert done == [0, 1] and "--resume" in str(caught.value)
+    assert done == [0, 1] and "`resume`" in str(caught.value)
     scenegen.sample_to(path, spec, **WORDS, workers=1, resume=True)
     assert path.read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
 
@@ -145,43 +150,45 @@ class Clock:
 def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
     clock = Clock()
     monkeypatch.setattr(machine_module, "time", clock)
-    short = dataclasses.replace(plan, machine=dataclasses.replace(plan.machine, deadline=math.inf))
-    short.piece(0)
+    short = dataclasses.replace(plan, budget=Budget(math.inf, 0.0))
+    short.draw(1)
     looks = clock.looks
     assert looks > 100  # it is looked at often
     for share in (0.01, 0.7):
         at = clock.now + share * looks
-        late = dataclasses.replace(plan, machine=dataclasses.replace(plan.machine, deadline=at))
+        late = dataclasses.replace(plan, budget=Budget(at, 0.0))
         before = clock.looks
         with pytest.raises(StoppedError):
-            late.piece(0)
+            late.draw(1)
         assert clock.looks - before == pytest.approx(share * looks, abs=2)
+        how_far_it_got = "all 4 objects when time was up, but were not ready" if share > 0.5 else "of 4 objects when"
+        assert how_far_it_got in late.account(Tally(0, 0, 0, 0)).note
 
 
 def test_what_there_was_in_time_is_kept(monkeypatch):
-    def slow(self, k, honest=Growth.piece):
-        if k == 1:
+    def slow(self, k, honest=Growth.draw):
+        if k == 2:
             raise StoppedError
         return honest(self, k)
 
-    monkeypatch.setattr(Growth, "piece", slow)
+    monkeypatch.setattr(Growth, "draw", slow)
     with pytest.raises(RequestError, match="of 600 scenes"):
         scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1)
     scenes = scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1, keep_partial=True)
-    assert 200 < len(scenes) <= 256 and scenes.warnings[-1].title.endswith("; these are kept")
+    assert 200 < len(scenes) <= 400 and scenes.warnings[-1].title.endswith("; these are kept")
 
 
 def test_planning_ends_when_its_time_is_up():
-    problem = pose(check_text(TEXT), {"task": Range(0.0)}, n=10)
+    problem = make_problem(check_text(TEXT), SampleRequest({"task": Range(0.0)}, n=10))
     with pytest.raises(RequestError) as caught:
-        choose(problem, "growth", Budget(1e-6))
+        make_plan(problem, Budget(1e-6), method="growth")
     assert "time was up" in str(caught.value)
 
 
 # ---- too full, or impossible
 
 FULL = """workspace [0, 0.3] x [0, 0.2]
-object coin[7] = cylinder(0.05, 0.01)
+object coin[7] = box(0.09, 0.09, 0.01)
 require noOverlap() & insideWorkspace()
 task: leftOf(coin[1], coin[2])
 """
@@ -193,18 +200,60 @@ ends: leftOf(a, d) & belowOf(a, d)
 
 
 def said(text, ranges):
-    problem = pose(check_text(text), ranges, n=10)
+    problem = make_problem(check_text(text), SampleRequest(ranges, n=10))
     with pytest.raises(RequestError) as caught:
-        choose(problem, "growth", Budget(600.0))
+        make_plan(problem, Budget(600.0), method="growth")
     return f"{caught.value}\n"
 
 
 def test_a_table_that_is_too_full(golden):
-    """Six coins of 10 cm fill 30 x 20 cm; the seventh has no room."""
+    """Six boxes of 9 cm take nearly all of 30 x 20 cm; the seventh has no room."""
     text = said(FULL, {"task": Range(0.0)})
-    assert "after" in text and "clear" in text
+    assert "could be placed" in text and "clear" in text
     golden("sampling/growth/too_full.txt", text)
 
 
 def test_a_clause_that_refuses_every_pose(golden):
     golden("sampling/growth/refused.txt", said(REFUSED, {"task": Range(0.0), "ends": Range(0.22)}))
+
+
+# in a disc of 11 cm no three points are more than 19.1 cm from each other
+AFAR = """object p[5] = cylinder(0.02, 0.01), post[3] = cylinder(0.01, 0.1)
+require noOverlap()
+task: (forall a in post: closeTo(a, (0.5, 0.5), 11 cm)) & (forall a, b in post: farFrom(a, b, 20 cm))
+"""
+
+
+def test_a_distance_that_refuses_is_named_not_the_footprints():
+    text = said(AFAR, {"task": Range(0.0)})
+    assert "farFrom(" in text and "use fewer or smaller objects" not in text
+    assert "7 of 8 objects could be placed" in text  # also those that come after the one without room
+
+
+def test_time_that_is_up_while_scenes_grow_says_how_far_they_are():
+    problem = make_problem(check_text(FULL), SampleRequest({"task": Range(0.0)}, n=10))
+    machine = machine_module.make_machine(problem)
+    machine.furthest = 5
+    assert "5 of 7 objects could be placed" in str(how_far(machine, "9 evaluations"))
+    machine.furthest = 7
+    assert "all 7 objects could be placed" in str(how_far(machine, "9 evaluations"))
+
+
+@pytest.mark.parametrize(("text", "proved"), [
+    (FULL.replace("box(0.09, 0.09", "cylinder(0.05"), "7 objects (`coin[1]` to `coin[7]`) must be 10 cm apart"),
+    (FULL.replace("coin[7] = box(0.09, 0.09", "coin[6] = cylinder(0.05"), ""),
+    ("object p[9] = cylinder(0.01, 0.1)\nregion tray = rect(0.2, 0.2, 0.5, 0.5)\n"
+     "task: (forall a, b in p: farFrom(a, b, 18 cm)) & (forall a in p: inside(a, tray))", "18 cm apart"),
+    ("object p[9] = cylinder(0.01, 0.1)\nregion tray = rect(0.2, 0.2, 0.5, 0.5)\n"
+     "task: (forall a, b in p: farFrom(a, b, 14 cm)) & (forall a in p: inside(a, tray))", ""),
+    ("object p[5] = box(0.2, 0.2, 0.1)\nworkspace [0, 0.4] x [0, 0.4]\nrequire noOverlap()\n"
+     "task: leftOf(p[1], p[2])", ""),
+    ("object p[25] = box(0.5, 0.1, 0.1)\nworkspace [0, 0.4] x [0, 0.4]\nrequire noOverlap()\n"
+     "task: leftOf(p[1], p[2])", "take 12500 cm2"),
+])  # fmt: skip
+def test_tables_that_areas_prove_too_full(text, proved):
+    problem = make_problem(check_text(text), SampleRequest({"task": Range(0.0)}, n=10))
+    proof = too_full(machine_module.make_machine(problem).graph, problem.core.objects)
+    assert (proved in proof) if proved else proof == ""
+    if proved:
+        assert said(text, {"task": Range(0.0)}).startswith("error[table-too-full]")

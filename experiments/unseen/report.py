@@ -1,0 +1,190 @@
+"""The report on random specs: every figure's median, worst decile and worst row, and the bars."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from experiments.errors import CHANGED_RECORD
+from experiments.jobs import share
+from experiments.page import table
+from experiments.plan import Plan
+from experiments.report import Report, short
+from experiments.unseen.named import NAMED
+from experiments.unseen.queries import PATIENCE
+from experiments.unseen.runs import LABELS, Job, Row, Run, kept, perform
+from scenegen.errors import DataError
+
+MODEL = "flow"
+FIGURES: dict[str, tuple[Callable[[Row], float | None], bool]] = {  # and whether more is better
+    "error of phi, raw": (lambda row: row.error, False),
+    "coverage, raw": (lambda row: row.coverage, True),
+    "KS, raw": (lambda row: row.ks, False),
+    "sliced KS, raw": (lambda row: row.sliced, False),
+    "energy distance, raw": (lambda row: row.energy, False),
+    "meets what is required, raw": (lambda row: row.required, True),
+    "coverage, returned": (lambda row: row.returned, True),
+    "error of phi, network alone": (lambda row: row.alone[0] if row.alone else None, False),
+    "meets what is required, network alone": (lambda row: row.alone[1] if row.alone else None, True),
+    "truth: coverage": (lambda row: row.true_coverage, True),
+    "truth: KS": (lambda row: row.true_ks, False),
+    "truth: sliced KS": (lambda row: row.true_sliced, False),
+    "truth: energy distance": (lambda row: row.true_energy, False),
+}
+BARS: tuple[tuple[str, Callable[[Row], bool], float], ...] = (
+    ("raw error <= 0.01 in 90 %", lambda row: row.error <= 0.01, 0.9),
+    ("raw error <= 0.03 in all", lambda row: row.error <= 0.03, 1.0),
+    ("raw coverage >= 0.90 in 90 %", lambda row: row.coverage >= 0.9, 0.9),
+    ("raw coverage >= 0.75 in all", lambda row: row.coverage >= 0.75, 1.0),
+    ("KS <= 0.12 in 90 %", lambda row: row.ks <= 0.12, 0.9),
+    ("sliced KS <= 0.12 in 90 %", lambda row: row.sliced <= 0.12, 0.9),
+    ("returned: coverage >= 0.92 in 90 %", lambda row: (row.returned or 0.0) >= 0.92, 0.9),
+    ("goal: raw coverage >= 0.95 in 95 %", lambda row: row.coverage >= 0.95, 0.95),
+)
+
+
+def run(plan: Plan) -> Report:
+    """The plan's seeds are those of the specs. Raises ScenegenError."""
+    both = [(seed, training) for training in range(plan.trainings) for seed in plan.seeds]
+    return _report(plan, both, "unseen", "Specs that nobody tuned on")
+
+
+def run_labels(plan: Plan) -> Report:
+    """One spec with twelve labels, asked for any one of them and for pairs; the plan's seeds are those of trainings.
+    Raises ScenegenError."""
+    return _report(plan, [(LABELS, training) for training in plan.seeds], "unseen-labels", "Some labels of twelve")
+
+
+def run_named(plan: Plan) -> Report:
+    """The specs of the paper's experiments, and three more; the plan's seeds are those of trainings. Raises
+    ScenegenError."""
+    folder = str(plan.cache().folder)
+    both = [(which, training) for training in plan.seeds for which in NAMED]
+    jobs = [Job(0, MODEL, plan.quick, folder, plan.epochs, training, which) for which, training in both]
+    runs = _run(plan, jobs)
+    blocks = {"rows": _targets(runs), "specs": _specs(runs), "missing": _missing(runs)}
+    return Report("unseen-named", "Specs one by one", blocks, _data(plan, runs))
+
+
+def _report(plan: Plan, seeds: Sequence[tuple[int, int]], name: str, title: str) -> Report:
+    folder = str(plan.cache().folder)
+    runs = _run(plan, [Job(seed, MODEL, plan.quick, folder, plan.epochs, training) for seed, training in seeds])
+    blocks = {
+        "scope": _scope(runs, len(seeds)),
+        "figures": _figures(runs),
+        "bars": _bars(runs),
+        "specs": _specs(runs),
+        "missing": _missing(runs),
+    }
+    return Report(name, title, blocks, _data(plan, runs))
+
+
+def _data(plan: Plan, runs: Sequence[Run]) -> dict[str, object]:
+    return {"model": MODEL, "epochs": plan.epochs, "runs": [one.model_dump() for one in runs]}
+
+
+def _run(plan: Plan, jobs: list[Job]) -> list[Run]:
+    """What the jobs found, done now where that is not kept; of what is kept only, where the plan says so."""
+    missing = [job for job in jobs if kept(job) is None]
+    if plan.kept:
+        jobs = [job for job in jobs if job not in missing]
+    elif missing:
+        share(missing, plan, perform, "trained and measured", "trains and measures models")
+    return [_whole(job) for job in jobs]
+
+
+def _scope(runs: Sequence[Run], planned: int) -> str:
+    """How much was run, and how much of it could not be measured."""
+    by_seed = Counter(run.training_seed for run in runs)
+    rows, missing = len(_rows(runs)), sum(len(run.missing) for run in runs)
+    done = ", ".join(f"{count} with training seed {seed}" for seed, count in sorted(by_seed.items())) or "none"
+    failed = sum(bool(run.failed) for run in runs)
+    return (
+        f"{len(runs)} of {planned} runs: {done}. {failed} of them have no model. {rows} targets were measured; "
+        f"for {missing} more no exact scenes were found within {PATIENCE:g} CPU seconds."
+    )
+
+
+def _missing(runs: Sequence[Run]) -> str:
+    """What could not be measured, and why."""
+    lines = [
+        [_name(run), why.replace("|", "\\|")] for run in runs for why in ([run.failed] if run.failed else run.missing)
+    ]
+    return table(["spec", "not measured"], lines) if lines else "Nothing is missing."
+
+
+def _name(run: Run) -> str:
+    """The spec of a run, and the training's seed where that is not 0."""
+    which = run.name or str(run.seed)
+    return f"{which}, seed {run.training_seed}" if run.training_seed else which
+
+
+def _targets(runs: Sequence[Run]) -> str:
+    """Every target by itself, with what true scenes have in brackets."""
+    lines = []
+    for run in runs:
+        for row in run.rows:
+            wanted = ", ".join(f"{value:.4g}" for value in row.wanted.values())
+            both = [(row.coverage, row.true_coverage), (row.ks, row.true_ks), (row.sliced, row.true_sliced)]
+            returned = "-" if row.returned is None else f"{row.returned:.3f}"
+            alone = "-" if row.alone is None else f"{row.alone[0]:.3f}; {row.alone[1]:.2f}"
+            figures = [f"{row.error:.4f}", *(f"{made:.3f} ({true:.3f})" for made, true in both), returned, alone]
+            lines.append([_name(run), wanted, *figures])
+    head = ["spec", "wanted", "error", "coverage", "KS", "sliced KS", "coverage, returned"]
+    return table([*head, "network alone: error; meets what is required"], lines)
+
+
+def _whole(job: Job) -> Run:
+    found = kept(job)
+    if found is None:
+        raise DataError(CHANGED_RECORD(path=job.name))
+    return found
+
+
+def _rows(runs: Sequence[Run]) -> list[Row]:
+    return [row for run in runs for row in run.rows]
+
+
+def _figures(runs: Sequence[Run]) -> str:
+    lines = []
+    for name, (value, more) in FIGURES.items():
+        found = np.array([number for row in _rows(runs) if (number := value(row)) is not None])
+        if len(found):
+            tail, worst = (np.quantile(found, 0.1 if more else 0.9), found.min() if more else found.max())
+            lines.append([name, *(f"{number:.4f}" for number in (np.median(found), tail, worst))])
+    return table(["", "median", "worst decile", "worst row"], lines)
+
+
+def _bars(runs: Sequence[Run]) -> str:
+    rows = _rows(runs)
+    lines = []
+    for name, met, share_ in BARS:
+        part = sum(map(met, rows)) / max(1, len(rows))
+        lines.append([name, f"{100.0 * part:.1f} %", "yes" if part >= share_ else "no"])
+    done = [run for run in runs if not run.failed]
+    for name, values, enough in (
+        ("training under 300 CPU s", [run.cpu_seconds for run in done], lambda value: value < 300.0),
+        ("file under 1 MB", [run.size for run in done], lambda value: value < 1_000_000),
+        ("raw scenes >= 50,000 a CPU second", [run.speed for run in done], lambda value: value >= 50_000.0),
+    ):
+        part = sum(map(enough, values)) / max(1, len(values))
+        lines.append([name, f"{100.0 * part:.1f} %", "yes" if part == 1.0 else "no"])
+    return table(["bar", "met by", "held"], lines)
+
+
+def _specs(runs: Sequence[Run]) -> str:
+    lines = []
+    for run in runs:
+        first = [_name(run), str(run.objects), str(run.labels), str(len(run.rows)), str(len(run.missing))]
+        if run.failed or not run.rows:
+            lines.append([*first, *["-"] * 7])
+            continue
+        worst = [max(row.error for row in run.rows), min(row.coverage for row in run.rows)]
+        far = [max(row.ks for row in run.rows), max(row.sliced for row in run.rows)]
+        figures = [f"{worst[0]:.4f}", f"{worst[1]:.3f}", f"{far[0]:.3f}", f"{far[1]:.3f}"]
+        cost = [f"{run.cpu_seconds:.0f}", f"{run.size / 1e3:.0f}", short(run.speed)]
+        lines.append([*first, *figures, *cost])
+    head = ["spec", "objects", "labels", "rows", "too rare", "error", "coverage", "KS", "sliced KS"]
+    return table([*head, "training, CPU s", "file, kB", "raw scenes/s"], lines)

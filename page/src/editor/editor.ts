@@ -1,0 +1,292 @@
+// The editor: CodeMirror with the features of the language server.
+import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, completionKeymap, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
+import { defaultKeymap, history, historyField, historyKeymap, toggleComment } from "@codemirror/commands";
+import { bracketMatching } from "@codemirror/language";
+import { lintKeymap, setDiagnostics } from "@codemirror/lint";
+import { highlightSelectionMatches, search, searchKeymap } from "@codemirror/search";
+import { EditorState, StateEffect, StateField, type Extension } from "@codemirror/state";
+import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
+import { effect } from "@preact/signals";
+import { explainCode, read } from "../reader";
+import { askOne } from "../server";
+import { alone, decides, message, pointed, problems, report, saved, spec, text } from "../state";
+import { setText } from "../store";
+import type { Line } from "../types";
+import { specLanguage } from "./language";
+import { markdown } from "./markdown";
+
+const KEPT = "scenegen.editor"; // in the session of the tab: two tabs keep two texts
+
+const setMarks = StateEffect.define<{ from: number; to: number; kind: string }[]>();
+const marks = StateField.define<DecorationSet>({
+  create: () => Decoration.none,
+  update(value, change) {
+    value = value.map(change.changes);
+    for (const one of change.effects)
+      if (one.is(setMarks)) {
+        const most = change.newDoc.length;
+        const found = one.value.filter((mark) => mark.from < mark.to && mark.to <= most);
+        value = Decoration.set(
+          found.map((mark) => Decoration.mark({ class: `cm-${mark.kind}` }).range(mark.from, mark.to)),
+          true,
+        );
+      }
+    return value;
+  },
+  provide: (field) => EditorView.decorations.from(field),
+});
+
+export let editor: EditorView;
+
+/** An offset in characters as one in UTF-16 units, which CodeMirror counts in. */
+export function units(value: string, offset: number): number {
+  if (!/[\ud800-\udbff]/.test(value)) return offset;
+  return [...value].slice(0, offset).join("").length;
+}
+
+function position(state: EditorState, offset: number): { line: number; character: number } {
+  const line = state.doc.lineAt(offset);
+  return { line: line.number - 1, character: offset - line.from };
+}
+
+function offset(state: EditorState, place: { line: number; character: number }): number {
+  if (place.line >= state.doc.lines) return state.doc.length;
+  const line = state.doc.line(place.line + 1);
+  return Math.min(line.from + place.character, line.to);
+}
+
+function assist<T>(state: EditorState, feature: string, at: number): Promise<T> {
+  return askOne<T>("assist", { text: state.doc.toString(), path: saved.value.path, feature, ...position(state, at) });
+}
+
+const KINDS: Record<number, string> = {
+  14: "keyword", 3: "function", 10: "property", 11: "unit", 20: "enum", 5: "property", 17: "file", 6: "variable", 22: "region", 21: "constant", 23: "label", 25: "variable",
+};
+
+async function complete(context: CompletionContext): Promise<CompletionResult | null> {
+  const word = context.matchBefore(/[A-Za-z_]\w*/);
+  const before = context.state.sliceDoc(Math.max(0, context.pos - 1), context.pos);
+  if (!context.explicit && !word && before !== "." && before !== '"') return null;
+  try {
+    const found = await assist<{ items: any[] } | null>(context.state, "completion", context.pos);
+    if (!found?.items.length) return null;
+    const first = found.items[0].textEdit.range;
+    return {
+      from: offset(context.state, first.start),
+      options: found.items.map((one, order) => ({
+        label: one.label,
+        type: KINDS[one.kind] ?? "variable",
+        detail: one.detail && one.detail !== one.label ? one.detail : undefined,
+        info: one.documentation || undefined,
+        boost: -Math.min(99, order / 10),
+      })),
+      validFor: /^\w*$/,
+    };
+  } catch {
+    return null;
+  }
+}
+
+const hovers = hoverTooltip(async (view, at) => {
+  try {
+    const found = await assist<{ contents: { value: string }; range: any } | null>(view.state, "hover", at);
+    if (!found) return null;
+    return {
+      pos: offset(view.state, found.range.start),
+      end: offset(view.state, found.range.end),
+      above: true,
+      create() {
+        const dom = document.createElement("div");
+        dom.className = "cm-hover";
+        dom.append(markdown(found.contents.value));
+        return { dom };
+      },
+    };
+  } catch {
+    return null;
+  }
+}, { hoverTime: 350 });
+
+export async function define(view: EditorView = editor, at = view.state.selection.main.head): Promise<boolean> {
+  try {
+    const found = await assist<{ name: string; path: string | null; prelude: boolean; range: any } | null>(view.state, "definition", at);
+    if (!found) {
+      message.value = "nothing is defined there";
+      return true;
+    }
+    if (found.path !== (saved.value.path ?? "untitled.spec")) {
+      await read(found);
+      return true;
+    }
+    const from = offset(view.state, found.range.start);
+    view.dispatch({ selection: { anchor: from, head: offset(view.state, found.range.end) }, effects: EditorView.scrollIntoView(from, { y: "center" }) });
+    view.focus();
+  } catch {
+    /* a newer question took its place */
+  }
+  return true;
+}
+
+export async function format(view: EditorView = editor): Promise<void> {
+  const state = view.state;
+  const found = await assist<{ range: any; newText: string }[] | null>(state, "formatting", 0).catch(() => null);
+  if (!found || view.state !== state) return;
+  if (!found.length) message.value = "the spec is formatted, or has mistakes to mend first";
+  view.dispatch({
+    changes: found.map((one) => ({ from: offset(state, one.range.start), to: offset(state, one.range.end), insert: one.newText })),
+    userEvent: "format",
+  });
+}
+
+const theme = EditorView.theme({
+  "&": { height: "100%", fontSize: "12.5px", backgroundColor: "transparent", color: "var(--ink)" },
+  ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.6" },
+  ".cm-content": { caretColor: "var(--accent)", padding: "10px 0 40px" },
+  ".cm-gutters": { backgroundColor: "transparent", color: "var(--quiet)", border: "none", paddingLeft: "6px" },
+  ".cm-activeLine": { backgroundColor: "var(--line-active)" },
+  ".cm-activeLineGutter": { backgroundColor: "transparent", color: "var(--ink)" },
+  "&.cm-focused": { outline: "none" },
+  "&.cm-focused .cm-cursor": { borderLeftColor: "var(--accent)", borderLeftWidth: "2px" },
+  "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground": { backgroundColor: "var(--selection) !important" },
+  ".cm-tooltip": { backgroundColor: "var(--raised)", color: "var(--ink)", border: "1px solid var(--edge)", borderRadius: "8px", boxShadow: "var(--shadow)" },
+  ".cm-tooltip-autocomplete > ul > li[aria-selected]": { backgroundColor: "var(--accent)", color: "var(--on-accent)" },
+  ".cm-panels": { backgroundColor: "var(--raised)", color: "var(--ink)" },
+});
+
+function extensions(): Extension[] {
+  return [
+    lineNumbers(),
+    highlightActiveLineGutter(),
+    history(),
+    drawSelection(),
+    EditorState.allowMultipleSelections.of(true),
+    bracketMatching(),
+    closeBrackets(),
+    highlightActiveLine(),
+    highlightSelectionMatches(),
+    search({ top: true }),
+    specLanguage(),
+    theme,
+    marks,
+    EditorView.lineWrapping,
+    EditorView.contentAttributes.of({ "aria-label": "spec", spellcheck: "false" }),
+    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false }), hovers],
+    tooltips({ position: "fixed", parent: document.body }),
+    keymap.of([
+      { key: "F12", run: (view) => (void define(view), true) },
+      { key: "Shift-Alt-f", run: (view) => (void format(view), true) },
+      { key: "Mod-/", run: toggleComment },
+      { key: "Tab", run: acceptCompletion },
+      ...closeBracketsKeymap,
+      ...defaultKeymap.filter((one) => one.key !== "Mod-/"),
+      ...searchKeymap,
+      ...historyKeymap,
+      ...completionKeymap,
+      ...lintKeymap,
+    ]),
+    EditorView.updateListener.of((update) => {
+      if (update.docChanged) {
+        setText(update.state.doc.toString());
+        keep();
+      }
+    }),
+    EditorView.domEventHandlers({
+      mousedown(event, view) {
+        if (!(event.ctrlKey || event.metaKey) || alone) return false;
+        const at = view.posAtCoords({ x: event.clientX, y: event.clientY });
+        if (at === null) return false;
+        event.preventDefault();
+        void define(view, at);
+        return true;
+      },
+    }),
+  ];
+}
+
+/** The state of an editor in which a file is only read. */
+export function readOnlyState(doc: string, name: string): EditorState {
+  const named = EditorView.contentAttributes.of({ "aria-label": name, "aria-readonly": "true", spellcheck: "false" });
+  return EditorState.create({ doc, extensions: [lineNumbers(), drawSelection(), highlightActiveLine(), search({ top: true }), specLanguage(), theme, EditorView.lineWrapping, EditorState.readOnly.of(true), named, keymap.of([...defaultKeymap, ...searchKeymap])] });
+}
+
+let keeping: ReturnType<typeof setTimeout> | undefined;
+
+/** The text and its undo history survive a reload of the tab. */
+function keep(): void {
+  clearTimeout(keeping);
+  keeping = setTimeout(keepNow, 300);
+}
+
+export function keepNow(): void {
+  if (alone || !editor) return;
+  try {
+    sessionStorage.setItem(KEPT, JSON.stringify({ state: editor.state.toJSON({ history: historyField }), saved: saved.value }));
+  } catch {
+    /* there is no room: the history is lost with the tab */
+  }
+}
+
+export function mountEditor(parent: HTMLElement, fresh: boolean): void {
+  let state: EditorState | null = null;
+  const before = fresh || alone ? null : sessionStorage.getItem(KEPT);
+  if (before)
+    try {
+      const kept = JSON.parse(before);
+      state = EditorState.fromJSON(kept.state, { extensions: extensions() }, { history: historyField });
+      saved.value = kept.saved;
+    } catch {
+      state = null;
+    }
+  state ??= EditorState.create({ doc: text.value, extensions: extensions() });
+  editor = new EditorView({ state, parent });
+  text.value = editor.state.doc.toString();
+  addEventListener("pagehide", keepNow);
+
+  effect(() => {
+    const found = problems.value.map((one) => ({
+      from: offset(editor.state, one.range.start),
+      to: Math.max(offset(editor.state, one.range.end), offset(editor.state, one.range.start)),
+      severity: one.severity === 1 ? ("error" as const) : ("warning" as const),
+      message: one.message,
+      actions: one.code ? [{ name: "What does this mean?", apply: () => void explainCode(one.code!, true) }] : [],
+    }));
+    editor.dispatch(setDiagnostics(editor.state, found));
+  });
+  effect(() => {
+    const found: { from: number; to: number; kind: string }[] = [];
+    const whole = text.peek();
+    const add = (span: [number, number] | undefined, kind: string) => {
+      if (span) found.push({ from: units(whole, span[0]), to: units(whole, span[1]), kind });
+    };
+    const one = decides.value;
+    if (one && report.value) add(one.spans[one.spans.length - 1], one.value >= 0 ? "decides" : "decides-bad");
+    if (pointed.value !== null && spec.value) add(spansOf(pointed.value), "pointed");
+    editor.dispatch({ effects: setMarks.of(found) });
+  });
+}
+
+function spansOf(number: number): [number, number] | undefined {
+  const stack: Line[] = Object.values(spec.value!.trees);
+  while (stack.length) {
+    const one = stack.pop()!;
+    if (one.line === number) {
+      if (one.spans.length) return one.spans[one.spans.length - 1];
+      const spans: [number, number][] = [];
+      const below = [...one.parts];
+      while (below.length) {
+        const part = below.pop()!;
+        if (part.spans.length) spans.push(part.spans[part.spans.length - 1]);
+        below.push(...part.parts);
+      }
+      return spans.length ? [Math.min(...spans.map((two) => two[0])), Math.max(...spans.map((two) => two[1]))] : undefined;
+    }
+    stack.push(...one.parts);
+  }
+  return undefined;
+}
+
+/** Another text takes the place of the whole one; it can be undone. */
+export function replaceText(value: string): void {
+  editor.dispatch({ changes: { from: 0, to: editor.state.doc.length, insert: value }, userEvent: "open", scrollIntoView: true, selection: { anchor: 0 } });
+  keepNow();
+}

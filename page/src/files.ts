@@ -1,0 +1,99 @@
+// Files: specs that are opened and saved, scenes that are taken away.
+import { editor, replaceText } from "./editor/editor";
+import { table } from "./panels/Stage";
+import { http } from "./server";
+import { edited, message, poses, request, result, saved, selected, shown, text, view } from "./state";
+import { check } from "./store";
+
+export interface Listing {
+  specs: string[];
+  shipped: { name: string; title: string; text: string }[];
+}
+
+export async function list(): Promise<Listing> {
+  return (await http("/api/files")).json();
+}
+
+export async function openFile(path: string): Promise<void> {
+  const found = await (await http(`/api/file?path=${encodeURIComponent(path)}`)).json();
+  saved.value = { path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+  replaceText(found.text);
+  message.value = `opened ${path}`;
+  void check();
+}
+
+export function openText(name: string, value: string): void {
+  saved.value = { path: null, sha: null, text: value, name };
+  replaceText(value);
+  message.value = `opened ${name}`;
+}
+
+export async function save(as: string | null = saved.value.path): Promise<boolean> {
+  if (!as) return false;
+  const path = as.endsWith(".spec") ? as : `${as}.spec`;
+  const now = editor.state.doc.toString();
+  const was = path === saved.value.path ? saved.value.sha : null;
+  try {
+    const found = await (await http("/api/file", { method: "PUT", body: JSON.stringify({ path, text: now, was }) })).json();
+    saved.value = { path, sha: found.sha, text: now, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+    message.value = `saved ${path}`;
+    return true;
+  } catch (error) {
+    message.value = error instanceof Error ? error.message : String(error);
+    return false;
+  }
+}
+
+function give(blob: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+export async function download(format: string): Promise<void> {
+  const base = saved.value.name || "scenes";
+  if (format === "png") {
+    const blob = view.value === "3d" ? await table?.picture() : await drawing();
+    if (blob) give(blob, `${base}.png`);
+    return;
+  }
+  const found = result.value;
+  if (!found) return;
+  // What is on the page: a scene that was moved by hand goes as it stands.
+  const all = shown.value.map((k) => (edited.value && k === selected.value ? poses.value : found.poses[k]));
+  const sampler = edited.value ? { ...found.sampler, edited: selected.value + 1 } : found.sampler;
+  const body = { format, text: text.value, path: saved.value.path, poses: all, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
+  try {
+    const answer = await http("/api/download", { method: "POST", body: JSON.stringify(body) });
+    const name = answer.headers.get("content-disposition")?.match(/filename="?([^";]+)"?/)?.[1] ?? `scenes.${format}`;
+    give(await answer.blob(), `${base}_${name}`);
+    message.value = `downloaded ${base}_${name}`;
+  } catch (error) {
+    message.value = error instanceof Error ? error.message : String(error);
+  }
+}
+
+/** The top view as a picture. */
+async function drawing(): Promise<Blob | null> {
+  const svg = document.querySelector<SVGSVGElement>("svg.top");
+  if (!svg) return null;
+  const copy = svg.cloneNode(true) as SVGSVGElement;
+  const old = [svg, ...svg.querySelectorAll<SVGElement>("*")], fresh = [copy, ...copy.querySelectorAll<SVGElement>("*")];
+  old.forEach((one, k) => {
+    const style = getComputedStyle(one);
+    for (const name of ["fill", "fill-opacity", "stroke", "opacity", "font-family", "font-weight"]) fresh[k].style.setProperty(name, style.getPropertyValue(name));
+  });
+  const { width, height } = svg.viewBox.baseVal;
+  copy.setAttribute("width", "1600");
+  copy.setAttribute("height", String(Math.round((1600 * height) / width)));
+  const image = new Image();
+  image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(new XMLSerializer().serializeToString(copy))}`;
+  await image.decode();
+  const canvas = document.createElement("canvas");
+  canvas.width = 1600;
+  canvas.height = Math.round((1600 * height) / width);
+  canvas.getContext("2d")!.drawImage(image, 0, 0, canvas.width, canvas.height);
+  return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
+}

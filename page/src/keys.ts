@@ -1,0 +1,129 @@
+// The keyboard, outside the editor.
+import { editor } from "./editor/editor";
+import { closeReader } from "./panels/Reader";
+import { closeCode, explained, reading } from "./reader";
+import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
+import { table } from "./panels/Stage";
+import { hold, moved, place, play } from "./hands";
+import { band, justSolved } from "./rare";
+import { alone, heat, help, layout, names, pane, poses, selected, spec, tab, thing, view } from "./state";
+import { next, sample, select, step } from "./store";
+import { toggleTheme } from "./theme";
+
+export const KEYS: [string, string][] = [
+  ["e", "to the editor; Esc leaves it"],
+  ["Ctrl S", "save the spec"],
+  ["Shift Alt F", "format the spec"],
+  ["F12, Ctrl click", "go to the definition"],
+  ["Ctrl Space", "complete"],
+  ["[ ]", "previous, next scene"],
+  ["n", "other scenes: the next seed"],
+  ["x", "hardest"],
+  ["j", "just solved"],
+  ["Enter", "sample again, the held objects where they are"],
+  ["s, Shift s", "select the next, previous object"],
+  ["← → ↑ ↓", "move it by 1 cm; with Shift 5 cm, with Alt 1 mm"],
+  [", .", "turn it by 5°; with Alt 1°"],
+  ["h", "hold it, or let it go"],
+  ["z", "put the scene back as it was sampled"],
+  ["p", "play the last motion"],
+  ["v", "3D or from above"],
+  ["a d w", "without a selected object: turn the camera; + − 0 zoom"],
+  ["g", "many scenes or one"],
+  ["l, m", "names, heat map"],
+  ["1 2 3 4", "request, why, where, motion"],
+  ["o", "open a spec"],
+  ["k", "download: files, command, link"],
+  ["t", "light or dark"],
+];
+
+let resting: ReturnType<typeof setTimeout> | undefined;
+
+function nudge(event: KeyboardEvent, dx: number, dy: number, turn: number): boolean {
+  const name = thing.value;
+  const now = spec.value;
+  if (!name || !now || alone) return false;
+  const index = now.objects.findIndex((one) => one.name === name);
+  if (index < 0) return false;
+  const [x, y, theta] = poses.value[index];
+  const size = event.altKey ? 0.001 : event.shiftKey ? 0.05 : 0.01;
+  const angle = ((event.altKey ? 1 : 5) * Math.PI) / 180;
+  place(name, turn ? { theta: theta + turn * angle } : { x: x + dx * size, y: y + dy * size });
+  clearTimeout(resting);
+  resting = setTimeout(() => void moved(), 600);
+  return true;
+}
+
+function cycle(by: number): void {
+  const all = spec.value?.objects ?? [];
+  if (!all.length) return;
+  const at = all.findIndex((one) => one.name === thing.value);
+  thing.value = all[at < 0 ? (by > 0 ? 0 : all.length - 1) : (at + by + all.length) % all.length].name;
+}
+
+const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
+  e: () => editor.focus(),
+  "[": () => step(-1),
+  "]": () => step(1),
+  n: () => next(),
+  x: () => band("hard"),
+  j: () => justSolved(),
+  Enter: () => void sample(),
+  s: () => cycle(1),
+  S: () => cycle(-1),
+  h: () => void (thing.value && hold(thing.value)),
+  z: () => select(selected.value, true),
+  p: () => play(),
+  v: () => void (view.value = view.value === "3d" ? "top" : "3d"),
+  g: () => void (layout.value = layout.value === "many" ? "one" : "many"),
+  l: () => void (names.value = !names.value),
+  m: () => void (heat.value = !heat.value),
+  "1": () => void ((tab.value = "request"), (pane.value = "panel")),
+  "2": () => void ((tab.value = "why"), (pane.value = "panel")),
+  "3": () => void ((tab.value = "where"), (pane.value = "panel")),
+  "4": () => void ((tab.value = "motion"), (pane.value = "panel")),
+  o: () => void (alone || openMenu("file")),
+  k: () => openMenu("take"),
+  t: () => toggleTheme(),
+  "?": () => void (help.value = !help.value),
+  "+": () => table?.orbit(0, 0, 0.85),
+  "-": () => table?.orbit(0, 0, 1.18),
+  "0": () => table?.reset(),
+  a: () => table?.orbit(-0.12, 0),
+  d: () => table?.orbit(0.12, 0),
+  w: () => table?.orbit(0, 0.08),
+  ArrowLeft: (event) => nudge(event, -1, 0, 0),
+  ArrowRight: (event) => nudge(event, 1, 0, 0),
+  ArrowUp: (event) => nudge(event, 0, 1, 0),
+  ArrowDown: (event) => nudge(event, 0, -1, 0),
+  ",": (event) => nudge(event, 0, 0, 1),
+  ".": (event) => nudge(event, 0, 0, -1),
+};
+
+export function listen(): void {
+  addEventListener("keydown", (event) => {
+    const target = event.target as HTMLElement;
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "s") {
+      event.preventDefault();
+      if (!alone) void saveOrAsk();
+      return;
+    }
+    if (event.key === "Escape") {
+      if (help.value) help.value = false;
+      else if (explained.value) closeCode();
+      else if (reading.value) closeReader();
+      else if (menu.value) menu.value = "";
+      else if (target.closest(".cm-editor")) (document.querySelector(".stage canvas, .stage svg") as HTMLElement | null)?.focus();
+      else thing.value = null;
+      return;
+    }
+    const typing = target.closest(".cm-editor, input:not([type=range]), select, textarea, .menu");
+    if (typing || event.ctrlKey || event.metaKey) return;
+    // A button that is focused keeps Enter and space for itself; options and sliders their arrows.
+    if (event.key === "Enter" && target.closest("button, a, [role=slider]")) return;
+    if (event.key.startsWith("Arrow") && target.closest("[role=slider], [role=listbox], input, [role=tablist]")) return;
+    const done = PLAIN[event.key] ?? (event.altKey ? PLAIN[event.code === "Comma" ? "," : event.code === "Period" ? "." : ""] : undefined);
+    if (!done) return;
+    if (done(event) !== false) event.preventDefault();
+  });
+}

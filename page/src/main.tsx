@@ -1,0 +1,161 @@
+// The page: its parts, and how it begins.
+import "./page.css";
+import { effect } from "@preact/signals";
+import { render } from "preact";
+import { useEffect, useRef } from "preact/hooks";
+import { editor, mountEditor } from "./editor/editor";
+import { KEYS, listen } from "./keys";
+import { Code, Explain } from "./panels/Explain";
+import { Grid } from "./panels/Grid";
+import { MotionPanel } from "./panels/Motion";
+import { Reader } from "./panels/Reader";
+import { RequestPanel } from "./panels/Request";
+import { Stage } from "./panels/Stage";
+import { TopBar } from "./panels/TopBar";
+import { Where } from "./panels/Where";
+import { Why } from "./panels/Why";
+import { decode, encode, link, state, takeOver } from "./share";
+import { remember } from "./rare";
+import { alone, boot, edited, help, label, layout, meshes, pane, poses, problems, request, result, spec, tab } from "./state";
+import { check, explain, select, show } from "./store";
+import type { Problem, Request } from "./types";
+
+const KEPT = "scenegen.state";
+
+function Editor() {
+  const root = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    mountEditor(root.current!, location.hash.startsWith("#s="));
+    void check();
+  }, []);
+  return (
+    <section class="editor" aria-label="spec">
+      <div class="code" ref={root} />
+      <Reader />
+      <Problems />
+    </section>
+  );
+}
+
+function Problems() {
+  const all = problems.value;
+  if (!all.length) return null;
+  const go = (one: Problem) => () => {
+    const line = editor.state.doc.line(Math.min(one.range.start.line + 1, editor.state.doc.lines));
+    editor.dispatch({ selection: { anchor: Math.min(line.from + one.range.start.character, line.to) }, scrollIntoView: true });
+    editor.focus();
+  };
+  return (
+    <ul class="problems" aria-label="problems" tabIndex={0}>
+      {all.slice(0, 50).map((one, k) => {
+        const [title, ...rest] = one.message.split("\n");
+        return (
+          <li key={k} class={one.severity === 1 ? "error" : "warning"}>
+            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{title}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{line}</span>)}</button>
+            {one.code ? <Code code={one.code} /> : null}
+          </li>
+        );
+      })}
+    </ul>
+  );
+}
+
+const TABS = [["request", alone ? "Filter" : "Request"], ["why", "Why"], ["where", "Where"], ["motion", "Motion"]] as const;
+
+function Panel() {
+  return (
+    <aside class="panel" aria-label="details">
+      <div class="tabs" role="tablist" aria-label="details">
+        {TABS.filter(([key]) => !(alone && key === "motion")).map(([key, name]) => <button key={key} role="tab" id={`tab-${key}`} aria-controls="details" aria-selected={tab.value === key} onClick={() => (tab.value = key)}>{name}</button>)}
+      </div>
+      <div class="inside" id="details" role="tabpanel" aria-labelledby={`tab-${tab.value}`} tabIndex={0}>
+        {tab.value === "request" ? <RequestPanel /> : tab.value === "why" ? <Why /> : tab.value === "where" ? <Where /> : <MotionPanel />}
+      </div>
+    </aside>
+  );
+}
+
+function Help() {
+  const close = useRef<HTMLButtonElement>(null);
+  useEffect(() => close.current?.focus(), []);
+  return (
+    <div class="veil" onClick={() => (help.value = false)}>
+      <div class="help-box" role="dialog" aria-modal="true" aria-label="keys" onClick={(event) => event.stopPropagation()}>
+        <header><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
+        <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={k}>{one}</kbd>)}</dt><dd>{what}</dd></div>)}</dl>
+        <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click holds it. phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is at least 0, and the lower, the harder.</p>
+      </div>
+    </div>
+  );
+}
+
+function Page() {
+  return (
+    <div class={`page pane-${pane.value} ${layout.value}${alone ? " alone" : ""}`}>
+      <TopBar />
+      <main>
+        <Editor />
+        <section class="middle" aria-label="scenes">
+          <Stage />
+          <Grid />
+        </section>
+        <Panel />
+      </main>
+      <nav class="panes" aria-label="parts of the page">
+        {([["spec", "Spec"], ["scenes", "Scenes"], ["panel", alone ? "Filter" : "Request"]] as const).map(([key, name]) => <button key={key} aria-pressed={pane.value === key} onClick={() => (pane.value = key)}>{name}{key === "spec" && problems.value.length ? <i class="badge">{problems.value.length}</i> : null}</button>)}
+      </nav>
+      <Explain />
+      {help.value ? <Help /> : null}
+    </div>
+  );
+}
+
+function begin(): void {
+  let comeBack = null;
+  const hash = location.hash;
+  try {
+    if (hash.startsWith("#s=") && !alone) comeBack = takeOver(decode(hash.slice(3)), true);
+    else if (!alone) {
+      const kept = sessionStorage.getItem(KEPT);
+      if (kept) comeBack = takeOver(decode(kept), false);
+    }
+  } catch {
+    /* a link that was cut short: the page begins as it would without */
+  }
+  if (alone) {
+    spec.value = alone.spec;
+    meshes.value = alone.meshes;
+    remember(alone.rarity);
+    label.value = alone.spec.labels[0].name;
+    request.value = { ...request.value, phi: Object.fromEntries(alone.spec.labels.map((one) => [one.name, [null, null]])) };
+  } else if (boot.request.phi && !comeBack && !hash.startsWith("#s=") && !sessionStorage.getItem(KEPT)) {
+    const { phi, n, spread } = boot.request as Request;
+    request.value = { ...request.value, phi, n: Math.min(n ?? 16, 400), spread: spread ?? "flat" };
+  }
+  (window as any).scenegen.link = link; // for tests, as what store.ts puts there
+  render(<Page />, document.getElementById("app")!);
+  listen();
+  if (boot.scenes && alone) show(boot.scenes, false);
+  if (comeBack) {
+    const wanted = comeBack;
+    const stop = effect(() => {
+      if (result.value && poses.value.length === wanted.length)
+        queueMicrotask(() => {
+          stop();
+          poses.value = wanted;
+          edited.value = true;
+          explain();
+        });
+    });
+  }
+  if (alone) select(0, true);
+  addEventListener("pagehide", () => {
+    try {
+      if (!alone) sessionStorage.setItem(KEPT, encode({ ...state(), text: undefined }));
+    } catch {
+      /* no room */
+    }
+  });
+}
+
+begin();

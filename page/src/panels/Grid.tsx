@@ -1,0 +1,81 @@
+// All scenes as small pictures.
+import { effect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { Thumbs, type Wanted } from "../scene/thumbs";
+import { label, layout, meshes, preview, result, selected, shown, spec, view } from "../state";
+import { select, step } from "../store";
+import { theme } from "../theme";
+import type { Pose } from "../types";
+import { signed } from "../words";
+
+const thumbs = new Thumbs();
+const drawn = new WeakMap<HTMLButtonElement, Pose[]>(); // what each picture shows
+
+export function Grid() {
+  const root = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    let soon = 0;
+    return effect(() => {
+      // whatever the pictures depend on
+      const now = spec.value, found = result.value, packed = meshes.value, flat = view.value === "top" && !!theme.value, all = shown.value, big = layout.value;
+      cancelAnimationFrame(soon);
+      soon = requestAnimationFrame(() => {
+        if (!now || !found || !root.current) return;
+        thumbs.flat = flat;
+        thumbs.setSpec(now, packed);
+        const wanted: Wanted[] = [];
+        const high = big === "many" ? 2 : 1;
+        for (const button of root.current.querySelectorAll<HTMLButtonElement>("button[data-scene]")) {
+          const k = Number(button.dataset.scene);
+          const canvas = button.querySelector("canvas")!;
+          const width = Math.round(canvas.clientWidth * Math.min(devicePixelRatio || 1, 2)) || 128 * high;
+          if (canvas.width !== width) {
+            canvas.width = width;
+            canvas.height = Math.round((width * 3) / 4);
+          }
+          const poses = found.poses[k];
+          if (!poses || !all.includes(k)) continue;
+          if (drawn.get(button) !== poses) button.classList.remove("drawn"); // not the picture of another scene
+          wanted.push({ canvas, poses, bases: found.bases[k], done: () => (button.classList.add("drawn"), drawn.set(button, poses)) });
+        }
+        const first = wanted.findIndex((one) => one.canvas.parentElement?.getAttribute("aria-selected") === "true");
+        if (first > 0) wanted.unshift(...wanted.splice(first, 1));
+        thumbs.draw(wanted);
+      });
+    });
+  }, []);
+  const now = spec.value, found = result.value;
+  const all = shown.value;
+  const keys = (event: KeyboardEvent) => {
+    const by = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns(root.current!), ArrowDown: columns(root.current!) }[event.key];
+    if (by === undefined) return;
+    event.preventDefault();
+    event.stopPropagation();
+    step(by);
+    requestAnimationFrame(() => root.current?.querySelector<HTMLElement>("[aria-selected=true]")?.focus());
+  };
+  useEffect(() => {
+    root.current?.querySelector<HTMLElement>("[aria-selected=true]")?.scrollIntoView({ block: "nearest", inline: "nearest" });
+  });
+  return (
+    <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : ""}`} role="listbox" aria-label="scenes" tabIndex={-1} onKeyDown={keys}>
+      {now && found
+        ? all.map((k) => {
+            const phi = label.value === "require" ? found.require?.[k] : found.phi[label.value]?.[k];
+            return (
+              <button key={k} role="option" data-scene={k} aria-selected={k === selected.value} tabIndex={k === selected.value ? 0 : -1} onClick={() => select(k)} onDblClick={() => (layout.value = "one")} aria-label={`scene ${k + 1}, ${label.value} ${phi === undefined ? "" : signed(phi)}`}>
+                <canvas width={128} height={96} />
+                <span class={phi !== undefined && phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]])))}>{phi === undefined ? "" : signed(phi)}</span>
+              </button>
+            );
+          })
+        : null}
+      {!all.length && found ? <p class="empty">{preview.value ? "None of the scenes so far lies in these ranges; more are being sampled." : "No scene lies in these ranges."}</p> : null}
+    </div>
+  );
+}
+
+function columns(root: HTMLElement): number {
+  return getComputedStyle(root).gridTemplateColumns.split(" ").length;
+}
+

@@ -1,0 +1,37 @@
+// What scenes are wanted.
+import { alone, boot, request, spec } from "../state";
+import { change, next, sample } from "../store";
+import { Handles } from "./Handles";
+
+export function RequestPanel() {
+  const now = spec.value;
+  if (!now) return <p class="empty">Mend the spec to ask for scenes.</p>;
+  const wanted = request.value;
+  const methods = ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
+  const held = Object.keys(wanted.fix);
+  return (
+    <div class="request">
+      {now.labels.map((one) => <Handles key={one.name} name={one.name} />)}
+      {alone ? null : (
+        <div class="fields">
+          <label>scenes <input type="number" min={1} max={400} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, 400) })} /></label>
+          <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="other scenes: the next seed (n)" aria-label="next seed">↻</button></span></label>
+          <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
+          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label>
+        </div>
+      )}
+      {held.length ? (
+        <div class="held">
+          <span>held:</span>
+          {held.map((name) => <button key={name} class="chip" onClick={() => { const fix = { ...wanted.fix }; delete fix[name]; change({ fix }); }} title="let it go">{name} ×</button>)}
+          <button class="chip strong" onClick={() => void sample()}>sample the rest</button>
+        </div>
+      ) : null}
+    </div>
+  );
+}
+
+function clamp(event: Event, low: number, high: number): number {
+  const value = Math.round(Number((event.currentTarget as HTMLInputElement).value));
+  return Math.min(Math.max(Number.isFinite(value) ? value : low, low), high);
+}

@@ -1,0 +1,162 @@
+// The large scene: in three dimensions or from above, with what it is worth.
+import { effect } from "@preact/signals";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { Table3d, type Tag } from "../scene/table3d";
+import { hold, moved, place } from "../hands";
+import { alone, bases, busy, decides, edited, heat, label, meshes, names, poses, preview, problems, refusal, report, request, scenes, selected, shown, spec, stale, thing, view } from "../state";
+import { sample, select, step } from "../store";
+import { Code } from "./Explain";
+import { degrees, signed } from "../words";
+import { TopView } from "./TopView";
+
+export let table: Table3d | null = null;
+
+export function Stage() {
+  return (
+    <section class={`stage${stale.value ? " stale" : ""}`} aria-label="scene">
+      {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
+      <Phi />
+      <Tools />
+      <Chosen />
+      <Trouble />
+      {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
+    </section>
+  );
+}
+
+function Three() {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [tags, setTags] = useState<Tag[]>([]);
+  const [broken, setBroken] = useState(false);
+  useEffect(() => {
+    const node = canvas.current!;
+    let made: Table3d;
+    try {
+      made = new Table3d(node, {
+        pick: (name) => (thing.value = name),
+        move: (name, x, y) => place(name, { x, y }),
+        turn: (name, theta) => place(name, { theta }),
+        end: () => void moved(),
+        free: (name) => !alone && !spec.value?.objects.find((one) => one.name === name)?.fixed,
+      });
+    } catch {
+      setBroken(true); // no WebGL: the top view shows the same
+      view.value = "top";
+      return;
+    }
+    table = made;
+    (window as any).table = made;
+    made.onTags = setTags;
+    const size = new ResizeObserver(() => made.resize(node.clientWidth, node.clientHeight));
+    size.observe(node);
+    made.resize(node.clientWidth, node.clientHeight);
+    const ends = [
+      effect(() => {
+        if (spec.value) made.setSpec(spec.value, meshes.value);
+        made.setPoses(poses.peek(), bases.peek());
+      }),
+      effect(() => made.setPoses(poses.value, bases.value)),
+      effect(() => made.choose(thing.value)),
+      effect(() => {
+        made.names = names.value;
+        made.wake();
+      }),
+      effect(() => made.setMarks(decides.value?.marks ?? [], 0.006 * made.side + Math.max(0, ...bases.peek()))),
+    ];
+    return () => {
+      for (const end of ends) end();
+      size.disconnect();
+      made.stop();
+      table = null;
+    };
+  }, []);
+  if (broken) return null;
+  return (
+    <div class="three">
+      <canvas ref={canvas} tabIndex={0} role="application" aria-label="scene in 3D: arrow keys move the selected object, comma and period turn it, Tab leaves" onDblClick={() => thing.value && hold(thing.value)} />
+      <div class="tags" aria-hidden="true">
+        {tags.map((tag, k) => <span key={k} class={tag.kind} style={{ transform: `translate(-50%,-50%) translate(${tag.x.toFixed(1)}px,${(tag.kind === "name" || tag.kind === "chosen" ? tag.y + 10 : tag.y - 20).toFixed(1)}px)` }}>{tag.text}</span>)}
+      </div>
+    </div>
+  );
+}
+
+function Phi() {
+  const now = spec.value;
+  const found = report.value;
+  if (!now || !found || stale.value) return null;
+  const all: [string, number][] = Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
+  if (found.require && found.require[0] < 0) all.push(["require", found.require[0]]);
+  return (
+    <div class="phis" role="status" aria-label="phi of the scene">
+      {all.map(([name, phi]) => (
+        <button key={name} class={`phi ${phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={`phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
+          <span>{name}</span> <b>{signed(phi)}</b>
+        </button>
+      ))}
+      {edited.value ? <span class="phi moved">moved by hand</span> : null}
+    </div>
+  );
+}
+
+function Tools() {
+  const all = shown.value;
+  return (
+    <div class="tools">
+      <div class="segment" role="group" aria-label="view">
+        <button aria-pressed={view.value === "3d"} onClick={() => (view.value = "3d")} title="in 3D (v)">3D</button>
+        <button aria-pressed={view.value === "top"} onClick={() => (view.value = "top")} title="from above (v)">Top</button>
+      </div>
+      <button class="tool" aria-pressed={names.value} onClick={() => (names.value = !names.value)} title="names of objects (l)">Names</button>
+      {view.value === "top" ? <button class="tool" aria-pressed={heat.value} onClick={() => (heat.value = !heat.value)} title="where objects go in all scenes (m)">Heat</button> : <button class="tool" onClick={() => table?.reset()} title="the view from the start (0)">Reset</button>}
+      <span class="pager">
+        <button class="tool" onClick={() => step(-1)} aria-label="previous scene" title="previous scene ([)" disabled={scenes.value < 2}>‹</button>
+        <span>{all.length ? `${all.indexOf(selected.value) + 1} / ${all.length}` : "–"}</span>
+        <button class="tool" onClick={() => step(1)} aria-label="next scene" title="next scene (])" disabled={scenes.value < 2}>›</button>
+      </span>
+    </div>
+  );
+}
+
+function Chosen() {
+  const now = spec.value;
+  const index = now?.objects.findIndex((one) => one.name === thing.value) ?? -1;
+  if (!now || index < 0 || !poses.value[index]) return null;
+  const one = now.objects[index];
+  const [x, y, theta] = poses.value[index];
+  const kept = one.name in request.value.fix;
+  return (
+    <div class="chosen-thing">
+      <b>{one.name}</b>
+      <span class="pose">{x.toFixed(3)}, {y.toFixed(3)} m · {degrees(theta)}</span>
+      {one.fixed ? <span class="quiet">held by the spec</span> : alone ? null : (
+        <>
+          <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title="keep it there when sampling (h)">{kept ? "Held" : "Hold"}</button>
+          {kept ? <button class="tool" onClick={() => void sample()} title="sample the other objects (Enter)">Sample the rest</button> : null}
+        </>
+      )}
+      {edited.value ? <button class="tool" onClick={() => select(selected.value, true)} title="as it was sampled (z)">Put back</button> : null}
+    </div>
+  );
+}
+
+function Trouble() {
+  const found = scenes.value;
+  const told = refusal.value;
+  const working = busy.value === "sample";
+  return (
+    <>
+      {working ? <div class="working" role="progressbar" aria-label="sampling" /> : null}
+      {preview.value && working ? <div class="first">{found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range"}</div> : null}
+      {told && !working ? (
+        <div class="trouble" role="alert">
+          <b>{told.title}</b>{told.code ? <Code code={told.code} /> : null}
+          {told.label ? <p>{told.label}</p> : null}
+          {told.note ? <pre>{told.note}</pre> : null}
+          {told.help ? <p class="help">{told.help}</p> : null}
+          <button class="chip" onClick={() => (refusal.value = null)}>close</button>
+        </div>
+      ) : null}
+    </>
+  );
+}

@@ -1,0 +1,156 @@
+// The bar at the top: the file, the scenes as files, the look.
+import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { before, command } from "../command";
+import { format } from "../editor/editor";
+import { download, list, openFile, openText, save, type Listing } from "../files";
+import { connected } from "../server";
+import { link } from "../share";
+import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, unsaved } from "../state";
+import { theme, toggleTheme } from "../theme";
+
+export const menu = signal<"" | "file" | "take" | "save">("");
+const listing = signal<Listing | null>(null);
+const wanted = signal("");
+
+export function openMenu(which: "file" | "take" | "save"): void {
+  menu.value = menu.value === which ? "" : which;
+  if (menu.value === "file") void list().then((found) => (listing.value = found), (error) => (message.value = error.message));
+  if (menu.value === "save") wanted.value = saved.value.path ?? `${saved.value.name}.spec`;
+}
+
+export async function saveOrAsk(): Promise<void> {
+  if (!saved.value.path) openMenu("save");
+  else await save();
+}
+
+export function TopBar() {
+  const bar = useRef<HTMLElement>(null);
+  useEffect(() => {
+    const away = (event: PointerEvent) => {
+      if (menu.value && !bar.current!.contains(event.target as Node)) menu.value = "";
+    };
+    addEventListener("pointerdown", away);
+    return () => removeEventListener("pointerdown", away);
+  }, []);
+  return (
+    <header class="bar" ref={bar}>
+      <span class="brand"><svg viewBox="0 0 32 32" aria-hidden="true"><rect width="32" height="32" rx="7" fill="#b98a5b" /><path d="M0 21h32M0 11h32" stroke="#a2744a" stroke-width="1.2" /><circle cx="12" cy="18" r="7" fill="#f4f1ea" /><circle cx="12" cy="18" r="4.2" fill="none" stroke="#d8d2c4" /><rect x="21" y="7" width="6" height="13" rx="1.6" fill="#0b7a5c" transform="rotate(14 24 13)" /></svg><b>scenegen</b></span>
+      {alone ? <span class="file-name">{boot.name}</span> : (
+        <button class="file-name" aria-haspopup="menu" aria-expanded={menu.value === "file"} onClick={() => openMenu("file")} title="open a spec (o)">
+          {saved.value.path ?? saved.value.name}{unsaved.value ? <i title="not saved"> •</i> : null} <span aria-hidden="true">▾</span>
+        </button>
+      )}
+      {alone ? null : (
+        <span class="buttons wide">
+          <button onClick={() => void saveOrAsk()} title="save (Ctrl+S)" disabled={!unsaved.value && !!saved.value.path}>Save</button>
+          <button onClick={() => void format()} title="format (Shift+Alt+F)">Format</button>
+        </span>
+      )}
+      <Status />
+      <span class="buttons">
+        <button class="wide" aria-pressed={layout.value === "many"} onClick={() => (layout.value = layout.value === "many" ? "one" : "many")} title="many scenes or one (g)">{layout.value === "many" ? "One" : "Grid"}</button>
+        <button aria-haspopup="menu" aria-expanded={menu.value === "take"} onClick={() => openMenu("take")} title="download, command, link (k)">Download ▾</button>
+        <button class="icon" onClick={toggleTheme} aria-label={theme.value === "dark" ? "light colours" : "dark colours"} title="light or dark (t)">{theme.value === "dark" ? "☀" : "☾"}</button>
+        <button class="icon" onClick={() => (help.value = !help.value)} aria-label="keys" title="keys (?)">?</button>
+      </span>
+      {menu.value === "file" ? <FileMenu /> : null}
+      {menu.value === "take" ? <TakeMenu /> : null}
+      {menu.value === "save" ? <SaveMenu /> : null}
+    </header>
+  );
+}
+
+function Status() {
+  const found = result.value;
+  let words = message.value;
+  if (busy.value === "sample") words = preview.value ? "a first look…" : "sampling…";
+  else if (found && (words === "" || /^\d+ scenes/.test(words))) {
+    const method = String(found.sampler.method ?? "");
+    words = `${shown.value.length} scene${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
+  }
+  if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
+  return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
+}
+
+function close(then: () => void): () => void {
+  return () => {
+    menu.value = "";
+    then();
+  };
+}
+
+/** Arrow keys walk a menu, Escape leaves it. */
+function walk(event: KeyboardEvent): void {
+  const items = [...(event.currentTarget as HTMLElement).querySelectorAll<HTMLElement>("button:not(:disabled),input")];
+  const at = items.indexOf(document.activeElement as HTMLElement);
+  if (event.key === "ArrowDown") items[(at + 1) % items.length]?.focus();
+  else if (event.key === "ArrowUp") items[(at - 1 + items.length) % items.length]?.focus();
+  else if (event.key === "Escape") menu.value = "";
+  else return;
+  event.preventDefault();
+  event.stopPropagation();
+}
+
+function Menu({ name, children }: { name: string; children: any }) {
+  const root = useRef<HTMLDivElement>(null);
+  useEffect(() => root.current?.querySelector<HTMLElement>("button:not(:disabled),input")?.focus(), [listing.value]);
+  return <div ref={root} class={`menu ${name}`} role="group" aria-label={name} onKeyDown={walk}>{children}</div>;
+}
+
+function FileMenu() {
+  const found = listing.value;
+  return (
+    <Menu name="specs">
+      <button onClick={() => openMenu("save")}>Save as… <kbd>Ctrl S</kbd></button>
+      {found?.specs.length ? <h4>{boot.folder}</h4> : null}
+      {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
+      <h4>shipped with scenegen</h4>
+      {found?.shipped.map((one) => <button key={one.name} data-shipped={one.name} onClick={close(() => openText(one.name, one.text))}><span>{one.name}</span><small>{one.title}</small></button>)}
+    </Menu>
+  );
+}
+
+function SaveMenu() {
+  const go = close(() => void save(wanted.value));
+  return (
+    <Menu name="save">
+      <label>Save in {boot.folder} as <input value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} onKeyDown={(event) => event.key === "Enter" && go()} /></label>
+      <button class="strong" onClick={go}>Save</button>
+    </Menu>
+  );
+}
+
+async function copy(value: string, what: string): Promise<void> {
+  menu.value = "";
+  try {
+    await navigator.clipboard.writeText(value);
+    message.value = `${what} is copied`;
+  } catch {
+    prompt(`${what}:`, value);
+  }
+}
+
+function TakeMenu() {
+  const none = !scenes.value;
+  const line = command();
+  return (
+    <Menu name="take">
+      {alone ? null : (
+        <>
+          <h4>{shown.value.length} scenes</h4>
+          <div class="formats">
+            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"]].map(([format, name]) => <button key={format} data-format={format} disabled={none} onClick={close(() => void download(format))}>{name}</button>)}
+          </div>
+        </>
+      )}
+      <h4>this scene</h4>
+      <div class="formats"><button data-format="png" disabled={none} onClick={close(() => void download("png"))}>PNG picture</button></div>
+      <h4>the same scenes by command</h4>
+      <code class="command">{line}</code>
+      {before() ? <p class="note">{before()}</p> : null}
+      <button onClick={() => void copy(line, "the command")}>Copy the command</button>
+      {alone ? null : <button onClick={() => void copy(link(), "the link")}>Copy a link to this state</button>}
+    </Menu>
+  );
+}

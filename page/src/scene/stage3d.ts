@@ -1,0 +1,134 @@
+// A table with objects in three dimensions: what the large view and the small pictures share.
+import { AmbientLight, BoxGeometry, Color, DirectionalLight, Group, HemisphereLight, Mesh, MeshLambertMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer, type Texture } from "three";
+import type { PackedMesh, Pose, Spec } from "../types";
+import { geometryOf } from "./meshes";
+import { woodTexture } from "./wood";
+
+export class Stage3d {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(32, 4 / 3, 0.02, 50);
+  readonly renderer: WebGLRenderer;
+  readonly objects = new Group();
+  readonly sun = new DirectionalLight(0xfff1dd, 2.3);
+  readonly center = new Vector3();
+  side = 1;
+  private table: Mesh | null = null;
+  private material: MeshStandardMaterial | MeshLambertMaterial;
+  private wood: Texture | null = null;
+  spec: Spec | null = null;
+
+  constructor(canvas: HTMLCanvasElement, private small: boolean) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: !small, alpha: true, preserveDrawingBuffer: false, powerPreference: "high-performance" });
+    this.renderer.outputColorSpace = SRGBColorSpace;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.shadowMap.autoUpdate = false;
+    this.material = small ? new MeshLambertMaterial({ vertexColors: true }) : new MeshStandardMaterial({ vertexColors: true, roughness: 0.62, metalness: 0 });
+    this.camera.up.set(0, 0, 1);
+    const sky = new HemisphereLight(0xffffff, 0xb49a80, 1.25);
+    sky.position.set(0, 0, 1);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.radius = 4;
+    this.sun.shadow.bias = -0.0006;
+    this.sun.shadow.normalBias = 0.004;
+    this.scene.add(sky, new AmbientLight(0xffffff, 0.35), this.sun, this.sun.target, this.objects);
+  }
+
+  background(color: string | null): void {
+    this.scene.background = color ? new Color(color) : null;
+  }
+
+  setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
+    const sameTable = this.spec && JSON.stringify([spec.table, spec.workspace, spec.regions]) === JSON.stringify([this.spec.table, this.spec.workspace, this.spec.regions]);
+    this.spec = spec;
+    const [x0, y0, x1, y1] = spec.table;
+    if (!sameTable) {
+      const { x, y } = spec.workspace;
+      this.side = Math.max(x[1] - x[0], y[1] - y[0]);
+      this.center.set((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, 0);
+      if (this.table) {
+        this.scene.remove(this.table);
+        this.table.geometry.dispose();
+      }
+      this.wood?.dispose();
+      this.wood = woodTexture(spec, this.small ? 256 : 768);
+      const edge = new MeshLambertMaterial({ color: 0x9a7650 });
+      const top = new MeshLambertMaterial({ map: this.wood });
+      this.table = new Mesh(new BoxGeometry(x1 - x0, y1 - y0, spec.thickness), [edge, edge, edge, edge, top, edge]);
+      this.table.position.set((x0 + x1) / 2, (y0 + y1) / 2, -spec.thickness / 2);
+      this.table.receiveShadow = true;
+      this.scene.add(this.table);
+      const reach = 0.95 * Math.max(x1 - x0, y1 - y0);
+      this.sun.target.position.copy(this.center);
+      this.sun.position.copy(this.center).add(new Vector3(-0.55, -0.35, 1.35).multiplyScalar(1.6 * this.side));
+      const camera = this.sun.shadow.camera;
+      Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * this.side, far: 6 * this.side });
+      camera.updateProjectionMatrix();
+    }
+    this.objects.clear();
+    for (const thing of spec.objects) {
+      const mesh = new Mesh(geometryOf(thing, packed[thing.mesh]), this.material);
+      mesh.name = thing.name;
+      mesh.castShadow = true;
+      mesh.receiveShadow = true;
+      this.objects.add(mesh);
+    }
+    this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  setPoses(poses: Pose[], bases: number[]): void {
+    this.objects.children.forEach((mesh, at) => {
+      const pose = poses[at];
+      mesh.visible = !!pose;
+      if (!pose) return;
+      mesh.position.set(pose[0], pose[1], bases[at] ?? 0);
+      mesh.rotation.z = pose[2];
+    });
+    this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  /** What the camera looks at: the middle of the table, higher where things stand on shelves. */
+  middle(): Vector3 {
+    const [x0, y0, x1, y1] = this.spec!.table;
+    return new Vector3((x0 + x1) / 2, (y0 + y1) / 2, this.spec!.tall > 0.35 * this.side ? 0.4 * this.spec!.tall : 0);
+  }
+
+  /** Look at the whole table from in front of it. `close` moves nearer, for small pictures. */
+  frame(aspect: number, close = 1): void {
+    const spec = this.spec;
+    if (!spec) return;
+    const [x0, y0, x1, y1] = spec.table;
+    const { tall, workspace } = spec;
+    const target = this.middle();
+    const direction = new Vector3(0, -0.8, tall > 0.35 * this.side ? 0.55 : aspect < 1.2 ? 1.25 : 0.95).normalize();
+    this.camera.aspect = aspect;
+    this.camera.updateProjectionMatrix();
+    let low = 0.2 * this.side, high = 12 * this.side;
+    const corners = [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [-spec.thickness, 0].map((z) => new Vector3(x, y, z))));
+    corners.push(...workspace.x.flatMap((x) => workspace.y.map((y) => new Vector3(x, y, tall))));
+    for (let round = 0; round < 24; round++) {
+      const middle = (low + high) / 2;
+      this.camera.position.copy(target).addScaledVector(direction, middle);
+      this.camera.lookAt(target);
+      this.camera.updateMatrixWorld();
+      const fits = corners.every((corner) => {
+        const seen = corner.clone().project(this.camera);
+        return Math.abs(seen.x) <= 0.97 && Math.abs(seen.y) <= 0.97;
+      });
+      if (fits) high = middle;
+      else low = middle;
+    }
+    this.camera.position.copy(target).addScaledVector(direction, high / close);
+    this.camera.lookAt(target);
+  }
+
+  render(): void {
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  dispose(): void {
+    this.wood?.dispose();
+    this.renderer.dispose();
+  }
+}

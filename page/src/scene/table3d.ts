@@ -1,0 +1,340 @@
+// The large view: the table, what stands on it, dimension lines, and hands on all of it.
+import { BufferAttribute, BufferGeometry, DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { Mark, PackedMesh, Point, Pose, Spec } from "../types";
+import { Stage3d } from "./stage3d";
+
+export interface Hands {
+  pick(name: string | null): void;
+  move(name: string, x: number, y: number): void;
+  turn(name: string, theta: number): void;
+  end(): void;
+  free(name: string): boolean;
+}
+
+export interface Tag {
+  x: number;
+  y: number;
+  text: string;
+  kind: "name" | "good" | "bad" | "chosen";
+}
+
+const SLOW = 34; // ms between two pictures above which they get coarser while something moves
+const COARSEST = 0.4;
+
+export class Table3d extends Stage3d {
+  readonly controls: OrbitControls;
+  private marks = new Group();
+  private ring = new Group();
+  private knob: Mesh;
+  private dirty = true;
+  private running = true;
+  private held: { name: string; kind: "move" | "turn"; offset: Vector2; plane: Plane } | null = null;
+  private ray = new Raycaster();
+  private chosen: string | null = null;
+  private markTags: { at: Vector3; text: string; good: boolean }[] = [];
+  private ratio = Math.min(devicePixelRatio || 1, 2);
+  private now = this.ratio;
+  private lastMove = 0;
+  private last = 0;
+  private slow = 0;
+  private framed = "";
+  names = false;
+  onTags: (tags: Tag[]) => void = () => {};
+  frames = 0; // for tests: how many pictures were drawn
+  spent = 0; // ms of drawing
+
+  constructor(canvas: HTMLCanvasElement, private hands: Hands) {
+    super(canvas, false);
+    this.renderer.setPixelRatio(this.now);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = false;
+    this.controls.maxPolarAngle = 0.49 * Math.PI;
+    this.controls.zoomSpeed = 0.8;
+    this.controls.addEventListener("change", () => {
+      this.lastMove = performance.now();
+      this.wake();
+    });
+    const accent = new MeshBasicMaterial({ color: 0x0b7a5c, side: DoubleSide, transparent: true, opacity: 0.85, depthWrite: false });
+    this.knob = new Mesh(new SphereGeometry(1, 20, 14), new MeshBasicMaterial({ color: 0x0b7a5c }));
+    this.knob.name = "\0knob";
+    this.ring.add(new Mesh(new RingGeometry(0.94, 1, 64), accent), this.knob);
+    this.ring.visible = false;
+    this.scene.add(this.marks, this.ring);
+    canvas.addEventListener("pointerdown", this.down, { capture: true });
+    canvas.addEventListener("pointermove", this.hover);
+    canvas.addEventListener("pointerup", this.up);
+    canvas.addEventListener("pointercancel", this.up);
+    requestAnimationFrame(this.loop);
+  }
+
+  wake(): void {
+    this.dirty = true;
+  }
+
+  override setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
+    super.setSpec(spec, packed);
+    const key = JSON.stringify([spec.table, spec.tall > 0.35 * this.side && spec.tall]);
+    if (this.framed !== key) {
+      this.framed = key;
+      this.reset();
+    }
+    this.wake();
+  }
+
+  override setPoses(poses: Pose[], bases: number[]): void {
+    super.setPoses(poses, bases);
+    this.place();
+    this.wake();
+  }
+
+  reset(): void {
+    if (!this.spec) return;
+    this.frame(this.camera.aspect);
+    this.controls.target.copy(this.middle());
+    this.controls.minDistance = 0.25 * this.side;
+    this.controls.maxDistance = 8 * this.side;
+    this.controls.update();
+    this.wake();
+  }
+
+  /** Turn and zoom the camera by hand of the keyboard. */
+  orbit(left: number, up: number, zoom = 1): void {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    const length = Math.min(Math.max(arm.length() * zoom, this.controls.minDistance), this.controls.maxDistance);
+    const polar = Math.min(Math.max(Math.acos(arm.z / arm.length()) - up, 0.02), 0.48 * Math.PI);
+    const around = Math.atan2(arm.y, arm.x) + left;
+    arm.set(Math.sin(polar) * Math.cos(around), Math.sin(polar) * Math.sin(around), Math.cos(polar)).multiplyScalar(length);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.controls.update();
+    this.wake();
+  }
+
+  resize(width: number, height: number): void {
+    if (width < 2 || height < 2) return;
+    const first = this.camera.aspect;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (Math.abs(first - width / height) > 0.02) this.reset();
+    this.wake();
+  }
+
+  choose(name: string | null): void {
+    this.chosen = name;
+    this.place();
+    this.wake();
+  }
+
+  private place(): void {
+    const mesh = this.objects.children.find((one) => one.name === this.chosen);
+    this.ring.visible = !!mesh && mesh.visible;
+    if (!mesh || !this.spec) return;
+    const thing = this.spec.objects.find((one) => one.name === this.chosen)!;
+    const radius = 1.12 * reach(thing.footprint) + 0.012 * this.side;
+    this.ring.position.set(mesh.position.x, mesh.position.y, mesh.position.z + 0.0025 * this.side);
+    this.ring.children[0].scale.setScalar(radius);
+    this.knob.scale.setScalar(0.014 * this.side);
+    this.knob.visible = this.hands.free(thing.name);
+    this.knob.position.set(radius * Math.cos(mesh.rotation.z), radius * Math.sin(mesh.rotation.z), 0.004 * this.side);
+  }
+
+  setMarks(marks: Mark[], height: number): void {
+    for (const one of this.marks.children) (one as Mesh).geometry.dispose();
+    this.marks.clear();
+    this.markTags = [];
+    const wide = 0.0035 * this.side;
+    for (const mark of marks) {
+      if (mark.kind === "guide") {
+        this.marks.add(ribbon(dashes(mark.start, mark.end, 0.02 * this.side), 0.6 * wide, 0x6b7078, height));
+        continue;
+      }
+      const color = mark.good ? 0x0b8f6b : 0xd0382f;
+      if (mark.kind === "line") {
+        const [dx, dy] = [mark.end[0] - mark.start[0], mark.end[1] - mark.start[1]];
+        const length = Math.hypot(dx, dy) || 1e-9;
+        const tick = 0.016 * this.side;
+        const across: Point = [(-dy / length) * tick, (dx / length) * tick];
+        const ticks = [mark.start, mark.end].map((end): [Point, Point] => [[end[0] - across[0], end[1] - across[1]], [end[0] + across[0], end[1] + across[1]]]);
+        this.marks.add(ribbon([[mark.start, mark.end], ...ticks], wide, color, height));
+        this.markTags.push({ at: new Vector3((mark.start[0] + mark.end[0]) / 2, (mark.start[1] + mark.end[1]) / 2, height), text: mark.text, good: mark.good });
+      } else {
+        const radius = 0.09 * this.side;
+        const at = (angle: number): Point => [mark.center[0] + radius * Math.cos(angle), mark.center[1] + radius * Math.sin(angle)];
+        const arc: [Point, Point][] = [];
+        for (let k = 0; k < 24; k++) arc.push([at(mark.from + ((mark.to - mark.from) * k) / 24), at(mark.from + ((mark.to - mark.from) * (k + 1)) / 24)]);
+        this.marks.add(ribbon([[mark.center, at(mark.from)], [mark.center, at(mark.to)], ...arc], wide, color, height));
+        const middle = at((mark.from + mark.to) / 2);
+        this.markTags.push({ at: new Vector3(middle[0], middle[1], height), text: mark.text, good: mark.good });
+      }
+    }
+    this.wake();
+  }
+
+  private pointer(event: PointerEvent): void {
+    const box = this.renderer.domElement.getBoundingClientRect();
+    this.ray.setFromCamera(new Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height), this.camera);
+  }
+
+  private under(): string | null {
+    if (this.ring.visible && this.knob.visible && this.ray.intersectObject(this.knob).length) return this.knob.name;
+    // A generous ball around a thin object, where nothing is hit exactly.
+    const hit = this.ray.intersectObjects(this.objects.children, false)[0];
+    return hit?.object.name ?? null;
+  }
+
+  private onPlane(plane: Plane): Vector3 | null {
+    return this.ray.ray.intersectPlane(plane, new Vector3());
+  }
+
+  private down = (event: PointerEvent): void => {
+    if (event.button > 0) return;
+    this.pointer(event);
+    const name = this.under();
+    if (!name) return;
+    const turning = name === this.knob.name;
+    const target = turning ? this.chosen! : name;
+    const mesh = this.objects.children.find((one) => one.name === target)!;
+    if (!turning) this.hands.pick(target);
+    if (!this.hands.free(target)) return;
+    const plane = new Plane(new Vector3(0, 0, 1), -mesh.position.z - (turning ? 0 : this.grip(event, mesh.position.z)));
+    const at = this.onPlane(plane);
+    if (!at) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.renderer.domElement.focus({ preventScroll: true });
+    this.renderer.domElement.setPointerCapture(event.pointerId);
+    this.held = { name: target, kind: turning || event.shiftKey ? "turn" : "move", plane, offset: new Vector2(mesh.position.x - at.x, mesh.position.y - at.y) };
+  };
+
+  /** How far above its base an object was gripped, so that it stays under the pointer. */
+  private grip(_event: PointerEvent, base: number): number {
+    const hit = this.ray.intersectObjects(this.objects.children, false)[0];
+    return hit ? Math.max(0, hit.point.z - base) : 0;
+  }
+
+  private hover = (event: PointerEvent): void => {
+    this.pointer(event);
+    if (!this.held) {
+      const name = this.under();
+      this.renderer.domElement.style.cursor = name === this.knob.name ? "grab" : name ? (this.hands.free(name) ? "move" : "pointer") : "";
+      return;
+    }
+    const at = this.onPlane(this.held.plane);
+    if (!at) return;
+    this.lastMove = performance.now();
+    const mesh = this.objects.children.find((one) => one.name === this.held!.name)!;
+    if (this.held.kind === "move") this.hands.move(this.held.name, at.x + this.held.offset.x, at.y + this.held.offset.y);
+    else this.hands.turn(this.held.name, Math.atan2(at.y - mesh.position.y, at.x - mesh.position.x));
+  };
+
+  private up = (event: PointerEvent): void => {
+    if (!this.held) return;
+    this.held = null;
+    if (this.renderer.domElement.hasPointerCapture(event.pointerId)) this.renderer.domElement.releasePointerCapture(event.pointerId);
+    this.hands.end();
+  };
+
+  private loop = (): void => {
+    if (!this.running) return;
+    requestAnimationFrame(this.loop);
+    const moving = performance.now() - this.lastMove < 300;
+    if (!moving && this.now !== this.ratio) {
+      this.now = this.ratio;
+      this.renderer.setPixelRatio(this.now);
+      this.renderer.shadowMap.needsUpdate = true;
+      this.dirty = true;
+    }
+    // Until the scenes of a new spec are there, the last picture stays: to draw an empty table would hold them up.
+    if (!this.dirty || !this.objects.children.some((one) => one.visible)) return;
+    this.dirty = false;
+    const began = performance.now();
+    if (this.slow > 2 && this.frames % 2) this.renderer.shadowMap.needsUpdate = false; // shadows follow a picture later
+    this.render();
+    this.frames++;
+    this.spent += performance.now() - began;
+    // Drawing is done by another process: how long it takes shows in how soon the next picture can be drawn.
+    const apart = began - this.last;
+    this.last = began;
+    this.slow = moving && apart > SLOW && apart < 1000 ? this.slow + 1 : moving ? Math.max(0, this.slow - 1) : 0;
+    if (this.slow >= 3 && this.now > COARSEST) {
+      this.slow = 1;
+      this.now = Math.max(COARSEST, this.now * 0.7);
+      this.renderer.setPixelRatio(this.now);
+    }
+    this.tags();
+  };
+
+  private tags(): void {
+    const box = this.renderer.domElement.getBoundingClientRect();
+    const tags: Tag[] = [];
+    const put = (at: Vector3, text: string, kind: Tag["kind"]) => {
+      const seen = at.clone().project(this.camera);
+      if (seen.z < 1) tags.push({ x: ((seen.x + 1) / 2) * box.width, y: ((1 - seen.y) / 2) * box.height, text, kind });
+    };
+    for (const mesh of this.objects.children) {
+      const thing = this.spec?.objects.find((one) => one.name === mesh.name);
+      if (!thing || !mesh.visible) continue;
+      if (this.names || mesh.name === this.chosen || thing.says)
+        put(new Vector3(mesh.position.x, mesh.position.y - 1.1 * reach(thing.footprint), mesh.position.z), mesh.name, mesh.name === this.chosen ? "chosen" : "name");
+    }
+    for (const tag of this.markTags) put(tag.at, tag.text, tag.good ? "good" : "bad");
+    this.onTags(tags);
+  }
+
+  /** Where an object is on the screen, in pixels of the window. */
+  where(name: string): { x: number; y: number } | null {
+    const mesh = this.objects.children.find((one) => one.name === name);
+    const thing = this.spec?.objects.find((one) => one.name === name);
+    if (!mesh || !thing) return null;
+    const seen = new Vector3(mesh.position.x, mesh.position.y, mesh.position.z + thing.height / 2).project(this.camera);
+    const box = this.renderer.domElement.getBoundingClientRect();
+    return { x: box.left + ((seen.x + 1) / 2) * box.width, y: box.top + ((1 - seen.y) / 2) * box.height };
+  }
+
+  /** The view as a PNG at twice its size. */
+  picture(): Promise<Blob | null> {
+    const before = this.now;
+    this.renderer.setPixelRatio(2);
+    this.render();
+    return new Promise((resolve) =>
+      this.renderer.domElement.toBlob((blob) => {
+        this.renderer.setPixelRatio(before);
+        this.wake();
+        resolve(blob);
+      }, "image/png"),
+    );
+  }
+
+  stop(): void {
+    this.running = false;
+    this.controls.dispose();
+    this.dispose();
+  }
+}
+
+export function reach(footprint: { kind: string; radius?: number; corners?: Point[] }): number {
+  return footprint.radius ?? Math.max(...footprint.corners!.map(([x, y]) => Math.hypot(x, y)));
+}
+
+function dashes(start: Point, end: Point, step: number): [Point, Point][] {
+  const length = Math.hypot(end[0] - start[0], end[1] - start[1]);
+  const count = Math.max(1, Math.min(200, Math.round(length / step)));
+  const at = (share: number): Point => [start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])];
+  return Array.from({ length: count }, (_, k): [Point, Point] => [at(k / count), at((k + 0.55) / count)]);
+}
+
+/** Flat lines of a width, drawn over everything. */
+function ribbon(segments: [Point, Point][], width: number, color: number, z: number): Mesh {
+  const points: number[] = [];
+  for (const [[ax, ay], [bx, by]] of segments) {
+    const length = Math.hypot(bx - ax, by - ay) || 1e-9;
+    const nx = ((ay - by) / length) * (width / 2), ny = ((bx - ax) / length) * (width / 2);
+    points.push(ax + nx, ay + ny, z, ax - nx, ay - ny, z, bx + nx, by + ny, z, bx + nx, by + ny, z, ax - nx, ay - ny, z, bx - nx, by - ny, z);
+  }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
+  const mesh = new Mesh(geometry, new MeshBasicMaterial({ color, side: DoubleSide, depthTest: false, transparent: true }));
+  mesh.renderOrder = 10;
+  return mesh;
+}

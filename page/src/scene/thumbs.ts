@@ -1,0 +1,109 @@
+// Small pictures of many scenes, drawn one after the other by one renderer, so that the page never waits for them.
+import type { PackedMesh, Pose, Spec } from "../types";
+import { Stage3d } from "./stage3d";
+import { drawTop } from "./top2d";
+
+export interface Wanted {
+  canvas: HTMLCanvasElement;
+  poses: Pose[];
+  bases: number[];
+  done?: () => void;
+}
+
+const SLICE = 20; // ms of drawing at a time
+const KEPT = 300; // pictures
+
+export class Thumbs {
+  private stage: Stage3d | null = null;
+  private waiting: Wanted[] = [];
+  private drawing = false;
+  private spec: Spec | null = null;
+  private framed: Spec | null = null;
+  private kept = new Map<Pose[], HTMLCanvasElement>(); // pictures of scenes that may be shown again
+  private look = ""; // what these look like
+  flat = false;
+
+  setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
+    this.spec = spec;
+    const look = `${spec.sha256} ${this.flat} ${document.documentElement.dataset.theme} ${spec.objects.map((one) => (one.mesh in packed ? 1 : 0)).join("")}`;
+    if (look !== this.look) this.kept.clear();
+    this.look = look;
+    if (!this.flat) this.three()?.setSpec(spec, packed);
+  }
+
+  private three(): Stage3d | null {
+    if (!this.stage)
+      try {
+        this.stage = new Stage3d(document.createElement("canvas"), true);
+        this.stage.sun.shadow.mapSize.set(512, 512);
+      } catch {
+        this.flat = true; // no WebGL: top views instead
+      }
+    return this.stage;
+  }
+
+  draw(all: Wanted[]): void {
+    this.waiting = all.filter((one) => !this.again(one));
+    if (!this.drawing && this.waiting.length) {
+      this.drawing = true;
+      requestAnimationFrame(() => this.some());
+    }
+  }
+
+  /** Draw a scene from its picture, if there is one. */
+  private again({ canvas, poses, done }: Wanted): boolean {
+    const known = this.kept.get(poses);
+    if (!known || known.width !== canvas.width || known.height !== canvas.height) return false;
+    const context = canvas.getContext("2d")!;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(known, 0, 0);
+    done?.();
+    return true;
+  }
+
+  private keep(canvas: HTMLCanvasElement, poses: Pose[]): void {
+    const copy = document.createElement("canvas");
+    copy.width = canvas.width;
+    copy.height = canvas.height;
+    copy.getContext("2d")!.drawImage(canvas, 0, 0);
+    this.kept.set(poses, copy);
+    if (this.kept.size > KEPT) this.kept.delete(this.kept.keys().next().value!);
+  }
+
+  private some(): void {
+    const until = performance.now() + SLICE;
+    while (this.waiting.length && performance.now() < until) this.one(this.waiting.shift()!);
+    if (this.waiting.length) setTimeout(() => requestAnimationFrame(() => this.some()), 0);
+    else this.drawing = false;
+  }
+
+  private one(wanted: Wanted): void {
+    const { canvas, poses, bases } = wanted;
+    const context = canvas.getContext("2d");
+    if (!context || !this.spec) return;
+    const stage = this.flat ? null : this.stage;
+    if (!stage?.spec) {
+      drawTop(context, this.spec, poses);
+      this.keep(canvas, poses);
+      wanted.done?.();
+      return;
+    }
+    if (poses.length !== stage.objects.children.length) return;
+    const { width, height } = canvas;
+    const size = stage.renderer.domElement;
+    if (size.width !== width || size.height !== height) {
+      stage.renderer.setPixelRatio(1);
+      stage.renderer.setSize(width, height, false);
+    }
+    if (stage.camera.aspect !== width / height || this.framed !== stage.spec) stage.frame(width / height);
+    this.framed = stage.spec;
+    stage.setPoses(poses, bases);
+    stage.render();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, width, height);
+    context.drawImage(size, 0, 0);
+    this.keep(canvas, poses);
+    wanted.done?.();
+  }
+}

@@ -1,0 +1,93 @@
+// What the page shows, as signals.
+import { computed, effect, signal } from "@preact/signals";
+import type { Boot, Decides, PackedMesh, Pose, Problem, Rarity, Refusal, Report, Request, Result, Spec } from "./types";
+
+export const boot: Boot = JSON.parse(document.getElementById("data")!.textContent!);
+export const alone = boot.alone ?? null;
+
+export const text = signal(boot.text);
+export const saved = signal<{ path: string | null; sha: string | null; text: string | null; name: string }>({
+  path: boot.path,
+  sha: boot.sha,
+  text: boot.text,
+  name: boot.name,
+});
+export const spec = signal<Spec | null>(null);
+export const problems = signal<Problem[]>([]);
+export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.model ? "model" : "auto", spread: "flat", fix: {} });
+export const result = signal<Result | null>(null);
+export const preview = signal(false); // the scenes are a first look, the wanted ones are under way
+export const refusal = signal<Refusal | null>(null);
+export const busy = signal<"" | "check" | "sample">("");
+export const message = signal(""); // said to everybody, screen readers included
+export const selected = signal(0);
+export const poses = signal<Pose[]>([]);
+export const bases = signal<number[]>([]);
+export const edited = signal(false);
+export const report = signal<Report | null>(null);
+export const label = signal(""); // the label that the page explains
+export const thing = signal<string | null>(null); // the selected object
+export const pointed = signal<number | null>(null); // the line of the tree under the pointer
+export const rarity = signal<Record<string, Rarity>>({});
+export const measuring = signal(false);
+export const rested = signal(false); // nothing more is asked for until somebody does something
+export const explaining = signal(false); // phi of the scene as it stands is under way
+export const meshes = signal<Record<string, PackedMesh>>({});
+export const view = signal<"3d" | "top">("3d");
+export const layout = signal<"one" | "many">("one");
+export const tab = signal<"request" | "why" | "where" | "motion">("request");
+export const pane = signal<"spec" | "scenes" | "panel">("scenes"); // on narrow screens
+export const names = signal(false);
+export const heat = signal(false);
+export const help = signal(false);
+export const replaying = signal(false);
+
+export interface Motion {
+  name: string;
+  times: number[]; // seconds
+  path: Pose[];
+  phi: Record<string, number[]> | null;
+}
+export const motion = signal<Motion | null>(null);
+export const moment = signal(0); // of the motion, in seconds
+
+export const scenes = computed(() => result.value?.poses.length ?? 0);
+export const stale = computed(() => scenes.value === 0 && (preview.value || busy.value === "sample")); // the large picture is of an older request
+export const unsaved = computed(() => saved.value.text !== text.value);
+
+/** The scenes that are shown: all, or in a page without a server those in the ranges. */
+export const shown = computed(() => {
+  const found = result.value;
+  if (!found) return [] as number[];
+  const all = found.poses.map((_, index) => index);
+  if (!alone) return all;
+  const wanted = Object.entries(request.value.phi);
+  return all.filter((index) =>
+    wanted.every(([name, [low, high]]) => {
+      const phi = found.phi[name]?.[index];
+      return phi !== undefined && (low === null || phi >= low) && (high === null || phi <= high);
+    }),
+  );
+});
+export const decides = computed<Decides | null>(() => report.value?.decides?.[label.value] ?? null);
+
+/** The text that a job is about. */
+export function about(): { text: string; path: string | null } {
+  return { text: text.value, path: saved.value.path };
+}
+
+// For tests: what is on the page, without reading it off the screen.
+effect(() => {
+  (window as any).scenegen = {
+    ...(window as any).scenegen,
+    poses: poses.value,
+    report: report.value,
+    result: result.value,
+    request: request.value,
+    spec: spec.value,
+    busy: busy.value,
+    preview: preview.value,
+    rested: rested.value,
+    explaining: explaining.value,
+  };
+});

@@ -1,0 +1,259 @@
+// What changes the page: its text, its scenes, and what is asked of the server.
+import { batch } from "@preact/signals";
+import { inside, learn, spread } from "./known";
+import { kept, measure } from "./rare";
+import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
+import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing } from "./state";
+import type { Ends, PackedMesh, Report, Request, Result, Spec } from "./types";
+
+// ---- the text
+
+let checks = 0;
+let opened = false; // whether the scenes that were opened have been shown
+
+const PAUSE = 90; // ms without a further change after which a text is checked
+let typed: ReturnType<typeof setTimeout> | undefined;
+
+export function setText(value: string): void {
+  if (value === text.value) return;
+  text.value = value;
+  (window as any).scenegen.typed = performance.now();
+  clearTimeout(typed);
+  typed = setTimeout(check, PAUSE);
+}
+
+export async function check(): Promise<void> {
+  if (alone) return;
+  const mine = ++checks;
+  busy.value = "check";
+  try {
+    await ask("check", about(), (part) => {
+      if (mine !== checks) return;
+      if ("spec" in part) {
+        if (part.spec) take(part.spec);
+        else {
+          void stop("sample");
+          void stop("first");
+          busy.value = "";
+        }
+      } else problems.value = part.problems ?? [];
+    });
+  } catch (error) {
+    if (mine === checks && !(error instanceof Ended)) refuse(error);
+  } finally {
+    if (mine === checks && busy.value === "check") busy.value = "";
+  }
+}
+
+function take(found: Spec): void {
+  const before = spec.value;
+  const same = before?.sha256 === found.sha256;
+  batch(() => {
+    spec.value = found;
+    if (!found.labels.some((one) => one.name === label.value)) label.value = found.labels[0].name;
+    if (same) return;
+    const now = request.value;
+    const known = new Set(before ? before.labels.map((one) => one.name) : Object.keys(now.phi));
+    const phi: Record<string, Ends> = {};
+    for (const one of found.labels)
+      phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [0, null];
+    const free = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
+    const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => free.has(name)));
+    request.value = { ...now, phi, fix };
+    if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
+    rarity.value = kept.get(found.sha256) ?? {};
+    if (!sameObjects(before, found)) {
+      result.value = null;
+      poses.value = [];
+      report.value = null;
+      motion.value = null;
+    }
+  });
+  void fetchMeshes(found);
+  if (boot.scenes && !opened && text.value === boot.text) {
+    opened = true;
+    learn(boot.scenes);
+    show(boot.scenes, false);
+    setTimeout(() => void measure().then(spread), 350);
+  } else if (!same || !result.value) void sample();
+  else explain();
+}
+
+export function sameObjects(one: Spec | null, other: Spec | null): boolean {
+  return !!one && !!other && one.objects.map((o) => o.name).join("\n") === other.objects.map((o) => o.name).join("\n");
+}
+
+async function fetchMeshes(found: Spec): Promise<void> {
+  const want = [...new Set(found.objects.map((one) => one.mesh))].filter((key) => !(key in meshes.value));
+  if (!want.length) return;
+  try {
+    const more: Record<string, PackedMesh> = {};
+    await ask("meshes", { ...about(), want }, (part) => (more[part.key] = part.mesh));
+    meshes.value = { ...meshes.value, ...more };
+  } catch {
+    /* blocks are drawn instead */
+  }
+}
+
+// ---- scenes
+
+let samples = 0;
+const EARLY = 30; // ms after which a first look is asked for, too: most small specs have their scenes by then
+const FEW = 4; // objects from which on it is worth it
+
+export async function sample(): Promise<void> {
+  if (alone) {
+    if (!shown.value.includes(selected.value)) select(shown.value[0] ?? 0);
+    return;
+  }
+  const now = spec.value;
+  if (!now) return;
+  const mine = ++samples;
+  busy.value = "sample";
+  rested.value = false;
+  void stop("range"); // what somebody waits for goes first
+  void stop("spread");
+  const fields = { ...about(), request: request.value };
+  const early = setTimeout(() => {
+    if (mine !== samples || now.objects.length < FEW) return;
+    askOne<Result | null>("first", fields).then(
+      (found) => {
+        if (!found || mine !== samples || busy.value !== "sample") return;
+        learn(found);
+        narrow();
+      },
+      () => {},
+    );
+  }, EARLY);
+  try {
+    const found = await askOne<Result>("sample", fields);
+    if (mine !== samples) return;
+    void stop("first");
+    learn(found);
+    show(found, false);
+    setTimeout(() => mine === samples && void measure().then(spread), 350);
+  } catch (error) {
+    if (mine !== samples || error instanceof Ended) return;
+    preview.value = false;
+    refuse(error);
+  } finally {
+    clearTimeout(early);
+    if (mine === samples) busy.value = "";
+  }
+}
+
+/** Show those scenes that are known to lie in the ranges, until the wanted ones are there. */
+function narrow(): void {
+  show(inside(request.value), true);
+  (window as any).scenegen.narrowed = performance.now();
+}
+
+export function show(found: Result, early: boolean): void {
+  batch(() => {
+    refusal.value = null;
+    result.value = found;
+    preview.value = early;
+    select(Math.min(selected.value, found.poses.length - 1), true);
+    if (!early) {
+      const some = found.warnings.length ? `; ${found.warnings.join("; ")}` : "";
+      message.value = `${found.poses.length} scenes${some}`;
+    }
+  });
+}
+
+function refuse(error: unknown): void {
+  const told = error instanceof Refused ? error.refusal : null;
+  const title = error instanceof Error ? error.message : String(error);
+  refusal.value = told ?? { title, label: "", note: "", help: "", text: title };
+  message.value = title;
+}
+
+export function select(index: number, again = false): void {
+  const found = result.value;
+  if (!found || !found.poses.length) return;
+  index = Math.max(0, Math.min(index, found.poses.length - 1));
+  if (!again && index === selected.value && !edited.value) return;
+  batch(() => {
+    selected.value = index;
+    poses.value = found.poses[index];
+    bases.value = found.bases[index];
+    edited.value = false;
+    replaying.value = false;
+    const phi = Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, [values[index]]]));
+    report.value = { phi, require: found.require ? [found.require[index]] : null, bases: [found.bases[index]] };
+  });
+  explain();
+}
+
+/** The next or previous scene of those that are shown. */
+export function step(by: number): void {
+  const all = shown.value;
+  if (!all.length) return;
+  const at = all.indexOf(selected.value);
+  select(all[(at + by + all.length) % all.length]);
+}
+
+export function change(fields: Partial<Request>): void {
+  request.value = { ...request.value, ...fields };
+  soon();
+}
+
+let waitingForSample: ReturnType<typeof setTimeout> | undefined;
+
+/** Sample soon: what changes many times a second is sampled a few times a second. */
+export function soon(): void {
+  clearTimeout(waitingForSample);
+  waitingForSample = setTimeout(() => void sample(), alone ? 0 : 50);
+}
+
+export function setEnds(name: string, ends: Ends): void {
+  change({ phi: { ...request.value.phi, [name]: ends } });
+  if (!alone && result.value) narrow();
+}
+
+// ---- what a scene is worth, and why
+
+let askAgain = false;
+
+/** Evaluate the scene as it stands. While an answer is under way, only the newest question waits. */
+export function explain(): void {
+  if (alone) {
+    const known = alone.reports[selected.value];
+    if (known && report.value) report.value = { ...report.value, ...known };
+    return;
+  }
+  if (explaining.value) {
+    askAgain = true;
+    return;
+  }
+  void explainNow();
+}
+
+async function explainNow(): Promise<void> {
+  if (!poses.value.length || !spec.value) return;
+  explaining.value = true;
+  const mine = poses.value;
+  try {
+    const found = await askOne<Report>("evaluate", { ...about(), poses: [mine], why: true });
+    batch(() => {
+      if (poses.value.length !== mine.length) return;
+      report.value = found;
+      bases.value = found.bases[0];
+    });
+  } catch (error) {
+    if (!(error instanceof Ended)) refuse(error);
+  } finally {
+    explaining.value = false;
+    if (askAgain) {
+      askAgain = false;
+      explain();
+    }
+  }
+}
+
+export function next(): void {
+  if (alone) step(1);
+  else change({ seed: request.value.seed + 1 });
+}
+
+onReconnect(() => void check());

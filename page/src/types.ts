@@ -1,0 +1,151 @@
+// What the server sends. Lengths are metres, angles radians; a pose is [x, y, theta].
+export type Pose = [number, number, number];
+export type Point = [number, number];
+
+export interface Footprint {
+  kind: "circle" | "box" | "polygon";
+  radius?: number;
+  corners?: Point[];
+}
+
+export interface Thing {
+  name: string;
+  asset: string;
+  footprint: Footprint;
+  height: number;
+  color: [number, number, number];
+  says: string;
+  mesh: string;
+  fixed: Pose | null;
+}
+
+export interface Region {
+  name: string;
+  footprint: Footprint;
+  pose: Pose;
+  color: [number, number, number];
+}
+
+export interface Line {
+  line: number;
+  kind: "all" | "one" | "atom";
+  text: string;
+  margin: string;
+  unit: string;
+  count: string;
+  bounds: [number | null, number | null];
+  spans: [number, number][];
+  parts: Line[];
+  more?: number;
+}
+
+export interface Spec {
+  sha256: string;
+  source: string;
+  title: string;
+  workspace: { x: [number, number]; y: [number, number] };
+  table: [number, number, number, number];
+  thickness: number;
+  tall: number;
+  objects: Thing[];
+  regions: Region[];
+  labels: { name: string; bounds: [number, number] }[];
+  requires: boolean;
+  trees: Record<string, Line>;
+}
+
+export type Mark =
+  | { kind: "line"; start: Point; end: Point; text: string; good: boolean }
+  | { kind: "turn"; center: Point; from: number; to: number; text: string; good: boolean }
+  | { kind: "guide"; start: Point; end: Point };
+
+export interface Decides {
+  text: string;
+  spans: [number, number][];
+  value: number;
+  lines: number[];
+  marks: Mark[];
+  required: boolean;
+}
+
+export interface Report {
+  phi: Record<string, number[]>;
+  require: number[] | null;
+  bases: number[][];
+  values?: (number | null)[];
+  decides?: Record<string, Decides>;
+  overlaps?: [string, string][];
+}
+
+export interface Result extends Report {
+  poses: Pose[][];
+  sampler: Record<string, unknown>;
+  warnings: string[];
+  notes: string[];
+  took: number;
+}
+
+export type Ends = [number | null, number | null];
+
+export interface Request {
+  phi: Record<string, Ends>;
+  n: number;
+  seed: number;
+  method: string;
+  spread: string;
+  fix: Record<string, Pose>;
+}
+
+export interface Rarity {
+  label: string;
+  bounds: [number, number];
+  reached: [number, number];
+  curve: [number, number | null, number | null][];
+  bands: { name: string; low: number; high: number; log10: number | null }[];
+  whole: [boolean, boolean];
+}
+
+export interface Refusal {
+  code?: string;
+  title: string;
+  label: string;
+  note: string;
+  help: string;
+  text: string;
+  span?: [number, number];
+}
+
+export interface Problem {
+  range: { start: { line: number; character: number }; end: { line: number; character: number } };
+  message: string;
+  code?: string;
+  severity: number;
+}
+
+export interface PackedMesh {
+  scale: number;
+  position: string;
+  normal: string;
+  color: string;
+  index: string;
+  wide: boolean;
+}
+
+export interface Boot {
+  text: string;
+  name: string;
+  path: string | null;
+  sha: string | null;
+  folder: string;
+  model: string | null;
+  scenes: Result | null;
+  request: Partial<Request>;
+  // only in a page without a server
+  alone?: {
+    spec: Spec;
+    meshes: Record<string, PackedMesh>;
+    rarity: Rarity[];
+    reports: { values: (number | null)[]; decides: Record<string, Decides>; overlaps: [string, string][] }[];
+    command: string;
+  };
+}

@@ -1,0 +1,221 @@
+"""What is in a set of scenes, read shard by shard: counts, phi, places, duplicates, coverage, health."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.scenes import evaluate, scene_set
+from scenegen.api.stored import StoredSet
+from scenegen.errors import DataError, ScenegenError, SpecError
+from scenegen.formats.blocks import joined
+from scenegen.formats.sets import read_shard
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import X, Y, as_rows, row_of
+from scenegen.scene.data import SceneFile
+
+if TYPE_CHECKING:
+    from scenegen.formats.sets import Shard
+    from scenegen.formats.stores import Store
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+
+BINS = 32  # of the histograms of phi
+GRID = (24, 16)  # cells of the maps of places
+TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
+COMPARED = 2000  # scenes for coverage
+HASHED = 100_000_000  # scenes among which duplicates are counted: 800 MB
+
+MapJobs = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Any, None, None]]
+
+
+@dataclass(frozen=True, slots=True)
+class ShardHealth:
+    """A shard, and what is wrong with it; empty if nothing is."""
+
+    file: str
+    scenes: int
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetReport:
+    """`phi` has counts in BINS equal bins between lowest and highest, by label; `places` has counts (24, 16) of each
+    object over the workspace's x and y. `repeated` is the number of scenes equal to another one, None if there are too
+    many to tell. `coverage` is of fresh exact scenes, by the set's and by other fresh ones; None where the spec gives
+    none in time."""
+
+    scenes: int
+    bytes: int
+    complete: bool
+    phi: dict[str, Counts]
+    places: dict[str, Counts]
+    repeated: int | None
+    coverage: tuple[float, float] | None
+    shards: tuple[ShardHealth, ...]
+    verified: bool
+
+    @property
+    def faults(self) -> tuple[ShardHealth, ...]:
+        return tuple(one for one in self.shards if one.fault)
+
+
+@dataclass(slots=True)
+class _Found:
+    """What one shard adds."""
+
+    health: ShardHealth
+    phi: dict[str, Counts] = field(default_factory=dict)
+    places: dict[str, Counts] = field(default_factory=dict)
+    hashes: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """The job: one shard. With `spec` its checksum is checked, too, and every scene is scored again."""
+
+    store: Store
+    header: SceneFile
+    objects: tuple[str, ...]
+    bounds: dict[str, tuple[float, float]]
+    table: tuple[tuple[float, float], tuple[float, float]]
+    sizes: dict[str, int]
+    spec: CheckedSpec | None
+
+    def __call__(self, shard: Shard) -> _Found:
+        try:
+            return self._look(shard)
+        except DataError as error:
+            return _Found(ShardHealth(shard.file, shard.scenes, error.diagnostics[0].title))
+
+    def _look(self, shard: Shard) -> _Found:
+        fault = ""
+        if self.sizes.get(shard.file) != shard.bytes:
+            return _Found(ShardHealth(shard.file, shard.scenes, "it is missing, or has another size"))
+        if self.spec is not None and hashlib.sha256(self.store.read(shard.file)).hexdigest() != shard.sha256:
+            return _Found(ShardHealth(shard.file, shard.scenes, "its checksum is not that of the manifest"))
+        found = _Found(ShardHealth(shard.file, shard.scenes, fault))
+        hashes = []
+        for block in read_shard(self.store, shard).blocks:
+            for (label, ends), values in zip(self.bounds.items(), block.phi, strict=True):
+                counts = np.histogram(values, BINS, ends)[0]
+                found.phi[label] = found.phi.get(label, 0) + counts
+            for index, name in enumerate(self.objects):
+                x, y = block.rows[row_of(index, X)], block.rows[row_of(index, Y)]
+                counts = np.histogram2d(x, y, GRID, self.table)[0].astype(np.int64)
+                found.places[name] = found.places.get(name, 0) + counts
+            hashes.append(_hashes(block.rows))
+            if self.spec is not None and not fault:
+                again = evaluate(self.spec, scene_set(self.header, tuple(self.bounds), block))
+                for label, values in zip(self.bounds, block.phi, strict=True):
+                    off = float(np.abs(again[label] - values).max())
+                    if off > TOLERANCE:
+                        fault = f"phi of `{label}` is off by {off:.2g} in a scene"
+        found.health = ShardHealth(shard.file, shard.scenes, fault)
+        found.hashes = np.concatenate(hashes)
+        return found
+
+
+def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, timeout: float = 30.0) -> SetReport:
+    """Read all shards by `map_jobs`, which may use other processes. With `verify` checksums are checked and phi of
+    every scene is computed again. At most `timeout` seconds go into fresh scenes for coverage. Raises DataError,
+    ScenegenError."""
+    manifest = stored.manifest
+    sizes = stored.files()
+    spec = checked_spec(stored) if verify else None
+    table = stored.header.workspace
+    look = _Look(
+        stored.store,
+        stored.header,
+        stored.objects,
+        {label: _widened(one.lowest, one.highest) for label, one in manifest.phi().items()} if stored.shards else {},
+        (table.x, table.y),
+        sizes,
+        spec,
+    )
+    phi: dict[str, Counts] = {label: np.zeros(BINS, np.int64) for label in stored.labels}
+    places: dict[str, Counts] = {name: np.zeros(GRID, np.int64) for name in stored.objects}
+    hashes, shards = [], []
+    for found in map_jobs(look, stored.shards):
+        shards.append(found.health)
+        for label, counts in found.phi.items():
+            phi[label] += counts
+        for name, counts in found.places.items():
+            places[name] += counts
+        hashes.append(found.hashes)
+    total = sum(map(len, hashes))
+    repeated = None if total > HASHED else total - len(np.unique(np.concatenate(hashes))) if hashes else 0
+    healthy = not any(one.fault for one in shards)
+    return SetReport(
+        len(stored), sum(shard.bytes for shard in stored.shards), manifest.complete, phi, places, repeated,
+        coverage_of(stored, timeout) if healthy and shards and timeout > 0 else None, tuple(shards), verify,
+    )  # fmt: skip
+
+
+def checked_spec(stored: StoredSet) -> CheckedSpec:
+    """The spec that the set was made from, read from its header. Raises DataError if it is none."""
+    from scenegen.api.spec import parse
+    from scenegen.errors.stores import NOT_A_SET
+
+    try:
+        return parse(stored.header.spec.source).checked
+    except SpecError as error:
+        reason = f"the spec in its header does not parse: {error.diagnostics[0].title}"
+        remedy = "it was made by another version of scenegen"
+        raise DataError(NOT_A_SET(location=stored.location, reason=reason, remedy=remedy)) from error
+
+
+def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
+    """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
+    from scenegen.api.spec import parse
+    from scenegen.evaluation.coverage import coverage
+
+    request = stored.header.request
+    few = min(COMPARED, len(stored))
+    try:
+        from scenegen.api.sample import sample
+
+        spec = parse(stored.header.spec.source)
+        fresh = sample(
+            spec, dict(request.phi), n=2 * few, seed=987_654_321,
+            spread=request.spread, timeout=timeout, workers=1,
+        )  # fmt: skip
+    except ScenegenError:
+        return None
+    rows = np.asarray(as_rows(fresh.poses))
+    own = some(stored, few)[: len(rows)]
+    return coverage(rows[:, :few], own), coverage(rows[:, :few], rows[:, few:])
+
+
+def some(stored: StoredSet, count: int) -> Array:
+    """Scenes from all over the set, (3N, count): as many from each of a few row groups."""
+    groups = stored.groups()
+    chosen = np.unique(np.linspace(0, len(groups) - 1, min(len(groups), 8)).astype(np.intp))
+    blocks = []
+    for number, index in enumerate(chosen):
+        block = stored.read_group(groups[index])
+        share = count * (number + 1) // len(chosen) - count * number // len(chosen)
+        blocks.append(block.part(0, share))
+    block = joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
+    return block.rows
+
+
+def _hashes(rows: Array) -> npt.NDArray[np.uint64]:
+    """A number for each scene that two different ones share by chance once in 10^19."""
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    found = np.zeros(rows.shape[1], np.uint64)
+    with np.errstate(over="ignore"):
+        for row in bits:
+            found = (found ^ row) * np.uint64(0x9E3779B97F4A7C15)
+            found ^= found >> np.uint64(29)
+    return found
+
+
+def _widened(low: float, high: float) -> tuple[float, float]:
+    return (low, high) if high > low else (low - 0.5, high + 0.5)

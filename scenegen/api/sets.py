@@ -1,0 +1,183 @@
+"""Sets of scenes: as many as one wants, in Parquet files of equal size, in a folder or an object store."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from scenegen.api.model import Model
+from scenegen.api.request import Note, check_request, plan_of, request_data
+from scenegen.api.scene_arrays import make_header, stored_rows
+from scenegen.api.spec import Spec
+from scenegen.api.written import Met, Written
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.formats.opening import open_store
+from scenegen.sampling.request import SampleRequest
+from scenegen.validation import as_int
+
+if TYPE_CHECKING:
+    from scenegen.engine.stream import Progress
+    from scenegen.formats.sets import Manifest
+    from scenegen.formats.stores import Store
+    from scenegen.sampling.plan import Plan, Tally
+
+
+def write_set(
+    location: str,
+    source: Spec | Model,
+    request: SampleRequest,
+    *,
+    engine: str = "local",
+    address: str | None = None,
+    shard_size: int | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+    on_note: Note | None = None,
+) -> Written:
+    """The scenes of a request as a set of shards. The bytes depend on the request and `shard_size` alone, neither on
+    the engine nor on the number of workers.
+
+    Raises what `sample_to` raises, and RequestError for an engine that is not there.
+    """
+    from scenegen.api.sample import partial
+
+    store = open_store(location)
+    request = check_request(source, request)
+    from scenegen.engine.engines import Writing, check_engine, open_engine
+    from scenegen.engine.run import request_of
+    from scenegen.engine.sets import write_set as write
+    from scenegen.formats import sets
+    from scenegen.sampling.problem import Budget
+    from scenegen.sampling.report import fell_short, summed_up
+    from scenegen.version import __version__
+
+    size = None if shard_size is None else as_int("shard_size", shard_size)
+    spec = (source.spec if isinstance(source, Model) else source).checked
+    size = sets.shard_size(size, len(spec.objects), len(spec.labels))
+    check_engine(engine, address)
+    sets.refuse_taken(store, resume=resume)
+    budget = Budget(request.timeout)
+    plan = plan_of(source, request, budget, on_note)
+    labels = plan.problem.spec.labels
+    header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
+    facts = request_of(plan.problem, {"scenegen": __version__})
+    manifest = sets.Manifest(
+        request={**facts, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method},
+        labels=list(labels),
+        shard_size=size,
+        header=sets.header_data(header),
+    )
+    stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
+    writing = Writing(plan, store, header, labels, stored)
+
+    def account(tally: Tally) -> Mapping[str, Any]:
+        return summed_up(plan, tally)[0]
+
+    try:
+        with open_engine(engine, request.workers, plan, address) as chosen:
+            tally, manifest = write(
+                store, plan, chosen, manifest, writing, account,
+                resume=resume, keep_partial=request.keep_partial, spent=lambda: budget.spent, progress=progress,
+            )  # fmt: skip
+    finally:
+        plan.close()
+    warnings: tuple[Diagnostic, ...] = ()
+    if tally is not None:
+        warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
+        if shortfall is not None:
+            if not manifest.complete:
+                raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
+            warnings = (*warnings, partial(shortfall))
+    write_card(store, manifest)
+    phi = {label: Met(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
+    full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
+    return Written(store.location, manifest.scenes, full, phi, warnings)
+
+
+def _warnings(source: Spec | Model, request: SampleRequest, plan: Plan, tally: Tally) -> tuple[Diagnostic, ...]:
+    from scenegen.sampling.report import summed_up
+
+    warnings = summed_up(plan, tally)[1]
+    if isinstance(source, Model) and request.method == "model":
+        from scenegen.api.advice import advice
+
+        warnings = (*warnings, *advice(source, request.phi, None, request.raw))
+    return warnings
+
+
+def write_card(store: Store, manifest: Manifest) -> None:
+    """The set's README.md: YAML front matter as dataset hubs read it, the spec, and what phi is in the set."""
+    from scenegen.formats.sets import CARD
+
+    store.write(CARD, card(manifest).encode())
+
+
+def card(manifest: Manifest) -> str:
+    """The text of the card."""
+    header = manifest.header
+    spec, request = header["spec"], manifest.request
+    scenes = manifest.scenes
+    kilo = next(name for most, name in SIZES if scenes < most)
+    phi = manifest.phi()
+    rows = "\n".join(
+        f"| `{label}` | {one.lowest:+.4f} | {one.mean:+.4f} | {one.highest:+.4f} |" for label, one in phi.items()
+    )
+    wanted = ", ".join(f"{label} = {_range(*ends)}" for label, ends in request["phi"].items()) or "any phi"
+    objects = ", ".join(f"`{one['name']}`" for one in header["objects"])
+    title = spec.get("title") or "Table-top scenes"
+    return f"""---
+pretty_name: {_yaml(title)}
+license: unknown
+tags:
+- robotics
+- scene-generation
+- scenegen
+size_categories:
+- {kilo}
+configs:
+- config_name: default
+  data_files: part-*.parquet
+---
+
+# {title}
+
+{scenes:,} scenes of {objects} in {len(manifest.shards)} shards. Each row is a scene: `mug.x`, `mug.y` in
+metres and `mug.theta` in radians for every object, and `phi.LABEL`, the satisfaction value of each label: 0 or more
+where it holds, the lower the harder. Heights, shapes and the workspace are in the header, under the key `scenegen` of
+each file's metadata.
+
+Wanted: {wanted}; spread {request["spread"]}; seed {request["seed"]}; method {header["sampler"]["method"]}. The
+same request with scenegen {request["scenegen"]} and numpy {request["numpy"]} gives the same bytes.
+
+| label | lowest phi | mean | highest |
+| --- | ---: | ---: | ---: |
+{rows}
+
+The spec:
+
+```
+{spec["source"].rstrip()}
+```
+"""
+
+
+SIZES = (
+    (1_000, "n<1K"),
+    (10_000, "1K<n<10K"),
+    (100_000, "10K<n<100K"),
+    (1_000_000, "100K<n<1M"),
+    (10_000_000, "1M<n<10M"),
+    (100_000_000, "10M<n<100M"),
+    (1_000_000_000, "100M<n<1B"),
+    (math.inf, "n>1B"),
+)
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return f"{'' if low is None else format(low, 'g')}:{'' if high is None else format(high, 'g')}"
+
+
+def _yaml(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,0 +1,221 @@
+"""`scenegen data`: what is in sets of scenes, and new sets from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenegen.errors.requests import OUT_OF_PLACE
+from scenegen.errors.stores import DATA_ARGUMENTS, FAULTY_SHARDS
+
+if TYPE_CHECKING:
+    from scenegen.api.set_report import SetReport
+    from scenegen.api.stored import StoredSet
+
+OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the report
+    None: ("--verify", "--json", "--engine", "--address", "--workers", "--timeout"),
+    "merge": ("--out",),
+    "split": ("--out", "--share", "--seed"),
+    "filter": ("--out", "--phi"),
+}
+BARS = " ▁▂▃▄▅▆▇█"
+FRESH = 30.0  # seconds
+SHOWN = 5  # damaged shards that are named
+
+
+def data(
+    sets: Annotated[
+        list[str],
+        typer.Argument(
+            help="A set: DIR or URL. Or an action, merge, split or filter, and its sets.",
+            metavar="[ACTION] SET",
+            show_default=False,
+        ),
+    ],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Check every checksum, and score every scene again.")
+    ] = False,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", help="The new set, or the folder of new sets.", metavar="DIR/", show_default=False),
+    ] = None,
+    phi: Annotated[
+        list[str] | None,
+        typer.Option("--phi", help="For filter: phi to keep.", metavar="[NAME=]LO:HI", show_default=False),
+    ] = None,
+    share: Annotated[
+        list[str] | None,
+        typer.Option("--share", help="For split: a part and its share.", metavar="NAME=SHARE", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of a split.")] = 0,
+    engine: Annotated[str, typer.Option("--engine", help="What reads the shards: local or ray.")] = "local",
+    address: Annotated[
+        str | None, typer.Option("--address", help="The Ray cluster.", metavar="ADDR", show_default=False)
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option("--timeout", help="Seconds for fresh exact scenes to compare with; 0 for none.")
+    ] = FRESH,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+) -> int:
+    """Say what is in a set of scenes, or make new sets from old ones. Sets are read shard by shard, whatever their
+    size.
+
+    \b
+      scenegen data set/
+      scenegen data s3://bucket/set/ --verify
+      scenegen data merge a/ b/ --out both/
+      scenegen data split set/ --share train=0.9 --share test=0.1 --out parts/
+      scenegen data filter set/ --phi 0:0.1 --out hard/
+
+    The report has histograms of phi, where objects are, repeated scenes, how many of fresh exact scenes the set covers,
+    and the state of every shard. The exit status is 1 if a shard is damaged.
+    """
+    from scenegen.api.stored import open_set
+    from scenegen.cli.output import complain
+    from scenegen.errors import RequestError
+
+    action = sets[0] if sets[0] in OPTIONS and not Path(sets[0]).is_dir() else None
+    places = sets if action is None else sets[1:]
+    least = 2 if action == "merge" else 1
+    if len(places) < least or (len(places) > 1 and action != "merge"):
+        wanted = "two sets or more" if action == "merge" else "one set"
+        raise RequestError(DATA_ARGUMENTS(action=action or "", wanted=wanted))
+    if action is not None and out is None:
+        raise RequestError(DATA_ARGUMENTS(action=action, wanted="<out>"))
+    given = {"--out": out, "--phi": phi, "--share": share, "--seed": seed, "--verify": verify, "--json": json}
+    given |= {"--engine": engine != "local", "--address": address, "--workers": workers, "--timeout": timeout != FRESH}
+    odd = next((option for option, value in given.items() if value and option not in OPTIONS[action]), None)
+    if odd is not None:
+        of = [f"`{name or 'the report'}`" for name, options in OPTIONS.items() if odd in options]
+        raise RequestError(OUT_OF_PLACE(option=odd, rule=f"is an option of {', '.join(of)}", remedy="leave it out"))
+    opened = [open_set(place) for place in places]
+    if action is not None:
+        assert out is not None
+        _edit(action, opened, out, phi or [], share or [], seed)
+        return 0
+    from scenegen.api.set_report import set_report
+    from scenegen.engine.engines import map_each
+
+    report = set_report(
+        opened[0],
+        map_jobs=lambda job, items: map_each(engine, job, items, workers, address),
+        verify=verify,
+        timeout=timeout,
+    )
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(_as_json(opened[0], report), indent=1, ensure_ascii=False))
+    else:
+        _show(opened[0], report)
+    if report.faults:
+        first = report.faults[0]
+        complain(FAULTY_SHARDS(count=len(report.faults), total=len(report.shards), file=first.file, reason=first.fault))
+        return 1
+    return 0
+
+
+def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share: list[str], seed: int) -> None:
+    from scenegen.api.set_edit import filter_set, merge_sets, split_set
+    from scenegen.cli.output import print_error
+    from scenegen.errors import RequestError
+    from scenegen.sampling.request import parse_phi
+
+    if action == "merge":
+        made = {out: merge_sets(opened, out)}
+    elif action == "filter":
+        if not phi:
+            raise RequestError(DATA_ARGUMENTS(action=action, wanted="<phi=LO:HI>"))
+        made = {out: filter_set(opened[0], parse_phi(phi, opened[0].labels), out)}
+    else:
+        shares = dict(map(_share, share))
+        if not shares or len(shares) < len(share):
+            raise RequestError(DATA_ARGUMENTS(action=action, wanted="<share=NAME=SHARE>, each name once"))
+        parts = split_set(opened[0], shares, seed, out)
+        made = {f"{out.rstrip('/')}/{name}/": manifest for name, manifest in parts.items()}
+    for place, manifest in made.items():
+        print_error(f"{manifest.scenes:,} scenes in {_shards(len(manifest.shards))} in {place}")
+
+
+def _share(text: str) -> tuple[str, float]:
+    from scenegen.errors import RequestError
+
+    name, _, value = text.partition("=")
+    try:
+        if name.isidentifier():
+            return name, float(value)
+    except ValueError:
+        pass
+    raise RequestError(DATA_ARGUMENTS(action="split", wanted=f"<share=NAME=SHARE>, such as train=0.9, not {text!r}"))
+
+
+def _show(stored: StoredSet, report: SetReport) -> None:
+    manifest = stored.manifest
+    header = stored.header
+    print(f"{stored.location}: {header.spec.title or header.spec.sha256[:12]}\n")
+    size = report.bytes / 1e6
+    state = "complete" if report.complete else f"unfinished, of {manifest.request['n']:,}"
+    facts = [
+        ("scenes", f"{report.scenes:,} in {_shards(len(report.shards))}, {size:,.1f} MB, {state}"),
+        ("objects", ", ".join(stored.objects)),
+        ("request", f"seed {manifest.request['seed']}, spread {header.request.spread}, method {_method(stored)}"),
+        ("repeated", "too many scenes to tell" if report.repeated is None else f"{report.repeated:,} scenes"),
+    ]
+    if report.coverage is not None:
+        own, other = report.coverage
+        facts.append(("coverage", f"{own:.3f} of fresh exact scenes; by other fresh ones {other:.3f}"))
+    healthy = len(report.shards) - len(report.faults)
+    how = "checksums and phi of every scene" if report.verified else "sizes"
+    facts.append(("health", f"{healthy} of {len(report.shards)} shards, by {how}"))
+    for name, value in facts:
+        print(f"  {name:<9} {value}")
+    print("\nphi by label, lowest to highest:\n")
+    for label, one in (manifest.phi() if manifest.shards else {}).items():
+        print(f"  {label:<12} {one.lowest:+.4f} {_bars(report.phi[label])} {one.highest:+.4f}, mean {one.mean:+.4f}")
+    print("\nwhere objects are, left to right (x) and near to far (y):\n")
+    for name, counts in report.places.items():
+        print(f"  {name:<12} x {_bars(counts.sum(axis=1))}  y {_bars(counts.sum(axis=0))}")
+    for bad in report.faults[:SHOWN]:
+        print(f"\n  {bad.file}: {bad.fault}", end="")
+    if report.faults:
+        print()
+
+
+def _shards(count: int) -> str:
+    return f"{count} shard" + ("s" if count != 1 else "")
+
+
+def _method(stored: StoredSet) -> str:
+    return str(stored.header.sampler.get("method", "unknown"))
+
+
+def _bars(counts: Any) -> str:
+    """A histogram in one line."""
+    most = int(counts.max()) or 1
+    return "".join(BARS[-(-int(count) * (len(BARS) - 1) // most)] for count in counts)
+
+
+def _as_json(stored: StoredSet, report: SetReport) -> dict[str, Any]:
+    return {
+        "format": "scenegen/data",
+        "version": 1,
+        "location": stored.location,
+        "complete": report.complete,
+        "scenes": report.scenes,
+        "bytes": report.bytes,
+        "request": stored.manifest.request,
+        "phi": {
+            label: {**one.model_dump(), "counts": report.phi[label].tolist()}
+            for label, one in (stored.manifest.phi() if stored.shards else {}).items()
+        },
+        "places": {name: counts.tolist() for name, counts in report.places.items()},
+        "repeated": report.repeated,
+        "coverage": None if report.coverage is None else dict(zip(("set", "fresh"), report.coverage, strict=True)),
+        "verified": report.verified,
+        "shards": [{"file": one.file, "scenes": one.scenes, "fault": one.fault or None} for one in report.shards],
+    }

@@ -1,0 +1,233 @@
+"""One or several runs of `scenegen sample`: from its options to files, pictures and a summary."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
+from scenegen.errors.stores import FOLDER_FOR_SEVERAL, ONLY_FOR_SETS, SAME_NAME, SOME_FAILED
+from scenegen.formats.locations import names_set
+
+if TYPE_CHECKING:
+    from scenegen.api.model import Model
+    from scenegen.api.spec import Spec
+    from scenegen.sampling.request import SampleRequest
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """The options that say which scenes are wanted."""
+
+    phi: list[str]
+    satisfied: bool
+    violated: bool
+    n: int
+    seed: int
+    method: str
+    spread: str
+    fix: list[str]
+    settle: bool
+    raw: bool
+    workers: int | None
+    keep_partial: bool
+    timeout: float
+    steps: int | None
+    spec: Path | None
+    root: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Storing:
+    """The options that say how scenes are stored."""
+
+    resume: bool
+    engine: str
+    address: str | None
+    shard_size: int | None
+
+
+def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> int:
+    """A set for each source in the folder `out`, and the exit status: 1 if one of them failed. The time limit is that
+    of each. Raises RequestError if the sources cannot be told apart."""
+    from scenegen.cli.output import complain, print_error
+    from scenegen.errors import RequestError, ScenegenError
+
+    if out is None or not names_set(out):
+        raise RequestError(FOLDER_FOR_SEVERAL(count=len(sources)))
+    names = [source.stem for source in sources]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise RequestError(SAME_NAME(name=twice))
+    failed = []
+    with _shared(storing, wishes):
+        for source, name in zip(sources, names, strict=True):
+            print_error(f"{source}:")
+            each = replace(wishes, timeout=wishes.timeout + _elapsed())
+            try:
+                folder = None if render is None else render / name
+                sample_one(source, each, f"{out.rstrip('/')}/{name}/", storing, folder)
+            except ScenegenError as error:
+                complain(*error.diagnostics)
+                failed.append(name)
+    if failed:
+        complain(SOME_FAILED(failed=tuple(failed), count=len(sources)))
+    return 1 if failed else 0
+
+
+@contextlib.contextmanager
+def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
+    """One cluster for all runs."""
+    if storing.engine != "ray":
+        yield
+        return
+    from scenegen.engine.ray import joined_cluster
+
+    with joined_cluster(wishes.workers, storing.address):
+        yield
+
+
+def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> None:
+    """Raises what the API raises, and OutputError for places that cannot be written to."""
+    from scenegen.cli.output import complain, detail, print_error
+    from scenegen.cli.render import draw
+    from scenegen.cli.sampled import Bar, summary
+    from scenegen.cli.streams import check_output
+    from scenegen.formats.blocks import BLOCK
+    from scenegen.formats.files import check_folder, check_writable
+    from scenegen.formats.registry import format_of
+    from scenegen.needs import need
+
+    stored = out is not None and names_set(out)
+    path = None if out is None or stored else Path(out)
+    if path is not None:
+        format_of(path)
+        check_writable(path, source)
+    elif out is None:
+        check_output()
+    if not stored:
+        _refuse_set_options(storing)
+    subject = _load(source, wishes.spec, wishes.root)
+    if wishes.steps is not None:
+        subject = _in_steps(subject, wishes.steps)
+    request = _request(source, subject, wishes)
+    if render is not None:
+        check_folder(render, path)
+        need("pybullet", "to draw pictures")
+    if out is not None and (stored or storing.resume or wishes.n > BLOCK):
+        from scenegen.api.scenes import read_scenes
+        from scenegen.api.stream import write_scenes
+
+        with Bar() as bar:
+            written = write_scenes(
+                out, subject, request, resume=storing.resume, engine=storing.engine, address=storing.address,
+                shard_size=storing.shard_size, progress=bar, on_note=print_error,
+            )  # fmt: skip
+        complain(*written.warnings)
+        detail(f"sampled and wrote {written.count} scenes")
+        summary(written.header, written.count, written.phi, out)
+        if render is not None:
+            draw(read_scenes(out), render)
+        return
+    from scenegen.api.sample import draw_scenes
+    from scenegen.api.stream import met
+
+    with Bar() as bar:
+        scenes = draw_scenes(subject, request, progress=bar)
+    complain(*scenes.warnings)
+    detail(f"sampled {len(scenes)} scenes")
+    if path is not None:
+        scenes.save(path)
+    else:
+        from scenegen.cli.streams import write_data
+        from scenegen.formats.scenes_json import dump
+
+        write_data(dump(scenes.file()))
+    if "reason" in scenes.header.sampler:
+        print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
+    summary(scenes.header, len(scenes), met(scenes), path)
+    if render is not None:
+        draw(scenes, render)
+
+
+def _refuse_set_options(storing: Storing) -> None:
+    from scenegen.errors import RequestError
+
+    given = {"engine": storing.engine != "local", "address": storing.address, "shard_size": storing.shard_size}
+    for argument, value in given.items():
+        if value:
+            raise RequestError(ONLY_FOR_SETS(argument=argument))
+
+
+def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleRequest:
+    from scenegen.api.model import Model
+    from scenegen.cli.output import detail
+    from scenegen.sampling.fixed_objects import parse_fix
+    from scenegen.sampling.request import Range, SampleRequest, parse_phi
+
+    labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
+    ranges = parse_phi(wishes.phi, labels)
+    if wishes.satisfied or wishes.violated:
+        rest = Range(low=0.0) if wishes.satisfied else Range(high=0.0)
+        ranges = {name: ranges.get(name, rest) for name in labels}
+    wanted = ", ".join(f"{name}={one}" for name, one in ranges.items()) or "any phi"
+    detail(f"read {source} (labels {', '.join(labels)}); wanted: {wanted}")
+    return SampleRequest(
+        ranges, wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread, fix=parse_fix(wishes.fix),
+        settle=wishes.settle, raw=wishes.raw, timeout=_left(wishes.timeout), workers=wishes.workers,
+        keep_partial=wishes.keep_partial,
+    )  # fmt: skip
+
+
+def _elapsed() -> float:
+    from scenegen.cli.output import elapsed
+
+    return elapsed()
+
+
+def _left(timeout: float) -> float:
+    """The rest of the time limit, which counts from the start of the command; no limit stays no limit."""
+    from scenegen.cli.output import elapsed
+
+    return max(timeout - elapsed(), 1e-3) if 0.0 < timeout < float("inf") else timeout
+
+
+def _in_steps(subject: Spec | Model, steps: int) -> Model:
+    from scenegen.api.model import Model
+    from scenegen.errors import RequestError
+
+    if not isinstance(subject, Model):
+        raise RequestError(STEPS_OF_SPEC())
+    return subject.in_steps(steps)
+
+
+def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
+    """A model if the file is one, else a spec."""
+    from scenegen.api.model import load_model
+    from scenegen.api.spec import load
+    from scenegen.errors import RequestError
+
+    if looks_like_model(source):
+        return load_model(source, None if expected is None else load(expected, root))
+    if expected is not None:
+        raise RequestError(SPEC_OF_SPEC())
+    return load(source, root)
+
+
+def looks_like_model(path: Path) -> bool:
+    """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header."""
+    if path.suffix == ".safetensors":
+        return True
+    if path.suffix == ".spec":
+        return False
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            start = file.read(9)
+    except OSError:
+        return False
+    return len(start) == 9 and start[8:] == b"{" and b"\0" in start[:8]

@@ -1,0 +1,73 @@
+"""The goal of an episode: the spec's labels, and which of them have to be satisfied."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.spec import Spec
+from scenegen.curriculum.errors import names, refused
+from scenegen.errors import quoted
+from scenegen.errors.requests import UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.lang.core import Core, Junction, gated
+from scenegen.lang.interpret import phi
+from scenegen.primitives import MATH, NUMPY
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """`spec` is the given spec; if several labels have to be satisfied, it has one more label, the last: their minimum.
+    `names` are its D labels, `goal` is the number of the label that is satisfied at the end of a successful episode,
+    `labels` counts the labels of the given spec, and `wanted` are those that have to be satisfied."""
+
+    spec: Spec
+    names: tuple[str, ...]
+    goal: int
+    labels: int
+    wanted: tuple[str, ...]
+
+
+def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
+    """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
+    wanted = spec.labels if goal is None else names("goal", goal, "a label")
+    for name in wanted:
+        if name not in spec.labels:
+            raise refused(UNKNOWN_LABEL(name=name, known=spec.labels))
+    if not wanted:
+        usage = f"a label, {quoted(spec.labels)}, or leave it out"
+        raise refused(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
+    if len(wanted) == 1:
+        return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
+    core = spec.checked.core
+    together = Junction("min", tuple(core.labels[name] for name in wanted))
+    labels = {**core.labels, " & ".join(wanted): len(core.nodes)}
+    aimed = dataclasses.replace(core, nodes=(*core.nodes, together), labels=labels)
+    return Goal(
+        Spec(dataclasses.replace(spec.checked, core=aimed)), tuple(labels), len(labels) - 1, len(spec.labels), wanted
+    )
+
+
+class Scorer:
+    """phi of all D labels of a goal; the last of the R rows is the requirement's, if there is one.
+
+    One scene is scored by plain Python: some 6 microseconds for a small spec, where torch takes 100 and numpy 9.
+    """
+
+    def __init__(self, target: Goal) -> None:
+        self._core: Core = gated(target.spec.checked.core)
+        self.requires = self._core is not target.spec.checked.core
+
+    def __call__(self, rows: Array) -> Array:
+        """(3N, B) -> (R, B)."""
+        count = rows.shape[1]
+        if count == 1:
+            values = phi(self._core, rows[:, 0].tolist(), MATH)
+            return np.array(list(values.values()))[:, None]
+        values = phi(self._core, list(rows), NUMPY)
+        return np.stack([np.broadcast_to(value, count) for value in values.values()])

@@ -1,0 +1,142 @@
+"""Where the pieces of a set are drawn and its shards written: the interface of all engines, and their table.
+
+An engine returns pieces in their order and carries out three more kinds of work on what it holds: choosing scenes of
+pieces, writing a shard, and fetching scenes. Which process or machine does what never changes a byte.
+"""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenegen.engine.drawing import Drawing
+from scenegen.errors import RequestError
+from scenegen.errors.stores import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
+from scenegen.formats.blocks import Array, Block, joined
+from scenegen.formats.sets import Shard, make_shard
+from scenegen.formats.stores import Store
+from scenegen.sampling.plan import Index, Plan
+from scenegen.sampling.verify import verify
+from scenegen.scene.data import SceneFile
+
+Held = Any
+"""Scenes that an engine holds, here or elsewhere: only the engine looks into it."""
+
+ENGINES = {
+    "local": "scenegen.engine.local",
+    "ray": "scenegen.engine.ray",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
+    candidates, held by the engine."""
+
+    cell: Index
+    facts: Array
+    scenes: Held
+
+
+@dataclass(frozen=True, slots=True)
+class Writing:
+    """The work of writing a shard from blocks of scenes: every scene is checked once more, then the file is written. It
+    is sent to other processes. Raises AssertionError for a scene that fails the check, OutputError."""
+
+    plan: Plan
+    store: Store
+    header: SceneFile
+    labels: tuple[str, ...]
+    stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
+
+    def __call__(self, number: int, pieces: int, blocks: Sequence[Block]) -> Shard:
+        scenes = joined(blocks, len(blocks[0].rows), len(self.labels))
+        if self.plan.verified:
+            verify(self.plan.problem, scenes.rows, scenes.phi)
+        if self.stored is not None:
+            scenes = Block(self.stored(scenes.rows), scenes.phi)
+        return make_shard(self.store, number, self.header, self.labels, scenes, pieces=pieces)
+
+
+def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
+    """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
+    part, place = which.astype(np.intp)
+    numbers = np.unique(part)
+    first = parts[int(numbers[0])]
+    rows = np.empty((len(first.rows), len(part)))
+    phi = np.empty((len(first.phi), len(part)))
+    for number in numbers.tolist():
+        here = np.flatnonzero(part == number)
+        rows[:, here] = parts[number].rows[:, place[here]]
+        phi[:, here] = parts[number].phi[:, place[here]]
+    return Block(rows, phi)
+
+
+class Engine(ABC):
+    """One run's engine: a context manager that ends its processes."""
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+        """The pieces from number `first` on, in order, without end. Raises what drawing raises."""
+
+    @abstractmethod
+    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """Scenes of several parts as one: see `chosen`."""
+
+    @abstractmethod
+    def fetch(self, scenes: Held) -> Block:
+        """Scenes that the engine holds, in this process."""
+
+    @abstractmethod
+    def hold(self, scenes: Block) -> Held:
+        """Scenes of this process, for the engine to hold."""
+
+    @abstractmethod
+    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+        """Begin to write shard `number`. Waits if too many are being written."""
+
+    @abstractmethod
+    def written(self, *, wait: bool) -> list[Shard]:
+        """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing
+        raises."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all processes of this engine, whatever they do."""
+
+
+def map_each(
+    name: str, job: Callable[[Any], Any], items: Iterable[Any], workers: int | None, address: str | None = None
+) -> Generator[Any, None, None]:
+    """job(item) of every item, in their order, by an engine. Raises what the job raises, and what `open_engine`
+    does."""
+    module = importlib.import_module(ENGINES[check_engine(name, address)])
+    results: Generator[Any, None, None] = module.map_each(job, items, workers, address)
+    return results
+
+
+def check_engine(name: str, address: str | None = None) -> str:
+    """The name. Raises RequestError for one that is not in the table, and an address that the engine has no use for."""
+    if name not in ENGINES:
+        raise RequestError(UNKNOWN_ENGINE(name=name, known=ENGINES))
+    if address is not None and name != "ray":
+        raise RequestError(ADDRESS_WITHOUT_RAY())
+    return name
+
+
+def open_engine(name: str, workers: int | None, plan: Plan, address: str | None = None) -> Engine:
+    """An engine by its name. `workers` is the number of processes, None for as many as serve. Raises RequestError for
+    an unknown name, a package that is not installed, and a cluster that cannot be reached."""
+    engine: Engine = importlib.import_module(ENGINES[check_engine(name, address)]).start(workers, plan, address)
+    return engine

@@ -1,0 +1,33 @@
+"""Diagnostics: what scenegen reports when something is wrong.
+
+Every problem a user can cause is a `Diagnostic`: a `Kind` with a stable code, a place in a text, and facts. The kinds
+are listed in the modules of this folder, one for each stage. `template.py` turns facts into prose, `render.py` prose
+into text, `facts.py` facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what
+`scenegen explain` says.
+"""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import Diagnostic, Kind, Severity
+from scenegen.errors.exceptions import DataError, OutputError, RequestError, ScenegenError, SpecError
+from scenegen.errors.names import nearest, quoted
+from scenegen.errors.render import render, render_all, to_json
+from scenegen.errors.source import Source, Span
+
+__all__ = [
+    "DataError",
+    "Diagnostic",
+    "Kind",
+    "OutputError",
+    "RequestError",
+    "ScenegenError",
+    "Severity",
+    "Source",
+    "Span",
+    "SpecError",
+    "nearest",
+    "quoted",
+    "render",
+    "render_all",
+    "to_json",
+]

@@ -1,0 +1,65 @@
+"""All kinds of problems with what `scenegen explain` and docs/errors.md say about them.
+
+The explanations are data, in explanations/*.toml, and read only here. An example is the text of a spec; or, where it
+opens with `$`, lines of a shell; or, with `>>>`, lines of Python. `untried` says why there is no example to run.
+"""
+
+from __future__ import annotations
+
+import importlib
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenegen.errors.diagnostic import Kind
+from scenegen.errors.facts import names
+
+GROUPS = {
+    "syntax": "Text of a spec",
+    "language": "Names, values and lists of a spec",
+    "declarations": "Objects, regions and statements of a spec",
+    "requests": "Requests",
+    "files": "Files",
+    "stores": "Sets of scenes, stores and clusters",
+    "models": "Training, models, metrics",
+    "learning": "Environments and curricula",
+    "page": "The page",
+    "program": "The program and the machine",
+}
+FOLDER = Path(__file__).parent / "explanations"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A kind with its explanation. `example` triggers it, `mended` does not; both are empty where it is `untried`."""
+
+    kind: Kind
+    group: str
+    means: str
+    example: str = ""
+    mended: str = ""
+    untried: str = ""
+
+    @property
+    def facts(self) -> list[str]:
+        """The names of its facts."""
+        return names(self.kind)
+
+
+def kinds(group: str) -> Iterator[Kind]:
+    """The kinds of a group, in the order of its module."""
+    found = vars(importlib.import_module(f"scenegen.errors.{group}")).values()
+    return (one for one in found if isinstance(one, Kind))
+
+
+def catalog() -> dict[str, Entry]:
+    """All entries by code, group by group."""
+    entries = {}
+    for group in GROUPS:
+        said = tomllib.loads((FOLDER / f"{group}.toml").read_text(encoding="utf-8"))
+        for kind in kinds(group):
+            entries[kind.code] = Entry(
+                kind, group, **{name: text.strip("\n") for name, text in said[kind.code].items()}
+            )
+    return entries

@@ -1,0 +1,298 @@
+"""Problems with what a spec declares and states: objects, regions, supports, labels, requirements."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+# objects and regions
+NO_OBJECTS = Kind("no-objects", "there are no objects", "none is declared", "declare them: object mug, plate")
+TOO_MANY_OBJECTS = Kind("too-many-objects", "more than {limit:,} objects", help="declare fewer")
+EMPTY_ARRAY = Kind("empty-array", "an array cannot have {count} elements", "it has one or more")
+UNKNOWN_ASSET = Kind(
+    "unknown-asset",
+    "the library has no `{name}`",
+    help=(NEAREST, "the library has {known:list}"),
+)
+NOT_A_SHAPE = Kind(
+    "not-a-shape",
+    "this is no shape",
+    "expected what the object looks like",
+    (NEAREST, "write the name of an asset, or {usages}"),
+)
+NOT_AN_OUTLINE = Kind("not-an-outline", "this is no outline", help='write {kind}("{path}", box(length, width, height))')
+FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "a file is named in double quotes", help="write {usage}")
+UNUSABLE_SHAPE_FILE = Kind("unusable-shape-file", "{path} cannot be used: {reason}")
+SIZE_OUT_OF_RANGE = Kind(
+    "size-out-of-range", "{what} cannot be {size:g} m", "sizes lie between {least:g} and {most:,.0f} m"
+)
+TOO_FAR_OUT = Kind("too-far-out", "{what} is too far out", "the limit is {limit:,.0f} m")
+TOO_FEW_CORNERS = Kind("too-few-corners", "a polygon has three corners or more", "{given} given")
+NOT_CONVEX = Kind(
+    "not-convex",
+    "this polygon is not convex",
+    "or its corners are not in order",
+    "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)",
+)
+CORNERS_NOT_A_LIST = Kind(
+    "corners-not-a-list",
+    "a polygon takes one list of corners",
+    help="put the corners in a list: polygon([(0, 0), (1, 0), (0, 1)])",
+)
+NOT_A_REGION = Kind(
+    "not-a-region",
+    "this is no region",
+    "expected a shape with its place",
+    (NEAREST, "write rect(left, bottom, right, top), circle((x, y), radius) or polygon([(x, y), ...])"),
+)
+FLAT_RECTANGLE = Kind(
+    "flat-rectangle",
+    ("this rectangle's {side}", "this rectangle is flat"),
+    "rect(left, bottom, right, top)",
+    ("write {mended}", "give it some width and height"),
+)
+EMPTY_INTERVAL = Kind(
+    "empty-interval",
+    "this interval of {axis} is empty",
+    "the first end must be smaller",
+    ("write {swapped}", "give it some width"),
+)
+NARROW_INTERVAL = Kind(
+    "narrow-interval",
+    "this interval of {axis} is too narrow",
+    "numbers of a computer are too coarse for it",
+    "give it some width",
+)
+WORKSPACE_OF_ITSELF = Kind("workspace-of-itself", "the workspace cannot be measured by itself")
+MEASURED_TOO_EARLY = Kind(
+    "measured-too-early",
+    "a declaration cannot measure objects",
+    "the shapes of objects are not known yet",
+    "write numbers and constants here",
+)
+PLACE_OUTSIDE_WORKSPACE = Kind(
+    "place-outside-workspace",
+    "this place is outside the workspace",
+    "the workspace is {workspace}",
+    "move it, or widen the workspace",
+)
+ONE_OBJECT_MANY_PLACES = Kind("one-object-many-places", "one object stands in one place", help="write at (0.5, 0.5)")
+WRONG_NUMBER_OF_PLACES = Kind(
+    "wrong-number-of-places",
+    "{count} objects stand in {count} places",
+    "{given} given",
+    "write a list of {count} points: at [(0.2, 0.5), ...]",
+)
+NO_FREE_OBJECT = Kind(
+    "no-free-object",
+    "no object is free",
+    "all objects are held in place by `at`",
+    "leave out `at` for what shall move",
+)
+
+# formulas
+NO_FORMULA = Kind(
+    "no-formula",
+    "{file} has no formula",
+    "nothing says what the scenes must satisfy",
+    "add one: task: leftOf(mug, plate)",
+)
+CONSTANT_LABEL = Kind(
+    "constant-label",
+    "`{name}` is constant",
+    "its value is the same in every scene",
+    "say something about the objects, for instance: leftOf(mug, plate)",
+    "[[held in place by `at`: {held:list}]]",
+)
+CONSTANT_REQUIREMENT = Kind(
+    "constant-requirement",
+    "what `require` demands is the same in every scene",
+    "no free object takes part",
+    "leave it out",
+    "[[held in place by `at`: {held:list}]]",
+)
+IMPOSSIBLE_REQUIREMENT = Kind("impossible-requirement", "this can never hold", "no scene meets it", "remove it")
+CANNOT_BE_SATISFIED = Kind(
+    "cannot-be-satisfied",
+    "`{name}` can never be satisfied[[: phi is at most {most:.4g}]]",
+    "{clash}",
+    ("{meant}", "change one of the parts that clash"),
+    "{others}",
+    severity="warning",
+)
+REQUIREMENT_CANNOT_BE_MET = Kind(
+    "requirement-cannot-be-met",
+    "what the spec requires can never be met",
+    "{clash}",
+    ("{meant}", "change one of the parts that clash"),
+    "{others}",
+    severity="warning",
+)
+HARDLY_SATISFIED = Kind(
+    "hardly-satisfied",
+    "`{name}` can hardly be satisfied[[: phi is at most {most:.4g}]]",
+    "{clash}",
+    ("{meant}", "change one of the parts that clash"),
+    "{others}",
+    severity="warning",
+)
+REQUIREMENT_HARDLY_MET = Kind(
+    "requirement-hardly-met",
+    "what the spec requires can hardly be met",
+    "{clash}",
+    ("{meant}", "change one of the parts that clash"),
+    "{others}",
+    severity="warning",
+)
+NEVER_SATISFIED = Kind(
+    "never-satisfied",
+    "no scene that satisfies `{name}` was found; where phi reaches, `scenegen check` shows part by part",
+    help="change one of its parts",
+    severity="warning",
+)
+HEADING_COMPARED = Kind(
+    "heading-compared",
+    "a heading is compared as a number: it jumps from 2 pi to 0 at EAST",
+    "just after EAST theta({name}) is 0, just before it 6.28",
+    "write angle({name}, NORTH, 20 deg), or wrap the difference: abs(wrap(theta({name}) - NORTH)) <= 20 deg",
+    severity="warning",
+)
+TOO_MANY_ROUNDS = Kind(
+    "too-many-rounds",
+    "quantifiers take more than {limit:,} rounds in all",
+    help="use fewer objects, or fewer quantifiers inside each other",
+)
+SPEC_TOO_LARGE = Kind(
+    "spec-too-large",
+    "{file} {reason}",
+    help="use fewer objects, or smaller definitions and quantifiers",
+)
+
+# imports
+SPEC_WITHOUT_FILE = Kind(
+    "spec-without-file",
+    "a spec without a file cannot read files",
+    help="save it as a .spec file and load that",
+)
+CANNOT_FIND_IMPORT = Kind("cannot-find-import", "cannot find {path}")
+CANNOT_READ_IMPORT = Kind(
+    "cannot-read-import",
+    "cannot read {path}: {reason}",
+    help=("beside it are {beside:list}", "the path is relative to this file"),
+)
+IMPORT_NOT_A_FILE = Kind("import-not-a-file", "{path} is not a file", help="name {what}")
+IMPORT_TOO_LARGE = Kind("import-too-large", "{path} is too large", "the limit is {limit:,} bytes")
+OUTSIDE_FOLDER = Kind(
+    "outside-folder",
+    "a spec cannot read outside its folder",
+    "this is {path}",
+    "copy it there, or name a wider folder with <root>; the folder is {folder}",
+)
+IMPORT_CYCLE = Kind("import-cycle", "{path} imports itself", "this closes a circle of imports")
+TOO_MANY_IMPORTS = Kind("too-many-imports", "more than {limit:,} files are imported")
+IMPORTS_TOO_LONG = Kind("imports-too-long", "this spec is too long with its imports; the limit is {limit:,} characters")
+NOTHING_TO_IMPORT = Kind(
+    "nothing-to-import",
+    "{path} has no statements to import",
+    "it is one unnamed formula",
+    "give its formula a name there: task: ...",
+)
+
+# what objects stand on
+SUPPORT_COUNT = Kind(
+    "support-count",
+    "{objects} objects stand on {surfaces} surfaces",
+    "{surfaces} given",
+    "name one surface, or one for each object",
+)
+NO_FLAT_TOP = Kind(
+    "no-flat-top", "nothing can stand on `{name}`", "it has no flat top", "name another object, or a region"
+)
+STANDS_ON_ITSELF = Kind(
+    "stands-on-itself",
+    "`{name}` cannot stand on itself",
+    help=("{circle:?}let one of them stand on something else, or on the table", "name another object"),
+    note="each stands on the next: {circle}",
+)
+SURFACE_TOO_SMALL = Kind(
+    "surface-too-small",
+    "`{name}` does not fit into `{surface}`",
+    "this surface is too small for it",
+    "use a larger one",
+)
+DRAWER_COUNT = Kind("drawer-count", "a cabinet cannot have {given} drawers", "it has 1 to {most}")
+DRAWER_SHARE = Kind(
+    "drawer-share",
+    "a drawer cannot be open by {given:g}",
+    "the share of its length, from 0 to 1",
+    "write open = 0.6 for 60 %",
+)
+DRAWER_SHARES = Kind(
+    "drawer-shares",
+    ("{drawers} drawers take {drawers} shares", "a cabinet cannot have {given} drawers: it has 1 to {most}"),
+    "{given} given",
+    "give each drawer its share, the lowest first: open = [0, 0, 0.6]",
+)
+DRAWER_NOT_OPEN = Kind(
+    "drawer-not-open",
+    "{drawer} of `{carrier}` is open by {share:.0f} %: {reach:.2g} cm of it can be reached",
+    "`{name}` needs {need:.3g} cm",
+    ("{above}open it by {least:g} to 1: {mended}", "open it by {least:g} to 1: {mended}"),
+)
+TOO_TALL_FOR_SURFACE = Kind(
+    "too-tall-for-surface",
+    "`{name}` is too tall for `{surface}`",
+    "it is {height:.4g} cm high, and there are {clear:.4g} cm",
+    "use another level",
+)
+NOT_ON_SURFACE = Kind(
+    "not-on-surface",
+    "`{name}` is not held on `{surface}`",
+    "`{surface}` is elsewhere",
+    "move it, or what carries it",
+)
+SURFACE_OUTSIDE = Kind(
+    "surface-outside", "`{name}` stands outside of the workspace", help="move the region that it stands on"
+)
+STACKED_AND_APART = Kind(
+    "stacked-and-apart",
+    "`{upper}` stands on `{lower}`, and this keeps their footprints apart",
+    help="require noCollision() instead of noOverlap(): things may then stand on and in each other",
+)
+CHOICE_NOT_A_LIST = Kind(
+    "choice-not-a-list",
+    "`any of` takes a list of surfaces",
+    "this is {found}",
+    "write on any of [{written}, workspace], or on {written}",
+)
+EMPTY_CHOICE = Kind(
+    "empty-choice", "there is nothing to choose from", "this list is empty", "name the surfaces: on any of [a, b]"
+)
+SURFACE_TWICE = Kind("surface-twice", "`{surface}` is in this list twice", help="name each surface once")
+VARIES_WITH_CHOICE = Kind(
+    "varies-with-choice",
+    "`{function}` of `{name}` differs from scene to scene",
+    "`{chooser}` stands on one of several surfaces",
+    "let it stand on one surface, or say it with restsOn, z or apart",
+)
+TOO_MANY_CASES = Kind(
+    "too-many-cases",
+    "these two can stand in more than {limit:,} ways",
+    help="let fewer of the things below them choose what they stand on",
+)
+LEVEL_COUNT = Kind(
+    "level-count",
+    "the heights of `{name}` are not as many as its levels",
+    "{count} named, {levels} given",
+    "write one height for each: region {name}[2] = rect(...) at 30 cm, 60 cm",
+)
+LEVEL_OUT_OF_RANGE = Kind(
+    "level-out-of-range",
+    "a region cannot be {level:g} m above the table",
+    "heights lie between 0 and {most:,.0f} m",
+)
+LEVELS_INTERSECT = Kind(
+    "levels-intersect",
+    "`{name}` and `{other}` share space",
+    "their heights differ by {apart:.3g} cm, and a board is {board:.3g} cm thick",
+    "move one of them up, or aside",
+)

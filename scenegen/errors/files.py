@@ -1,0 +1,213 @@
+"""What is wrong with files: scenes that cannot be read or written, formats, worlds for simulators."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+_SAMPLE = "make one with `scenegen sample`"
+
+# reading and writing
+CANNOT_READ = Kind("cannot-read", "cannot read {path}: {reason}", help="{remedy}")
+TOO_LARGE_TO_READ = Kind(
+    "too-large-to-read",
+    "cannot read {path}: {size:,} bytes are too many",
+    help="the limit is {limit:,}[[; {remedy}]]",
+)
+SPEC_NOT_FOUND = Kind(
+    "spec-not-found",
+    "cannot read {path}: there is no file {path}, nor {path}.spec",
+    help=(
+        "did you mean `{nearest}`, which ships with scenegen?",
+        "{remedy}; `scenegen specs` lists those that ship with scenegen",
+    ),
+)
+CANNOT_WRITE = Kind(
+    "cannot-write",
+    "cannot write {path}: {reason}",
+    help=(
+        "{full:?}the disk is full; {folder} keeps {scenes:,} scenes: make room, go on with <resume>",
+        "{folder} keeps {scenes:,} scenes: mend that, then go on with <resume>",
+        "{remedy}",
+    ),
+)
+CANNOT_WRITE_OUTPUT = Kind(
+    "cannot-write-output", "cannot write to standard output: {reason}", help="name a file with <out>"
+)
+OVERWRITES_INPUT = Kind(
+    "overwrites-input", "{path} would overwrite what it is made from", help="name another output file"
+)
+FILE_AND_FOLDER = Kind("file-and-folder", "{path} cannot be a file and a folder at once", help="name another folder")
+FILE_EXISTS = Kind("file-exists", "{path} is there already", help="choose another name; nothing is overwritten")
+NOT_A_FOLDER = Kind("not-a-folder", "{path} is not a folder", help="{remedy}")
+
+# formats
+UNKNOWN_ENDING = Kind(
+    "unknown-ending",
+    ("{path} has the ending `{name}`: not a format of scene files", "{path} has no ending of a format of scene files"),
+    help=(
+        "sample to {scenes}, then: `scenegen export {scenes} <out={path}>`",
+        NEAREST,
+        "use {known:list}",
+    ),
+)
+WRONG_ENDING = Kind(
+    "wrong-ending",
+    "{path} does not end in {ending}[[, which {format} files do]]",
+    help=("name it {better}[[, or leave {leave:argument} out]]", "{remedy}"),
+)
+ENDING_OF_ANOTHER = Kind("ending-of-another", "{path} has the ending of {other}, not of {format}", help="{places}")
+FILE_FOR_FOLDER = Kind(
+    "file-for-folder", "cannot write {path}: it is a file, and a folder is made for {format}", help="{places}"
+)
+NO_FORMAT = Kind(
+    "no-format",
+    "no format was given, and {path} does not tell it by its ending",
+    help="say which with <to>: {known:list}",
+)
+
+# scene files
+NOT_JSON = Kind("not-json", "{file} is not valid JSON", "{reason}", _SAMPLE)
+NOT_SCENES = Kind("not-scenes", "{file} is not a scenes file: {reason}", help=_SAMPLE)
+SCENES_VERSION = Kind(
+    "scenes-version",
+    "{file} has version {found} of the scene format",
+    help="this scenegen reads version {wanted}",
+)
+DAMAGED_SCENES = Kind(
+    "damaged-scenes",
+    "{file} is damaged[[ at `{place}`]]: {reason}[[ ({more} more problems)]]",
+    help=("{place:?}counting starts at 1", _SAMPLE),
+)
+OBJECT_TWICE = Kind("object-twice", "{file} names an object twice", help=_SAMPLE)
+OTHER_OBJECTS = Kind(
+    "other-objects",
+    ("{scene} does not place the file's objects: `{odd}`", "{scene} does not place the objects of its spec"),
+    help="every scene places {wanted:quoted}",
+)
+OTHER_SURFACE = Kind(
+    "other-surface",
+    (
+        "{scene} has `{name}` on `{surface}`, which the file's header does not have",
+        "{scene} does not say on which of its surfaces `{name}` stands",
+    ),
+    help='write "on": one of {known:list}',
+)
+NO_SURFACE_GIVEN = Kind(
+    "no-surface-given",
+    "the scenes do not say on which surface of the spec `{name}` stands",
+    help="sample scenes of this spec",
+)
+OTHER_LABELS = Kind(
+    "other-labels",
+    "{scene} has other labels than {whose}",
+    help="{whose} has {labels:quoted}",
+)
+MISSING_POSE = Kind("missing-pose", "scene {scene} has no pose for `{name}`", help="the file is incomplete")
+LONG_LINE = Kind("long-line", "{line} is longer than {limit:,} bytes", help="every line after the first is a scene")
+EMPTY_LINE = Kind("empty-line", "{line} is empty", help="every line after the first is a scene")
+DAMAGED_PARQUET = Kind("damaged-parquet", "{path} is damaged, or no Parquet file", help=_SAMPLE, note="{reason}")
+LARGE_ROW_GROUP = Kind(
+    "large-row-group",
+    "a row group of {path} holds {size:,} {unit}; the limit is {limit:,}",
+    help="{remedy}",
+)
+WRONG_COLUMNS = Kind(
+    "wrong-columns",
+    (
+        "{path} has no column `{lacking}`",
+        "{path} has a column `{odd}`",
+        "{path} has columns in another order than its objects",
+    ),
+    help="its columns should be {wanted:quoted}, then phi of each label",
+)
+COLUMN_TYPE = Kind("column-type", "column `{column}` of {path} holds {found}, not float64", help=_SAMPLE)
+COLUMN_NOT_A_NUMBER = Kind(
+    "column-not-a-number",
+    "{path} is damaged: no number stands in column `{column}` of scene {scene}",
+    help=_SAMPLE,
+)
+COLUMN_TWICE = Kind(
+    "column-twice",
+    "two columns of the table would have the name `{name}`",
+    help="rename the object `phi`, or write .jsonl",
+)
+TOO_MANY_TO_READ = Kind(
+    "too-many-to-read",
+    "{file} holds {count} scenes of {objects} objects: too many for memory",
+    help="at most {most:,} of them are read at once; in Python, scenegen.read_scenes(path, stop={most}) reads a part. "
+    "`scenegen export` makes other scene files of any number, block by block",
+)
+JSON_TOO_LARGE = Kind(
+    "json-too-large",
+    "these scenes do not fit into a .json file of {limit:,} bytes, the most that can be read",
+    help="write .jsonl or .parquet, of which readers need a part at a time",
+)
+WORLD_TOO_LARGE = Kind(
+    "world-too-large",
+    "these scenes do not fit into one file, which is made in memory: the first {most:,} do",
+    help="name a folder, which gets a file for each scene",
+)
+SIZE_IN_FILE = Kind(
+    "size-in-file",
+    ("{what} is {size:.3g} m {how}", "{what} is empty"),
+    help="{limits}",
+)
+NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
+OFF_THE_TABLE = Kind(
+    "off-the-table",
+    "`{name}` stands {distance:.3g} m off the workspace in scene {scene}",
+    help="no table is that large: {limit:g} m are the most",
+)
+NAME_IN_XML = Kind("name-in-xml", "an object's name {reason}: {name}", help="rename it in the spec")
+
+# scenes and their spec
+OTHER_SPEC = Kind(
+    "other-spec",
+    "these scenes are not of this spec: {reason}",
+    help="the spec is about {wanted:quoted}, the scenes are about {found:quoted}",
+)
+HELD_ELSEWHERE = Kind(
+    "held-elsewhere",
+    "`{name}` is held at ({pose}) by the spec, but stands elsewhere in scene {scene}",
+    help="use scenes that were sampled from this spec",
+)
+SCENE_OUTSIDE = Kind(
+    "scene-outside",
+    "`{name}` is outside of the workspace in scene {scene}",
+    help="use scenes that were sampled from this spec",
+)
+REQUIREMENT_NOT_MET = Kind(
+    "requirement-not-met",
+    "scene {scene} does not meet what the spec requires",
+    help="use scenes that were sampled from this spec",
+)
+LABEL_WITHOUT_SPEC = Kind("label-without-spec", "{file} stores phi of `{label}`, a label that its spec does not have")
+PHI_NOT_STORED = Kind("phi-not-stored", "{file} stores no phi of `{label}`", help="sample the scenes again")
+PHI_DIFFERS = Kind(
+    "phi-differs",
+    "scene {scene} of {file} stores phi of `{label}` as {stored:.9g}; it is {computed:.9g}",
+    help="{count} scenes are off; sample them again",
+)
+
+# unfinished runs
+FOLDER_IN_THE_WAY = Kind(
+    "folder-in-the-way",
+    "{folder} is in the way: it holds `{odd}`, which is not of an unfinished run",
+    help="move it, or name another output file",
+)
+DAMAGED_RUN = Kind("damaged-run", "{path} is damaged: it cannot be resumed", help="delete {folder}, and start again")
+UNFINISHED_RUN = Kind(
+    "unfinished-run",
+    "{folder} holds {scenes:,} scenes of an unfinished run",
+    help="go on with <resume>, or delete the folder",
+)
+OTHER_REQUEST = Kind(
+    "other-request",
+    "{folder} is of another request: `{key}` was {before}, and is {now} now",
+    help="ask for the same again, or delete the folder",
+)
+FOLDER_LOCKED = Kind(
+    "folder-locked",
+    "another process is working on {folder}",
+    help="wait for it, or name another output file",
+)

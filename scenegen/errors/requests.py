@@ -1,0 +1,319 @@
+"""Errors of a request: its arguments, ranges of phi, fixed objects, and unreachable targets."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+# arguments
+WRONG_VALUE = Kind("wrong-value", "{argument:argument} is {value}", help="give it {wanted}")
+OUT_OF_RANGE = Kind("out-of-range", "{argument:argument} is {value}", help="it must be {wanted}[[; {hint}]]")
+ODD_FILE_NAME = Kind(
+    "odd-file-name", "{argument:argument} is {value}", help="no file name can hold {odd}; leave it out"
+)
+UNKNOWN_CHOICE = Kind(
+    "unknown-choice",
+    "[[{path}: ]]unknown {what} `{name}`",
+    help=(NEAREST, "the {plural} are {known:quoted}", "the {what}s are {known:quoted}"),
+)
+UNKNOWN_SETTING = Kind(
+    "unknown-setting", "[[{path}: ]]{owner} has no setting `{name}`", help=(NEAREST, "its settings are {known:quoted}")
+)
+WRONG_SETTING = Kind(
+    "wrong-setting",
+    ("[[{path}: ]]setting `{name}` of {owner}: {reason}", "{owner}: {reason}"),
+    help=("by default `{name}` is {usual}", "its settings are {known:quoted}"),
+)
+SETTING_SYNTAX = Kind(
+    "setting-syntax",
+    "a setting is written NAME=VALUE, and its value is a number",
+    help="for instance width=128",
+)
+SETTING_TWICE = Kind("setting-twice", "`{name}` is set twice", help="give each setting once")
+MISSING_ARGUMENT = Kind("missing-argument", "{argument:argument} is missing: {question}")
+CONFLICTING_ARGUMENTS = Kind(
+    "conflicting-arguments", "{one:argument} and {other:argument} contradict each other", help="give one of them"
+)
+OUT_OF_PLACE = Kind("out-of-place", "{option} {rule}", help="{remedy}")
+NOT_A_SPEC = Kind(
+    "not-a-spec",
+    "{what} is needed here, not {value}",
+    help="load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model, which has a `spec`",
+)
+NOT_A_TEXT = Kind(
+    "not-a-text",
+    "the text of a spec is needed here, not {value}",
+    help="write the spec itself; scenegen.load(FILE) reads a file",
+)
+NOT_A_SCENE = Kind("not-a-scene", "one scene is needed here, not {value}", help="pick one of a set: scenes[0]")
+NOT_AN_INDEX = Kind(
+    "not-an-index",
+    "{value} does not pick scenes",
+    help="pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values",
+)
+UNKNOWN_SHIPPED_SPEC = Kind(
+    "unknown-shipped-spec",
+    "no spec of this name ships with scenegen: {name}",
+    help=(NEAREST, "`scenegen specs` lists them"),
+)
+NO_SUCH_SCENE_NUMBER = Kind(
+    "no-such-scene-number", "there is no scene {number}", help="{file} holds the scenes 1 to {count}"
+)
+SIZE_SYNTAX = Kind("size-syntax", "a size is written WIDTHxHEIGHT", help="for instance: `<size=640x480>`")
+NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]]", help="sample some first")
+TOO_MANY_FOR_MEMORY = Kind(
+    "too-many-for-memory",
+    "{n:,} scenes of {objects} objects are too many for memory",
+    help="write them to a file with `<out=scenes.parquet>` (in Python: sample_to), or ask for at most {most:,}",
+)
+TOO_MANY_FOR_JSON = Kind(
+    "too-many-for-json",
+    "a .json file cannot hold {n:,} scenes: readers need all of it in memory",
+    help="write .jsonl or .parquet, or ask for at most {most:,}",
+)
+NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
+RAW_WITH_FIXED = Kind(
+    "raw-with-fixed",
+    "<raw> is a model's own output, and a model does not know of objects that are held",
+    help="leave <raw> or <fix> out",
+)
+RAW_SETTLED = Kind(
+    "raw-settled", "<raw> is a model's own output, whether it settles or not", help="leave <raw> or <settle> out"
+)
+RAW_WITHOUT_MODEL = Kind(
+    "raw-without-model",
+    "<raw> is a model's own output, and no model takes part here",
+    help="name a model file, or leave <raw> out",
+)
+METHOD_WITHOUT_MODEL = Kind(
+    "method-without-model",
+    "the method `{method}` needs a trained model, not a spec",
+    help="name a model file",
+)
+STEPS_OF_SPEC = Kind(
+    "steps-of-spec",
+    "<steps> says how a model makes its scenes, and this is a spec",
+    help="leave <steps> out, or name a model file",
+)
+STEPS_FIXED = Kind(
+    "steps-fixed",
+    "a scene of the {model} is one evaluation of its network: there are no steps to choose",
+    help="leave <steps> out, or take a flow",
+)
+SPEC_OF_SPEC = Kind(
+    "spec-of-spec",
+    "<spec> says which spec a model must be of, and this is no model",
+    help="name a model file, or leave <spec> out",
+)
+RESUME_WITHOUT_FILE = Kind(
+    "resume-without-file", "<resume> goes on with a file, and none is named", help="name it with <out>"
+)
+
+# labels and ranges of phi
+UNKNOWN_LABEL = Kind(
+    "unknown-label",
+    ("the spec has no label `{name}`", "no label stands before `=`"),
+    help=(NEAREST, "the spec has {known:quoted8}"),
+)
+LABEL_NOT_NAMED = Kind(
+    "label-not-named",
+    "this spec has {count} labels, {labels:quoted8}[[; of which is phi {phi}?]]",
+    "of which label?",
+    ("say which label: `<phi={first}={text}>`", "name it: `<phi={first}=lowest:highest>`"),
+)
+LABEL_TWICE = Kind("label-twice", "there are two ranges of phi for `{name}`", help="give one range per label")
+NOT_A_NUMBER = Kind("not-a-number", "`{text}` is not a number", help="{usage}")
+RANGE_SYNTAX = Kind(
+    "range-syntax",
+    "a range is written LO:HI, LO: or :HI",
+    help=("write a band: {band}", "for instance 0.05:0.2"),
+)
+RANGE_WITHOUT_END = Kind(
+    "range-without-end", "this range has no end", help="write LO:HI, LO: or :HI, or leave <phi> out"
+)
+RANGE_NOT_A_PAIR = Kind(
+    "range-not-a-pair",
+    "the range of phi of `{label}` is {value}",
+    help="write (lowest, highest), with None for an open end",
+)
+RANGE_REVERSED = Kind("range-reversed", "this range[[ of phi of `{label}`]] is reversed", help="write {high:g}:{low:g}")
+RANGE_END = Kind("range-end", "{end} cannot end a range of phi of `{label}`", help="use None for open")
+BEYOND_BOUNDS = Kind(
+    "beyond-bounds",
+    "no scene can have phi of `{label}` in {range}",
+    help="phi of `{label}` lies between {lowest:.4g} and {highest:.4g} in this workspace",
+)
+ONLY_AT_BOUND = Kind(
+    "only-at-bound",
+    "phi of `{label}` reaches {bound:g} with probability 0; sampling {band} instead",
+    help="phi of `{label}` lies between {lowest:.4g} and {highest:.4g} in this workspace",
+    severity="warning",
+)
+SINGLE_VALUE = Kind(
+    "single-value",
+    "phi of `{label}` is exactly {value:g} with probability 0",
+    help="ask for a band: `<phi={label}={band}>`",
+)
+
+# fixed objects
+UNKNOWN_OBJECT = Kind(
+    "unknown-object", "the spec has no object `{name}`", help=(NEAREST, "the spec has {known:quoted8}")
+)
+HELD_SYNTAX = Kind(
+    "held-syntax",
+    "an object is held as NAME=X,Y[,THETA]",
+    help="write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5",
+)
+HELD_TWICE = Kind("held-twice", "`{name}` is held twice", help="give one place per object")
+HELD_BY_SPEC = Kind(
+    "held-by-spec",
+    "`{name}` is held in place by the spec already",
+    help="leave it out, or take the `at` of `{name}` away",
+)
+HELD_OUTSIDE = Kind(
+    "held-outside",
+    "`{name}` cannot be held at ({x:g}, {y:g}): that is outside the workspace",
+    help="the workspace is {workspace}",
+)
+NOT_A_POSE = Kind(
+    "not-a-pose", "the pose of `{name}` is {value}", help="write (x, y) or (x, y, theta), in metres and radians"
+)
+ALL_HELD = Kind("all-held", "every object is held in place: {consequence}", help="free an object")
+
+# unreachable targets, and time limits
+NO_SUCH_SCENE = Kind(
+    "no-such-scene",
+    ("no scene can have {wanted}", "no scene meets what the spec requires"),
+    "{clash}",
+    (
+        "{clash:?}ask for another range; `scenegen check` shows what each part can reach",
+        "ask for another range",
+    ),
+    "{others}",
+)
+REQUIREMENT_NOT_FOUND = Kind(
+    "requirement-not-found",
+    "no scene was found that meets what the spec requires[[, in {evaluations:,} evaluations]]",
+    help="require less, or make the workspace larger",
+    note="[[the best one misses it by {misses:.4g}]]",
+)
+NO_ROOM = Kind(
+    "no-room",
+    "no room was found for {names:quoted8}: {placed} of {count} objects could be placed, in {tried}",
+    "[[`{clause}` refused {share:.0%} of the poses]]",
+    ("{crowded:?}use fewer or smaller objects, or a larger area", "widen the range, or what the spec requires"),
+    "the footprints of the {count} objects take {filled:.0%} of the workspace"
+    "[[; of {tries:,} poses of `{first}`, {crowded:,} met all else and none was clear of what stands there]]"
+    "[[; also refused: {others}]]",
+)
+TABLE_TOO_FULL = Kind(
+    "table-too-full",
+    "no scene meets what is asked for: the table is too full",
+    help="use fewer or smaller objects, a larger area, or smaller distances",
+    note="{proof}",
+)
+NO_TIME_TO_GROW = Kind(
+    "no-time-to-grow",
+    (
+        "time was up after {tried}: {placed} of {count} objects could be placed",
+        "time was up after {tried}: all {count} objects could be placed, but no scenes were ready",
+    ),
+    help="give it more time with <timeout>, or ask for fewer scenes",
+    note="the footprints of the {count} objects take {filled:.0%} of the workspace",
+)
+NO_TIME_TO_CHECK = Kind(
+    "no-time-to-check",
+    "time was up before it was known what the spec's phi can be",
+    help="give it more time with <timeout>",
+)
+NO_TIME_TO_TELL = Kind(
+    "no-time-to-tell",
+    "time was up after {tried}, too early to tell which parts of the range can be reached[[; {kept}]]",
+    help=(
+        "{partial:?}give it more time with <timeout>, ask for `<spread=base>`, "
+        "or save what there is with <keep_partial>",
+        "give it more time with <timeout>, or ask for `<spread=base>`",
+    ),
+    note="nothing was found yet in {undecided} of {count} cells[[; {refused}]][[; {folder} keeps what is done: "
+    "go on with <resume>]]",
+)
+_FOUND = (
+    "found {found:,} of {n:,} scenes in {tried}[[; {kept}]]",
+    "found none of {n:,} scenes in {tried}[[; {kept}]]",
+)
+_MORE = "[[; {refused}]][[; {folder} keeps what is done: go on with <resume>]]"
+_TIME = "give it more time with <timeout>"
+_KEEP = ", or save what there is with <keep_partial>"
+TOO_FEW_IN_RANGE = Kind(
+    "too-few-in-range",
+    _FOUND,
+    "`{atom}` decides phi in {deciding:.0%} of those that fail",
+    (f"{{found:?}}widen the range, {_TIME}{_KEEP}", f"widen the range, {_TIME}"),
+    "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
+)
+TOO_FEW_IN_CELL = Kind(
+    "too-few-in-cell",
+    _FOUND,
+    help=(
+        f"{{found:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}{_KEEP}",
+        f"ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}",
+    ),
+    note="[[{rarest} is the rarest part of the range]]" + _MORE,
+)
+TOO_FEW_MEET_REQUIREMENT = Kind(
+    "too-few-meet-requirement",
+    _FOUND,
+    "`{atom}` decides phi in {deciding:.0%} of those that fail",
+    (
+        f"{{found:?}}require less, or make the workspace larger; or {_TIME}{_KEEP}",
+        f"require less, or make the workspace larger; or {_TIME}",
+    ),
+    "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
+)
+PROPOSALS_NOT_NUMBERS = Kind(
+    "proposals-not-numbers",
+    _FOUND,
+    help="the model is of no use; train it again",
+    note="in each of the last {candidates:,} candidates a coordinate was not a number" + _MORE,
+)
+OUT_OF_TIME = (NO_TIME_TO_CHECK, NO_TIME_TO_TELL, TOO_FEW_IN_RANGE, TOO_FEW_IN_CELL, TOO_FEW_MEET_REQUIREMENT)
+UNREACHED_CELLS = Kind(
+    "unreached-cells",
+    "{missing} of {count} cells of the range were not reached in {tried}",
+    help="the scenes are spread over the others",
+    note="{shown}[[ and {more} more]][[; interval bounds rule out {ruled_out} of them]]"
+    "[[; a scene was met in {strays} of them, too late to share in]]",
+    severity="warning",
+)
+SCENES_ALIKE = Kind(
+    "scenes-alike",
+    "scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one",
+    help="compare runs with several seeds",
+    note="the table may be too full for its objects to pass each other; shares of arrangements are uncertain",
+    severity="warning",
+)
+CHAINS_CORRELATED = Kind(
+    "chains-correlated",
+    "after {moves:,} moves the chains still resemble what they were ({correlation:.0%} correlation)",
+    help="compare runs with several seeds",
+    note="the range may have parts between which no move leads; the shares of such parts are uncertain",
+    severity="warning",
+)
+UNSETTLED = Kind(
+    "unsettled",
+    "{summary}",
+    help="{often:?}objects that overlap push each other away: `require noOverlap()`, or where things stand on each "
+    "other `require noCollision() & stable()`, leaves such scenes out from the start",
+    severity="warning",
+)
+BOARDS_NOT_SETTLED = Kind(
+    "boards-not-settled",
+    "scenes with boards cannot be settled",
+    "`{name}` is a region at a height",
+    "use a shelf unit or a cabinet in the place of `{name}`, or load the exported MJCF, which has the boards",
+)
+CHOICES_NOT_HERE = Kind(
+    "choices-not-here",
+    "{what} cannot do with specs in which an object stands on one of several surfaces",
+    "`{name}` is declared with `on any of`",
+    "let `{name}` stand on one surface",
+)

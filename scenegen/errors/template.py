@@ -1,0 +1,106 @@
+"""Templates of prose: the one place that turns the facts of a diagnostic into sentences.
+
+    {name}, {count:,}      a fact, formatted as by str.format
+    {names:quoted}         names in a sentence: `a`, `b` and `c`; {names:quoted8} shows the first eight
+    {names:list}           names as they are: a, b, c
+    {names:members}        the parts of a list or region: .first, .last
+    {name:argument}        a fact that names an argument, spelt as the caller knows it: `timeout` or --timeout
+    {kept:?}               nothing; the template is for those that have this fact
+    <timeout>              an argument by name: `timeout` or --timeout
+    <device=cpu>           an argument with a value: device="cpu" or --device cpu
+    [[; {more}]]           left out where one of its facts is missing
+
+A fact is missing if it was not given, is None, or is empty.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+from scenegen.errors.names import quoted
+
+Spell: TypeAlias = Callable[[str, "str | None"], str]
+Text: TypeAlias = "str | tuple[str, ...]"  # of several templates, the first whose facts are all given
+
+_PART = r"(?s)\[\[(.*?)\]\]|\{(\w+)(?::([^{}]*))?\}|<(\w+)(?:=([^<>]*))?>"  # compiled when a text is first needed
+
+
+def python_name(name: str, value: str | None = None) -> str:
+    """An argument as Python callers write it: `timeout`, or `device="cpu"` with a value."""
+    if value is None:
+        return f"`{name}`"
+    label, equals, ends = value.partition("=")
+    if name == "phi" and equals:
+        low, _, high = ends.partition(":")
+        return f'phi={{"{label}": ({low or None}, {high or None})}}'
+    return f"{name}={value}" if re.fullmatch(r"True|[\d.]+", value) else f'{name}="{value}"'
+
+
+def fill(text: Text, facts: Mapping[str, object], spell: Spell = python_name) -> str:
+    """The sentence that a template makes of facts; "" if some are missing."""
+    for template in (text,) if isinstance(text, str) else text:
+        try:
+            return _fill(template, facts, spell).removeprefix("; ").removeprefix(", ")
+        except KeyError:
+            continue
+    return ""
+
+
+def fill_title(text: Text, facts: Mapping[str, object], spell: Spell = python_name) -> str:
+    """The same for a title, which is never empty, even for a file without a name."""
+    return fill(text, facts, spell) or _fill(text if isinstance(text, str) else text[-1], facts, spell, empty=True)
+
+
+def missing(fact: object) -> bool:
+    """Whether a fact that was given counts as missing: None, "" and empty lists."""
+    return fact is None or (isinstance(fact, str | tuple | list) and not fact)
+
+
+def fields(template: str) -> tuple[set[str], set[str]]:
+    """The facts that a template needs, and those that it can do without."""
+    needed, spare = set(), set()
+    for optional, name, _, _, value in re.findall(_PART, template):
+        if optional:
+            spare |= set.union(*fields(optional))
+        elif name:
+            needed.add(name)
+        elif value:
+            needed |= fields(value)[0]
+    return needed, spare
+
+
+def _fill(template: str, facts: Mapping[str, object], spell: Spell, empty: bool = False) -> str:
+    def part(found: re.Match[str]) -> str:
+        optional, name, how, argument, value = found.groups()
+        if optional is not None:
+            try:
+                return _fill(optional, facts, spell)
+            except KeyError:
+                return ""
+        if argument is not None:
+            return spell(argument, None if value is None else _fill(value, facts, spell))
+        fact = facts[name]
+        if fact is None or (missing(fact) and not empty):
+            raise KeyError(name)
+        return _shown(fact, how or "", spell)
+
+    return re.sub(_PART, part, template)
+
+
+def _shown(fact: object, how: str, spell: Spell) -> str:
+    if how == "?":
+        return ""
+    if how == "argument":
+        return spell(str(fact), None)
+    if how == "members":
+        return ", ".join(f".{one}" for one in fact)  # type: ignore[attr-defined]
+    if how.startswith(("quoted", "list")):
+        names = [str(one) for one in fact]  # type: ignore[attr-defined]
+        limit = int(re.sub(r"\D", "", how) or len(names))
+        shown, more = names[:limit], len(names) > limit
+        if how.startswith("list"):
+            return ", ".join(shown) + (", ..." if more else "")
+        return ", ".join(f"`{one}`" for one in shown) + ", ..." if more else quoted(shown)
+    return format(fact, how) if how else str(fact)

@@ -1,0 +1,1 @@
+"""How good a set of scenes is: errors against the target phi, coverage, tests of distribution. numpy only."""

@@ -1,0 +1,1 @@
+"""Scenes as worlds for simulators: MJCF, SDF, OBJ and STL."""

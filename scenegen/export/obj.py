@@ -1,0 +1,29 @@
+"""Meshes as Wavefront OBJ files, which every simulator reads."""
+
+from __future__ import annotations
+
+from scenegen.assets.mesh import Mesh, shaded
+from scenegen.export.xml import short
+
+HEAD = "# scenegen, metres, z upwards"
+
+
+def smooth(mesh: Mesh) -> bytes:
+    """One mesh with a normal at every corner: round objects look round, edges stay sharp."""
+    vertices, normals, _ = shaded(mesh)
+    places: dict[str, int] = {}
+    turns: dict[str, int] = {}
+    corners = []
+    for vertex, normal in zip(vertices.tolist(), normals.round(6).tolist(), strict=True):
+        place = places.setdefault(short(vertex), len(places) + 1)
+        corners.append(f"{place}//{turns.setdefault(short(normal), len(turns) + 1)}")
+    faces = [f"f {' '.join(corners[k : k + 3])}" for k in range(0, len(corners), 3)]
+    lines = [HEAD, *(f"v {place}" for place in places), *(f"vn {turn}" for turn in turns), *faces]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def plain(mesh: Mesh) -> bytes:
+    """One mesh without normals, for collisions."""
+    places = [f"v {short(vertex)}" for vertex in mesh.vertices.tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    return ("\n".join([HEAD, *places, *faces]) + "\n").encode()

@@ -1,0 +1,143 @@
+"""A scene file as a world for simulators: forms, masses, colours and heights of its objects, and their table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
+from scenegen.assets.mesh import Floats
+from scenegen.assets.palette import RGB, mix, stable
+from scenegen.assets.physics import collision_of, friction_of, mass_of
+from scenegen.assets.support import base_heights
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
+from scenegen.export.inertia import inertia
+from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, World, piece_of
+from scenegen.export.xml import check_names, printable
+from scenegen.formats.blocks import Block
+from scenegen.lang.check import check_text
+from scenegen.pose import as_poses, flat, row_count
+from scenegen.primitives import Box, Circle, Footprint, Polygon
+from scenegen.primitives.hull import Rectangle, clipped, signed_area
+from scenegen.scene.data import RegionData, SceneFile, ShapeData, footprint_of
+from scenegen.scene.limits import BOARD, LARGEST
+from scenegen.scene.sizes import check_sizes
+from scenegen.scene.standing import heights_of
+
+MARGIN = 0.07  # metres of table beyond what is on it
+FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
+LINEN: RGB = (0.97, 0.95, 0.90)  # the colour with which those of regions are mixed
+SHEET = 0.0004  # metres: the thickness of the first region
+WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
+DRAWN = 32  # corners of a round region
+LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
+
+
+def world_of(header: SceneFile, scenes: Block) -> World:
+    """The world of a scene file's header and (some of) its scenes.
+
+    Raises DataError if an object is too far from the table, SpecError if the header's spec is damaged.
+    """
+    names = [one.name for one in header.objects]
+    check_names(names)
+    check_sizes(header, WIDE)
+    shapes = [_shape(one.shape) for one in header.objects]
+    spec = check_text(header.spec.source, "the spec of the scenes")
+    fixed = {spec.objects[index] for index in spec.fixed}
+    bodies = bodies_of(names, shapes, fixed)
+    rows = scenes.rows[: row_count(len(names))]
+    places = np.ascontiguousarray(flat(as_poses(rows)))
+    table = _table(header, shapes, names, places)
+    heights = base_heights(shapes, places, declared=heights_of(header, scenes.rows[len(rows) :].T))
+    poses = np.concatenate([places[..., :2], heights[..., None], np.remainder(places[..., 2:], math.tau)], axis=-1)
+    return World(printable(header.spec.title), bodies, _patches(header.regions, table), table, poses)
+
+
+def bodies_of(names: Sequence[str], shapes: Sequence[Shape], fixed: Collection[str]) -> tuple[Body, ...]:
+    """The bodies of objects; those named in `fixed` cannot be moved. Raises DataError for one without a volume."""
+    colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    forms = _forms(names, shapes)
+    return tuple(
+        Body(
+            name,
+            forms[shape],
+            tuple(part.color for part in parts_of(shape, color)),
+            max(mass_of(shape), LEAST_MASS),
+            friction_of(shape),
+            name in fixed,
+        )
+        for name, shape, color in zip(names, shapes, colors, strict=True)
+    )
+
+
+def _shape(data: ShapeData) -> Shape:
+    asset = data.asset if data.asset in ASSETS or data.asset in PLAIN else UNKNOWN
+    return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open))
+
+
+def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
+    forms: dict[Shape, Form] = {}
+    for name, shape in zip(names, shapes, strict=True):
+        if shape not in forms:
+            same = sum(other.asset == shape.asset for other in forms)
+            solids = collision_of(shape)
+            pieces = tuple(piece_of(solid) for solid in solids)
+            parts = tuple(part.mesh for part in parts_of(shape, WOOD))
+            try:
+                mass = inertia(solids)
+            except ValueError:
+                raise DataError(NO_VOLUME(name=name)) from None
+            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
+    return forms
+
+
+def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
+    """The regions as sheets, clipped at the table."""
+    patches: list[Patch] = []
+    used: list[RGB] = []
+    for region in regions:
+        used.append(stable(region.name, used))
+        cos, sin = math.cos(region.pose.theta), math.sin(region.pose.theta)
+        corners = [
+            (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
+            for u, v in _outline(footprint_of(region.footprint))
+        ]
+        lying = clipped(corners, table)
+        if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
+            color, top = mix(used[-1], LINEN, 0.35), region.height
+            sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))
+            patches.append(Patch(lying, color, sheet, top))
+    return tuple(patches)
+
+
+def _outline(footprint: Footprint) -> Sequence[tuple[float, float]]:
+    match footprint:
+        case Circle(radius):
+            turns = [k * math.tau / DRAWN for k in range(DRAWN)]
+            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+        case Box(length, width):
+            x, y = length / 2.0, width / 2.0
+            return [(-x, -y), (x, -y), (x, y), (-x, y)]
+        case Polygon(vertices):
+            return vertices
+
+
+def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats) -> Rectangle:
+    """The workspace, extended to contain all objects. Raises DataError if that is too far."""
+    (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
+    least, most = np.array([x0, y0]), np.array([x1, y1])
+    for shape, name, place in zip(shapes, names, np.moveaxis(places, 1, 0), strict=True):
+        if not len(place):
+            continue
+        away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
+        if away.max() > FARTHEST:
+            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
+            raise DataError(OFF_THE_TABLE(name=name, **facts))
+        reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
+        least = np.minimum(least, place[:, :2].min(axis=0) - reach)
+        most = np.maximum(most, place[:, :2].max(axis=0) + reach)
+    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    return left, front, right, back

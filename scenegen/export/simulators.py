@@ -1,0 +1,81 @@
+"""The table of simulators' formats: name -> module with
+
+    ENDING                               of its files
+    meshes(world)                        (name, bytes) of the mesh files that they need
+    files(world, folder, together=...)   their bytes: one with all scenes in it, or one for each scene
+
+These are written, never read: they do not store the spec, the request or phi, which are in scene files.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from scenegen.errors import OutputError, RequestError
+from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
+from scenegen.errors.requests import NO_SCENES
+from scenegen.export.setting import world_of
+from scenegen.formats.blocks import Block
+from scenegen.formats.files import check_folder, check_writable, reported
+from scenegen.formats.folder import scene_name, whole_files
+from scenegen.formats.registry import ENDINGS, FORMATS
+from scenegen.scene.data import SceneFile
+
+SIMULATORS: dict[str, str] = {
+    "mjcf": "scenegen.export.mjcf",
+    "sdf": "scenegen.export.sdf",
+}
+MESHES = "meshes"
+
+
+def is_file(out: Path, to: str) -> bool:
+    """Whether `out` is one file with all scenes, by its ending; else it is a folder with a file each.
+
+    Raises RequestError for the ending of another format.
+    """
+    ending = out.suffix.lower()
+    if ending in FORMATS or ENDINGS.get(ending, to) != to:
+        other = ENDINGS.get(ending, "scene files")
+        raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to)))
+    return ending in ENDINGS
+
+
+def _places(to: str) -> str:
+    endings = " or ".join(f"`{ending}`" for ending, name in ENDINGS.items() if name == to)
+    return f"name a folder, or a file that ends in {endings}"
+
+
+def check_out(out: Path, to: str, *inputs: Path) -> None:
+    """Refuse, before any work is done, an `out` that cannot be written to. Raises RequestError, OutputError."""
+    if is_file(out, to):
+        check_writable(out, *inputs)
+        return
+    with reported(out):
+        if out.is_file():
+            raise OutputError(FILE_FOR_FOLDER(path=out, format=to, places=_places(to)))
+    check_folder(out)
+
+
+def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[Path, ...]:
+    """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
+    `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
+
+    Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
+    """
+    module: Any = importlib.import_module(SIMULATORS[to])
+    if not scenes.count:
+        raise RequestError(NO_SCENES())
+    world = world_of(header, scenes)
+    together = is_file(out, to)
+    folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
+    written = []
+    with whole_files(folder) as put:
+        for name, data in module.meshes(world):
+            put(f"{meshes}/{name}", data)
+        for number, data in enumerate(module.files(world, meshes, together=together), start=1):
+            name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
+            put(name, data)
+            written.append(folder / name)
+    return tuple(written)

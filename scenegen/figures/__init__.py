@@ -1,0 +1,1 @@
+"""Charts and drawings without a renderer: top views, heat maps, curves, sheets."""

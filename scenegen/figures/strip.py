@@ -1,0 +1,92 @@
+"""A layout that changes from hard to solved: as a strip of pictures, and as an animation."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from PIL import Image, ImageDraw, ImageFont
+
+from scenegen.figures.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
+
+COOL = (36, 120, 88)
+EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, space below a picture
+BAR = 6  # height of the bar that shows phi
+TEXT, TITLE = 20, 22  # font sizes
+HELD = 1400  # milliseconds of an animation's last picture
+STEP = 90  # milliseconds of the others
+
+
+def strip(
+    frames: Sequence[Image.Image], phi: Sequence[float], label: str, title: str, notes: Sequence[str] = ()
+) -> bytes:
+    """The frames side by side as a PNG file, each with its phi below and a bar from the lowest phi of all to the
+    highest, red while the formula is violated. A note, if any, is beside phi."""
+    width, height = frames[0].size
+    head = TITLE + 24 if title else 0
+    sheet = Image.new(
+        "RGB",
+        (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT),
+        PAPER,
+    )
+    draw = ImageDraw.Draw(sheet)
+    if title:
+        draw.text((EDGE, EDGE), title, INK, ImageFont.load_default(size=TITLE))
+    for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
+        x, y = EDGE + number * (width + GAP), EDGE + head
+        sheet.paste(frame, (x, y))
+        _below(draw, (x, y + height), width, value, phi, label, notes[number] if notes else "")
+    out = io.BytesIO()
+    sheet.save(out, format="PNG", compress_level=7)
+    return out.getvalue()
+
+
+def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, notes: Sequence[str] = ()) -> bytes:
+    """The frames one after the other as a GIF file that repeats for ever and pauses on the last frame."""
+    width, height = frames[0].size
+    shown = []
+    for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
+        page = Image.new("RGB", (width, height + FOOT), PAPER)
+        page.paste(frame, (0, 0))
+        _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label, notes[number] if notes else "")
+        shown.append(page)
+    # One palette for all, of the first and the last picture: colours that jump from frame to frame look like errors.
+    both = Image.new("RGB", (width, 2 * (height + FOOT)))
+    both.paste(shown[0], (0, 0))
+    both.paste(shown[-1], (0, height + FOOT))
+    palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT, kmeans=3)  # small objects keep their colours
+    pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
+    out = io.BytesIO()
+    times = [STEP] * (len(pages) - 1) + [HELD]
+    pages[0].save(out, format="GIF", save_all=True, append_images=pages[1:], duration=times, loop=0, optimize=True)
+    return out.getvalue()
+
+
+def _below(
+    draw: ImageDraw.ImageDraw,
+    at: tuple[int, int],
+    width: int,
+    value: float,
+    phi: Sequence[float],
+    label: str,
+    note: str,
+) -> None:
+    """phi as a number and as a bar, below a picture, and a note."""
+    x, y = at
+    low, high = min(*phi, 0.0), max(*phi, 0.0)
+    color = COOL if value >= 0.0 else WARM
+    draw.rectangle((x, y + 8, x + width - 1, y + 8 + BAR), fill=(228, 228, 226))
+    share = (value - low) / (high - low) if high > low else 1.0
+    draw.rectangle((x, y + 8, x + max(2, round(share * (width - 1))), y + 8 + BAR), fill=color)
+    zero = x + round((0.0 - low) / (high - low) * (width - 1)) if high > low else x
+    draw.line((zero, y + 5, zero, y + 11 + BAR), fill=INK, width=2)
+    font = ImageFont.load_default(size=TEXT)
+    words = f"{label} "
+    draw.text((x, y + 20), words, QUIET, font)
+    # Two decimals: a value slightly below zero must not look solved.
+    figure = f"{value:+.2f}" if abs(value) >= 0.005 else f"{value:+.3f}"
+    draw.text((x + font.getlength(words), y + 20), figure, color, font)
+    small = ImageFont.load_default(size=SMALL)
+    left = width - font.getlength(words + figure) - 2 * GAP
+    if note and left > 0:
+        draw.text((x + width - 1, y + 23), cut(note, small, left), WARM, small, anchor="ra")

@@ -1,0 +1,21 @@
+"""Opens the store of a set, where pyarrow is installed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NOT_INSTALLED
+
+if TYPE_CHECKING:
+    from scenegen.formats.stores import Store
+
+
+def open_store(location: str) -> Store:
+    """The store at a path or URL. Raises RequestError without pyarrow, DataError for a URL that nothing can open."""
+    try:
+        from scenegen.formats.stores import store_at
+    except ModuleNotFoundError as error:
+        command = 'pip install "scenegen[parquet]"'
+        raise RequestError(NOT_INSTALLED(package="pyarrow", purpose="for sets of scenes", command=command)) from error
+    return store_at(location)

@@ -1,0 +1,73 @@
+"""The table of scene file formats: ending -> module with
+
+    write(sink, header, labels, blocks)   scenes into an open binary file, block by block
+    read(path) -> Reading                 the header, then the scenes, block by block
+
+Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenegen.errors import RequestError
+from scenegen.errors.files import UNKNOWN_ENDING
+from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.formats.files import whole_file
+
+if TYPE_CHECKING:
+    from scenegen.formats.blocks import Block, Reading
+    from scenegen.scene.data import SceneFile
+
+FORMATS: dict[str, str] = {
+    ".json": "scenegen.formats.scenes_json",
+    ".jsonl": "scenegen.formats.jsonl",
+    ".parquet": "scenegen.formats.parquet",
+}
+
+# Endings of simulators' files (see `simulators`): for these, the error of `sample` suggests `export`.
+ENDINGS: dict[str, str] = {
+    ".xml": "mjcf",
+    ".sdf": "sdf",
+    ".world": "sdf",
+}
+
+EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs
+
+
+def format_of(path: Path) -> Any:
+    """The module for a path's ending. Raises RequestError for an ending that no format has, and if the library that the
+    format needs is not installed."""
+    module = FORMATS.get(path.suffix.lower())
+    if module is None:
+        export = path.with_suffix(".json") if path.suffix.lower() in ENDINGS else None
+        raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, known=FORMATS, scenes=export))
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
+            raise
+        purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
+        raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
+
+
+def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
+    """Write scenes in the format of the path's ending; the file appears whole or not at all.
+
+    `header` is the scene file without scenes, `labels` name the rows of the blocks' phi. Raises RequestError,
+    OutputError.
+    """
+    module = format_of(path)
+    with whole_file(path) as sink:
+        module.write(sink, header, labels, blocks)
+
+
+def read_scenes(path: Path) -> Reading:
+    """Open a scene file. Raises DataError and RequestError; `blocks` of the result raises DataError for later
+    damage."""
+    reading: Reading = format_of(path).read(path)
+    return reading

@@ -1,0 +1,124 @@
+"""Random moves that leave phi where it is: they bring scenes nearer to the truth, whatever the network made of them.
+
+A move shifts one coordinate of a scene or some of its objects together, turns an object about another or mirrors it
+there, or exchanges two. It keeps volumes and is as likely as its opposite; it is undone where phi leaves its place,
+something required is broken or a centre leaves the workspace. The uniform distribution over the scenes with the wanted
+phi does not change under such moves (Metropolis et al., "Equation of state calculations by fast computing machines",
+1953), and any other comes nearer to it with every one. There are as many as are cheap: each costs an evaluation of the
+formula.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from scenegen.lang.core import REQUIRE, Apply, gated
+from scenegen.lang.spec import CheckedSpec
+from scenegen.models.layout import depends_on
+from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, object_count, owner, row_of
+from scenegen.robustness import Robustness
+
+MOVES = 24  # of a scene, at most
+WORK = 2500  # visits of nodes that they may take for each scene
+PER_SHAPE = 30  # what a footprint costs, in plain nodes
+SHORTEST, LONGEST = 0.01, 0.5  # of the workspace, or of a turn
+
+Move = tuple[Tensor, Tensor]
+
+
+class Stir:
+    """Of one spec; `tolerance` (L, 1) is how far phi may be from where it is wanted. `count` moves are made."""
+
+    def __init__(self, spec: CheckedSpec, tolerance: Tensor) -> None:
+        core = gated(spec.core)
+        self._phi = Robustness(core)
+        self._required = REQUIRE in core.labels
+        self._tolerance = tolerance
+        low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
+        self._low, self._high, self._size = low[:, 0], high[:, 0], (high - low)[:, 0]
+        self._turns = torch.zeros(len(low), dtype=torch.bool)
+        self._turns[along(THETA)] = True
+        self._rows = torch.tensor([row for row in depends_on(spec.core) if float(self._size[row]) > 0.0])
+        where = [owner(row) for row in self._rows.tolist() if axis_of(row) in PLACE]
+        self._free = torch.tensor(sorted(set(where)), dtype=torch.int64)  # objects whose place matters
+        self._moves = [self._one, self._around, self._one, self._some, self._one, self._swap]
+        if len(self._free) < 2:
+            self._moves = [self._one]
+        shapes = sum(len(node.shapes) for node in core.nodes if isinstance(node, Apply))
+        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes))
+        self.count = count if len(self._rows) else 0
+
+    def __call__(self, rows: Tensor, wanted: Tensor, generator: torch.Generator, right: Tensor | None = None) -> Tensor:
+        """Moved scenes (3N, B); wanted phi (L, B), NaN where a label is free. Scenes that are not where they ought to
+        be stay as they are; `right` (B,) says which are, where that is known."""
+        rows = rows.clone()
+        right = self._right(rows, wanted) if right is None else right
+        for number in range(self.count):
+            place, new = self._moves[number % len(self._moves)](rows, generator)
+            inside = ((new >= self._low[place]) & (new <= self._high[place])).all(dim=0)
+            old = rows.gather(0, place)
+            rows.scatter_(0, place, new)
+            keep = right & inside & self._right(rows, wanted)
+            rows.scatter_(0, place, torch.where(keep, new, old))
+        return rows
+
+    def _right(self, rows: Tensor, wanted: Tensor) -> Tensor:
+        """Which scenes have the wanted phi, and meet what is required, (B,)."""
+        values = self._phi.rows(rows, check=False)
+        gap = (values[: len(wanted)] - wanted).abs()
+        right = (torch.isnan(gap) | (gap <= self._tolerance)).all(dim=0)
+        return right & (values[-1] >= 0.0) if self._required else right
+
+    # A move names rows of each scene, (K, B), and their new values, (K, B).
+
+    def _one(self, rows: Tensor, generator: torch.Generator) -> Move:
+        """One coordinate, shifted by a random amount."""
+        random = torch.rand(3, rows.shape[1], generator=generator)
+        place = _pick(self._rows, random[:1])
+        new = rows.gather(0, place) + _step(random[1], random[2]) * self._size[place]
+        return place, torch.where(self._turns[place], torch.remainder(new, TWO_PI), new)
+
+    def _some(self, rows: Tensor, generator: torch.Generator) -> Move:
+        """Some of the objects, shifted together along x or y."""
+        random = torch.rand(3 + len(self._free), rows.shape[1], generator=generator)
+        step = torch.where(random[3:] < 0.5, _step(random[0], random[1]), torch.zeros(()))
+        axis = torch.where(random[2] < 0.5, X, Y)
+        place = SIZE * self._free[:, None] + axis
+        return place, rows.gather(0, place) + self._size[place] * step
+
+    def _around(self, rows: Tensor, generator: torch.Generator) -> Move:
+        """One object, turned about another by a random angle, or mirrored there at x, y or a diagonal."""
+        random = torch.rand(4, rows.shape[1], generator=generator)
+        place = _place(_pick(self._free, random[0]))
+        centre = rows.gather(0, _place(_pick(torch.arange(object_count(len(rows))), random[1])))
+        offset = rows.gather(0, place) - centre
+        mirror = random[2] < 0.5
+        angle = torch.where(mirror, (random[3] * 4.0).floor() * (0.5 * math.pi), random[3] * TWO_PI)
+        cosine, sine = torch.cos(angle), torch.sin(angle)
+        across = torch.where(mirror, -offset[1], offset[1])  # a mirror image turned is one at another axis
+        turned = torch.stack([cosine * offset[0] - sine * across, sine * offset[0] + cosine * across])
+        return place, centre + turned
+
+    def _swap(self, rows: Tensor, generator: torch.Generator) -> Move:
+        """Two objects, in each other's places."""
+        random = torch.rand(2, rows.shape[1], generator=generator)
+        here, there = (_place(_pick(self._free, number)) for number in random)
+        return torch.cat([here, there]), torch.cat([rows.gather(0, there), rows.gather(0, here)])
+
+
+def _pick(options: Tensor, random: Tensor) -> Tensor:
+    """One of the options (K,) for each number (B,) in [0, 1)."""
+    return options[(random * len(options)).long().clamp_max(len(options) - 1)]
+
+
+def _place(thing: Tensor) -> Tensor:
+    """The rows of x and y of objects (B,), (2, B)."""
+    return torch.stack([row_of(0, axis) + SIZE * thing for axis in PLACE])
+
+
+def _step(size: Tensor, sign: Tensor) -> Tensor:
+    """Steps (B,) of either sign, from numbers in [0, 1)."""
+    return SHORTEST * (LONGEST / SHORTEST) ** size * torch.where(sign < 0.5, -1.0, 1.0)

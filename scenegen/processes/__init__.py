@@ -1,0 +1,1 @@
+"""Other processes: a pool of them, what they run, interrupts and threads."""

@@ -1,0 +1,141 @@
+"""A worker process, seen from its parent.
+
+Workers are separate programs, not multiprocessing children: those would run the caller's main module again, which
+breaks a script without `if __name__ == "__main__"`, and forking a program that has loaded torch is not safe. A worker
+also keeps pybullet, its banner and its memory out of the caller.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+
+from scenegen.errors import ScenegenError
+from scenegen.errors.program import CANNOT_START_PROCESS
+from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, widen
+
+GONE = 2  # a status in addition to those of frames
+
+
+def command(module: str) -> list[str]:
+    """Runs `main()` of a module in a new process, which expects `search_path()` first on its standard input. An
+    interrupt from the keyboard reaches the whole group: the parent answers it and ends its workers."""
+    program = (
+        "import importlib, json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
+        f" sys.path[:] = json.loads(sys.stdin.buffer.readline()); importlib.import_module({module!r}).main()"
+    )
+    return [sys.executable, "-c", program]
+
+
+def environment() -> dict[str, str]:
+    """This process's environment, with one thread for numerical libraries."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+    return {**os.environ, **dict.fromkeys(names, "1")}
+
+
+def search_path() -> bytes:
+    """sys.path as a line of JSON."""
+    return json.dumps([str(entry) for entry in sys.path]).encode() + b"\n"
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message from a worker: the result of its oldest order, READY, or GONE."""
+
+    worker: Process
+    status: int
+    value: Any = None
+    ready: bool = False
+
+
+class Process:
+    """One process and the thread that reads its results. Its standard error goes to a file, read only if it fails."""
+
+    def __init__(self, job: bytes, inbox: queue.SimpleQueue[Message], what: str) -> None:
+        self.ready = False
+        self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
+        self.errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
+        try:
+            self.process = subprocess.Popen(
+                command("scenegen.processes.worker"),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self.errors,
+                bufsize=0,
+                env=environment(),
+            )
+        except OSError as error:
+            self.errors.close()
+            raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=error.strerror)) from error
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.input, self.output = self.process.stdin, self.process.stdout
+        self._thread = threading.Thread(target=self._converse, args=(job, inbox), daemon=True)
+        self._thread.start()
+
+    def order(self, turn: int, item: Any) -> None:
+        """Give an item to a worker that is ready. It reads while it works, so this does not wait for it."""
+        self.orders.append((turn, item))
+        with contextlib.suppress(OSError):  # the worker has died: the thread notices it, and the item is ordered again
+            self._write(pickle.dumps((turn, item), protocol=5))
+
+    def _write(self, data: bytes) -> None:
+        part = memoryview(SIZE.pack(len(data)) + data)
+        while len(part):
+            part = part[self.input.write(part) :]
+
+    def _converse(self, job: bytes, inbox: queue.SimpleQueue[Message]) -> None:
+        """Runs in its own thread: sends the job, then reads results, so that the worker never waits for a reader."""
+        with contextlib.suppress(OSError, ValueError, EOFError):
+            widen(self.output)
+            self.input.write(search_path())
+            self._write(job)
+            while True:
+                turn, status, size, count = FRAME.unpack(self._exactly(FRAME.size))
+                sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
+                data = self._exactly(size)
+                buffers = [self._exactly(one) for one in sizes]
+                try:
+                    value = pickle.loads(data, buffers=buffers)  # noqa: S301 - from our own worker
+                except Exception as error:
+                    status, value = FAILED, error
+                inbox.put(Message(self, status, value, turn == READY))
+        inbox.put(Message(self, GONE))
+
+    def _exactly(self, size: int) -> memoryview:
+        buffer = np.empty(size, dtype=np.uint8).data  # unlike a bytearray, it is not filled with zeros first
+        done = 0
+        while done < size:
+            got = self.output.readinto(buffer[done:])  # type: ignore[attr-defined]  # a raw file, since bufsize is 0
+            if not got:
+                raise EOFError
+            done += got
+        return buffer
+
+    def end(self) -> str:
+        """End the process, if it still runs; returns the last line of its standard error."""
+        self.process.kill()
+        self.process.wait()
+        self._thread.join(timeout=5.0)  # the pipe is at its end
+        self.input.close()
+        self.output.close()
+        self.errors.seek(0)
+        said = self.errors.read().decode(errors="replace").strip().splitlines()
+        self.errors.close()
+        return said[-1] if said else ""

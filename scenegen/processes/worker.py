@@ -1,0 +1,102 @@
+"""The worker process: a job on standard input, then items; results on standard output.
+
+An order is the size of a pickle and the pickle of (turn, item). A result is a frame: turn, status, size of a pickle and
+number of its buffers, the sizes of these, the pickle, the buffers. Arrays travel as the buffers of pickle protocol 5,
+straight from memory into a wide pipe. Measured for the 1.0 GB of ten million scenes: 0.5 s (0.3 s of the reader's
+time), 1.3 s with arrays inside the pickle, 0.1 s through shared memory, whose segments would outlive a kill -9.
+Sampling them takes ten seconds or more; so pipes it is.
+
+Pickles pass between processes of one program here, never through files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import queue
+import struct
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from typing import IO, Any, BinaryIO
+
+FRAME = struct.Struct("<qqqq")
+SIZE = struct.Struct("<Q")
+
+READY = -1  # the turn of the frame that reports that the job was received
+DONE, FAILED = 0, 1
+
+PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
+
+
+def main() -> None:
+    """Receive a job, then process orders until standard input ends; then the process ends at once."""
+    results = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # output that a job prints must not mix with the results
+    widen(results)
+    orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    data = _message(sys.stdin.buffer)
+    # Reading continues during work on an item: when the parent dies, this process ends at once.
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, orders), daemon=True).start()
+    try:
+        try:
+            job: Callable[[Any], Any] = pickle.loads(data)  # noqa: S301 - from the parent process
+        except Exception as error:
+            _send_error(results, READY, error)
+            return
+        _send(results, READY, DONE, None)
+        while True:
+            turn, item = pickle.loads(orders.get())  # noqa: S301 - from the parent process
+            try:
+                value = job(item)
+            except Exception as error:
+                _send_error(results, turn, error)
+            else:
+                _send(results, turn, DONE, value)
+    except BrokenPipeError:  # the parent has died
+        return
+
+
+def _listen(source: BinaryIO, orders: queue.SimpleQueue[bytes]) -> None:
+    while True:
+        orders.put(_message(source))
+
+
+def _message(source: BinaryIO) -> bytes:
+    return _exactly(source, SIZE.unpack(_exactly(source, SIZE.size))[0])
+
+
+def _exactly(source: BinaryIO, size: int) -> bytes:
+    data = source.read(size)
+    if len(data) < size:
+        os._exit(0)
+    return data
+
+
+def _send_error(results: IO[bytes], turn: int, error: Exception) -> None:
+    error.add_note("in a worker process:\n" + "".join(traceback.format_exception(error)))
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301 - some errors pickle, and fail when they are read back
+    except Exception:
+        error = RuntimeError("\n".join([repr(error), *error.__notes__]))
+    _send(results, turn, FAILED, error)
+
+
+def _send(results: IO[bytes], turn: int, status: int, value: object) -> None:
+    buffers: list[pickle.PickleBuffer] = []
+    data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    raw = [buffer.raw() for buffer in buffers]
+    head = FRAME.pack(turn, status, len(data), len(raw)) + b"".join(SIZE.pack(len(one)) for one in raw)
+    for part in (memoryview(head + data), *raw):
+        while len(part):
+            part = part[results.write(part) :]
+
+
+def widen(pipe: IO[bytes]) -> None:
+    """A larger buffer for a pipe, if the system supports it."""
+    with contextlib.suppress(ImportError, AttributeError, OSError):
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE)

@@ -1,0 +1,106 @@
+"""Objects that a request fixes: `--fix plate=0.5,0.5` completes a given scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import RequestError, Source, Span
+from scenegen.errors.requests import (
+    ALL_HELD,
+    HELD_BY_SPEC,
+    HELD_OUTSIDE,
+    HELD_SYNTAX,
+    HELD_TWICE,
+    NOT_A_NUMBER,
+    NOT_A_POSE,
+    UNKNOWN_OBJECT,
+)
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
+from scenegen.sampling.request import FixedPose, number
+
+Array = npt.NDArray[np.float64]
+
+USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5"
+
+
+def parse_fix(options: Sequence[str]) -> dict[str, FixedPose]:
+    """The objects of `--fix` options as typed, e.g. ["plate=0.5,0.5"]. Raises RequestError with a caret."""
+    found: dict[str, FixedPose] = {}
+    for text in options:
+        source = Source("fix", text, argument=True)
+        name, equals, rest = text.partition("=")
+        whole = Span(source, 0, len(text))
+        parts = rest.split(",")
+        if not equals or not name.strip() or len(parts) not in (len(PLACE), len(FLAT)):
+            raise RequestError(HELD_SYNTAX(whole))
+        values = []
+        start = len(name) + 1
+        for part in parts:
+            value = number(part)
+            if value is None:
+                here = Span(source, start, start + len(part))
+                raise RequestError(NOT_A_NUMBER(here, text=part, usage=USAGE))
+            values.append(value)
+            start += len(part) + 1
+        if name.strip() in found:
+            raise RequestError(HELD_TWICE(whole, name=name.strip()))
+        found[name.strip()] = FixedPose(values[0], values[1], values[2] if len(values) == len(FLAT) else None, whole)
+    return found
+
+
+def hold_fixed(
+    spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[float, ...]]
+) -> tuple[Array, Array, dict[str, tuple[float, ...]]]:
+    """The box of poses, (3N,) each, in which the rows of fixed objects have zero width; and the fixed poses, headings
+    in [0, 2 pi).
+
+    Raises RequestError for an unknown object, one that the spec already fixes, a place outside the workspace, values
+    that are not numbers, and if nothing is left to sample.
+    """
+    lowest, highest = spec.box()
+    for which in spec.fixed:
+        row = row_of(which, THETA)
+        lowest[row] = highest[row] = _heading(float(lowest[row]))
+    known: dict[str, tuple[float, ...]] = {}
+    for name, given in fixed.items():
+        held = _as_pose(name, given)
+        if name not in spec.objects:
+            raise RequestError(UNKNOWN_OBJECT(held.span, name=name, known=spec.objects))
+        which = spec.objects.index(name)
+        if which in spec.fixed:
+            raise RequestError(HELD_BY_SPEC(held.span, name=name))
+        x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
+        if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
+            box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
+            raise RequestError(HELD_OUTSIDE(held.span, name=name, x=held.x, y=held.y, workspace=box))
+        pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
+        known[name] = pose
+        rows = span_of(which, len(pose))
+        lowest[rows] = highest[rows] = pose
+    if not (lowest < highest).any():
+        raise RequestError(ALL_HELD(consequence="nothing is left to sample"))
+    return lowest, highest, known
+
+
+def _as_pose(name: str, given: object) -> FixedPose:
+    if isinstance(given, FixedPose):
+        return given
+    if isinstance(given, tuple | list) and len(given) in (len(PLACE), len(FLAT)):
+        try:
+            x, y, *theta = (float(value) for value in given)
+        except (TypeError, ValueError):
+            pass
+        else:
+            if all(map(math.isfinite, (x, y, *theta))):
+                return FixedPose(x, y, theta[0] if theta else None)
+    raise RequestError(NOT_A_POSE(name=name, value=repr(given)))
+
+
+def _heading(theta: float) -> float:
+    turned = math.remainder(theta, TWO_PI) % TWO_PI
+    return 0.0 if turned >= TWO_PI else turned

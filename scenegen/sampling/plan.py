@@ -1,0 +1,157 @@
+"""The interface of all sampling methods: a plan. It is data that can be pickled, with a function that draws piece k and
+an account of a run.
+
+A plan is made once, from spec, request and seed. Piece k is a function of the plan and k, on one thread, so it does not
+matter which process draws which piece, or when. Workers, streaming, `--resume`, `--settle` and other machines need no
+more than this.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import Diagnostic
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.problem import Problem
+
+MANY_PIECES = 1 << 30  # more than there are processes
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """m candidates in a fixed, random order: rows (3N, m), phi (L, m) of all labels, the requirement's last, and the
+    cell of each, (m,), -1 for those out of range. `facts` (F,) are added up over all pieces."""
+
+    rows: Array
+    phi: Array
+    cell: Index
+    facts: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """The progress of a run. Of `found` scenes, `scenes` are in complete blocks. `pieces` have been used; they gave
+    `candidates` in reached cells. `strays` are cells that were hit although the plan considers them unreachable;
+    `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most scenes, None if none does. All of
+    it depends on the request alone, never on the workers."""
+
+    scenes: int
+    found: int
+    pieces: int
+    candidates: int
+    strays: tuple[int, ...] = ()
+    facts: tuple[float, ...] = ()
+    scarcest: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """A plan's account of a tally: the scene file's `sampler`, how much was `tried`, in words, and warnings for the
+    user. No timings: the same seed gives the same bytes. `note` is added to a shortfall."""
+
+    info: Mapping[str, object]
+    tried: str
+    warnings: tuple[Diagnostic, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan(ABC):
+    """How the scenes of `problem` are drawn. `why` says in a few words why `auto` chose this plan; None if `auto` did
+    not choose it. Subclasses are frozen dataclasses that define `method`; the defaults here fit most of them."""
+
+    problem: Problem
+    why: str | None = field(default=None, kw_only=True)
+
+    @property
+    @abstractmethod
+    def method(self) -> str:
+        """The name of the method."""
+
+    @property
+    @abstractmethod
+    def plan_digest(self) -> str:
+        """A hash of everything that the pieces depend on. A run can be resumed only with the plan that it began
+        with."""
+
+    @property
+    @abstractmethod
+    def reached(self) -> Sequence[int]:
+        """The cells that the plan has found reachable: they get equal shares of the scenes."""
+
+    @property
+    @abstractmethod
+    def evaluations(self) -> float:
+        """An estimate of how often phi will be evaluated for the whole request."""
+
+    @property
+    @abstractmethod
+    def scenes_per_piece(self) -> float:
+        """About how many scenes in range a piece gives."""
+
+    @abstractmethod
+    def draw(self, k: int) -> Piece:
+        """Piece k.
+
+        Within a cell its candidates follow the target distribution. The plan is free in how many fall into which cell,
+        but every reached cell must get some in the long run. m may be 0. Raises StoppedError if time is up.
+        """
+
+    @abstractmethod
+    def account(self, tally: Tally) -> Account:
+        """The account of a run."""
+
+    @property
+    def wanted(self) -> int:
+        """How many scenes are requested."""
+        return self.problem.request.n
+
+    @property
+    def seed(self) -> int:
+        """The request's seed."""
+        return self.problem.request.seed
+
+    @property
+    def cells(self) -> Cells:
+        """The cells of the requested range."""
+        return self.problem.cells
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        """Cells that are proved to be empty."""
+        return frozenset()
+
+    @property
+    def fewest(self) -> int:
+        """The minimum number of pieces, even if fewer give enough scenes: an error bar may need them."""
+        return 1
+
+    @property
+    def patience(self) -> int | None:
+        """A run ends after this many useless pieces in a row; None if only the time limit ends it."""
+        return None
+
+    @property
+    def shared_by(self) -> int:
+        """The maximum number of processes that can share the work."""
+        return MANY_PIECES
+
+    @property
+    def verified(self) -> bool:
+        """Whether each scene is checked against the request before it is returned: all but a model's raw output."""
+        return True
+
+    def misses(self) -> tuple[Array, Array]:
+        """Candidates out of the range, from which a report finds the atoms that fail: rows (3N, m), phi (L, m)."""
+        return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+
+    def close(self) -> None:  # noqa: B027 - most plans have nothing to close
+        """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""

@@ -1,0 +1,1 @@
+"""Pruned rejection: a cover of the scenes in the range, and draws from it."""

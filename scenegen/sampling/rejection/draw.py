@@ -1,0 +1,117 @@
+"""Candidates from a cover, scored and sorted into cells, some at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.effort import Effort, per_scene, scoring
+from scenegen.bounds.prune import Cover
+from scenegen.lang.interpret import evaluate
+from scenegen.pose import BELOW_TURN, THETA, along
+from scenegen.primitives import NUMPY
+from scenegen.sampling.problem import PLAN, Problem
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Bool = npt.NDArray[np.bool_]
+
+LIVE = 1 << 22  # numbers in memory at a time while candidates are scored
+CHUNK = 16_384  # maximum number of candidates drawn and scored at a time: intermediates then stay in cache
+WORK = 1 << 26  # candidates times nodes of one exploration
+PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
+EXPLORE = 4  # chunks drawn from the common cover to see which cells they hit
+ENOUGH = 16  # hits after which a cell's rate is known well enough
+
+
+def within(problem: Problem, work: float) -> int:
+    """How many candidates can be scored with so much work, at least 64."""
+    return max(64, int(work / max(1.0, per_scene(problem.core.nodes)[0])))
+
+
+def affordable(problem: Problem, count: int) -> int:
+    """That many candidates, or fewer if scoring one takes thousands of operations."""
+    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes), within(problem, PIECE)))
+
+
+def chunks(problem: Problem, count: int) -> list[int]:
+    live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
+    size = max(64, min(CHUNK, live, within(problem, PART)))
+    whole, rest = divmod(count, size)
+    return [size] * whole + ([rest] if rest else [])
+
+
+def explore(
+    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, effort: Effort, cell: int | None = None
+) -> tuple[Index, int]:
+    """Hits of each cell, (C,), in a few chunks of candidates, and how many there were; with `cell`, as soon as that one
+    is known well enough. Raises what `effort` raises."""
+    hits = np.zeros(problem.cells.count, dtype=np.intp)
+    tried = 0
+    for chunk in range(most):
+        for count in chunks(problem, affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
+            effort.spend(scoring(problem.core.nodes, count))
+            _, _, cells = draw_kept(problem, cover, count, rng, check=effort.check)
+            hits += np.bincount(cells, minlength=problem.cells.count)
+            tried += count
+        if cell is not None and hits[cell] >= ENOUGH:
+            break
+    return hits, tried
+
+
+def draw_kept(
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
+) -> tuple[Array, Array, Index]:
+    """The accepted ones of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is a
+    buffer for the draws, (3N, CHUNK); `check` may interrupt, see `evaluate`."""
+    rows, phi, usable = candidates(problem, cover, count, rng, room, check)
+    for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
+        if low > -math.inf:
+            usable &= value >= low
+        if high < math.inf:
+            usable &= value <= high
+    # Candidates come part by part: without shuffling, a piece that is cut off would lack the last parts.
+    kept = rng.permutation(np.flatnonzero(usable))
+    chosen = phi.take(kept, axis=1)
+    return rows.take(kept, axis=1), chosen, problem.cells.find(chosen)
+
+
+def candidates(
+    problem: Problem,
+    cover: Cover,
+    count: int,
+    rng: np.random.Generator,
+    room: Array | None = None,
+    check: Callable[[], None] | None = None,
+) -> tuple[Array, Array, Bool]:
+    """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
+    rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
+    usable, spans = cover.draw(rows, rng)
+    np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+    values = evaluate(problem.core, list(rows), NUMPY, check)
+    for part, span in zip(cover.parts, spans, strict=True):
+        if part.apart:
+            mine = part.owns(values, span)
+            if mine is not None:
+                usable[span] &= mine
+    phi = np.empty((len(problem.core.labels), count))
+    for label, node in enumerate(problem.core.labels.values()):
+        phi[label] = values[node]
+    return rows, phi, usable
+
+
+def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
+    """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0]))
+    count = chunks(problem, CHUNK)[0]
+    rows, phi, usable = candidates(problem, cover, count, rng)
+    out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
+    return rows[:, out], phi[:, out]

@@ -1,0 +1,280 @@
+"""Pruned rejection: draw from a cover of the scenes in range, found by branch and prune, and keep what is in range.
+
+Exact and independent: proposals are uniform over disjoint sets of known volume that contain every scene in range, so
+accepted scenes follow the base distribution within each cell. The plan (which sets, and how many candidates from each)
+is computed once from spec, request and seed; piece k depends only on the plan and k.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
+from scenegen.bounds.prune import Cover, box_cover
+from scenegen.errors import RequestError
+from scenegen.lang.core import REQUIRE
+from scenegen.sampling.digest import digest
+from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
+from scenegen.sampling.rejection.draw import (
+    CHUNK,
+    PIECE,
+    Array,
+    Bool,
+    Index,
+    affordable,
+    chunks,
+    draw_kept,
+    explore,
+    misses,
+    within,
+)
+from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
+from scenegen.sampling.report import too_early
+
+SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
+SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
+OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
+SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+LOOK, FEW, EASY = 6e7, 4, 1e8  # work of a first trial; it suffices for so many hits per cell and so much work in all
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A cover and the cells whose scenes are taken from it, (C,) booleans; `candidates` are drawn for each piece."""
+
+    cover: Cover
+    cells: Bool
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rejection(Plan):
+    """The sources of the pieces. The first covers the whole range, the others one rare cell each.
+
+    `reachable` are the cells that get scenes, `empty` those proved empty. `explored` is what the common cover gave
+    while planning, `draws` all candidates of the plan, `expected` those that the request will need in addition. `stop`
+    can interrupt pieces; it does not change their results.
+    """
+
+    sources: tuple[Source, ...]
+    reachable: frozenset[int]
+    empty: frozenset[int]
+    explored: Rate
+    draws: int
+    expected: float
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "rejection"
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("rejection", self.sources, self.reachable, self.ruled_out, self.explored, self.draws)
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return tuple(sorted(self.reachable))
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self.empty
+
+    @property
+    def candidates(self) -> int:
+        """Of a piece."""
+        return sum(source.candidates for source in self.sources)
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return SPARE * self.wanted * self.candidates / max(self.expected, 1.0)
+
+    @property
+    def evaluations(self) -> float:
+        return self.draws + self.expected
+
+    def draw(self, k: int) -> Piece:
+        """Piece k, the same in any process. Its facts are the hits of each source: in the whole range for the common
+        cover, in its cell for the others. Raises StoppedError if time is up meanwhile."""
+        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, k]))
+        rows: list[Array] = []
+        phi: list[Array] = []
+        found: list[Index] = []
+        hits = np.zeros(len(self.sources))
+        room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
+        for which, source in enumerate(self.sources):
+            for count in chunks(self.problem, source.candidates):
+                kept, values, cells = draw_kept(self.problem, source.cover, count, rng, room, self.stop.check)
+                mine = np.flatnonzero(source.cells[cells])
+                hits[which] += len(mine) if which else len(cells)
+                if len(mine) < len(cells):
+                    kept, values, cells = kept.take(mine, axis=1), values.take(mine, axis=1), cells[mine]
+                rows.append(kept)
+                phi.append(values)
+                found.append(cells)
+        if len(rows) == 1:
+            return Piece(rows[0], phi[0], found[0], hits)
+        return Piece(np.concatenate(rows, axis=1), np.concatenate(phi, axis=1), np.concatenate(found), hits)
+
+    def account(self, tally: Tally) -> Account:
+        """The acceptance rate, and how probable the range is under the base draw."""
+        draws = self.draws + tally.pieces * self.candidates
+        hits = tally.facts or (0.0,) * len(self.sources)
+        rates = [
+            Rate(tally.pieces * source.candidates, int(count)) for source, count in zip(self.sources, hits, strict=True)
+        ]
+        info = {"method": "rejection", "seed": self.seed, "draws": draws, **_facts(self, rates)}
+        return Account(info, f"{draws:,} draws")
+
+    def misses(self) -> tuple[Array, Array]:
+        return misses(self.problem, self.sources[0].cover)
+
+
+def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf) -> Rejection:
+    """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
+
+    `most` is the work that each cover may take, see scenegen.bounds.effort. Raises TooMuchError if that does not
+    suffice; RequestError if there is provably no scene, and if time is up before it is known which cells get scenes,
+    because a time limit must not change the scenes.
+    """
+    trial = make_trial(problem, budget, most) if trial is None else trial
+    if problem.cells.count == 1:
+        return _alone(problem, trial, frozenset({0}), frozenset(), budget)
+    possible = sorted(problem.possible)
+    rate = trial.hits / trial.tried
+    common = _served(rate, possible, problem.request.n / len(possible))
+    ruled_out: set[int] = set()
+    own: list[tuple[int, Cover, float]] = []
+    draws = trial.tried
+    seed = problem.request.seed
+    for cell in possible:
+        if cell in common:
+            continue
+        try:
+            if budget.spent:
+                raise StoppedError
+            effort = effort_of(budget, most)
+            mine = make_cover(problem, problem.wanted(cell), (seed, PLAN, cell + 1), effort)
+            if not mine.parts:
+                ruled_out.add(cell)
+                continue
+            rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
+            counts, tried = explore(problem, mine, SEARCH, rng, effort, cell)
+        except StoppedError:
+            undecided = len(possible) - len(common) - len(own) - len(ruled_out)
+            raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+        draws += tried
+        if counts[cell]:
+            own.append((cell, mine, counts[cell] / tried))
+    found = common.union(cell for cell, _, _ in own)
+    if not found:
+        if len(ruled_out) == len(possible):
+            raise RequestError(impossible(problem, effort_of(budget)))
+        longer = search(problem, trial, budget)
+        if not longer.rate.hits:
+            raise RequestError(nothing_found(problem, longer))
+        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out), budget)
+    sources, expected = _balance(problem, trial.cover, rate, common, own)
+    return Rejection(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected, budget)
+
+
+def first_look(problem: Problem, budget: Budget) -> Rejection | None:
+    """Rejection from the contracted box, if it reaches every cell with little work; else None. Pruning would need fewer
+    candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
+    seed, effort = problem.request.seed, effort_of(budget, LOOK)
+    try:
+        cover = box_cover(
+            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort
+        )
+        if not cover.parts:
+            raise RequestError(impossible(problem, effort_of(budget)))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0, 2]))
+        hits, tried = explore(problem, cover, 1, rng, effort)
+    except (StoppedError, TooMuchError):
+        return None
+    if hits[sorted(problem.possible)].min() < FEW:
+        return None
+    plan = _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
+    return plan if plan.expected * per_scene(problem.core.nodes)[0] <= EASY else None
+
+
+def _alone(
+    problem: Problem, trial: Trial, reachable: frozenset[int], ruled_out: frozenset[int], stop: Stop
+) -> Rejection:
+    """A plan that draws from the common cover alone."""
+    rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
+    need = SPARE * problem.request.n / (rarest * len(reachable))
+    everywhere = np.ones(problem.cells.count, dtype=bool)
+    source = Source(trial.cover, everywhere, _size(problem, need))
+    return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
+
+
+def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:
+    """The cells to take from the common cover: those for which that is cheaper, in candidates, than a cover each."""
+    order = sorted(possible, key=lambda cell: -rate[cell])
+    own = OWN + 2.0 * share
+    best, cheapest = 0, own * len(order)
+    for count in range(1, len(order) + 1):
+        least = rate[order[count - 1]]
+        if least <= 0.0:
+            break
+        cost = share / least + own * (len(order) - count)
+        if cost < cheapest:
+            best, cheapest = count, cost
+    return frozenset(order[:best])
+
+
+def _balance(
+    problem: Problem, cover: Cover, rate: Array, common: frozenset[int], own: list[tuple[int, Cover, float]]
+) -> tuple[tuple[Source, ...], float]:
+    """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
+    the request will need."""
+    share = SPARE * problem.request.n / (len(common) + len(own))
+    need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / mine for _, _, mine in own)]
+    size = _size(problem, sum(need))
+    parts = [math.ceil(size * one / sum(need)) for one in need]
+    served = np.zeros(problem.cells.count, dtype=bool)
+    served[sorted(common)] = True
+    sources = [Source(cover, served, parts[0])]
+    for (cell, mine, _), candidates in zip(own, parts[1:], strict=True):
+        only = np.zeros(problem.cells.count, dtype=bool)
+        only[cell] = True
+        sources.append(Source(mine, only, candidates))
+    return tuple(sources), float(sum(need))
+
+
+def _size(problem: Problem, need: float) -> int:
+    """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
+    bits = math.ceil(math.log2(max(need, 1.0)))
+    least = affordable(problem, SMALLEST)
+    most = min(problem.piece_size, within(problem, PIECE))
+    return int(min(max(least, 1 << min(bits, 62)), max(most, least)))
+
+
+def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:
+    """What goes into the scene file: the acceptance rate, and how probable the range is under the base draw.
+
+    The probability is the covers' share of the box of poses times the share of accepted candidates, with half of its 95
+    % interval (both as log10). If the spec requires something, it is the probability that a scene drawn uniformly over
+    the box satisfies the requirement and is in range.
+    """
+    drawn = sum(rate.candidates for rate in rates)
+    kept_of_all = sum(rate.hits for rate in rates)
+    facts: dict[str, object] = {
+        "acceptance": round(kept_of_all / max(1, drawn), 4),
+        "covers": len(plan.sources),
+        "parts": sum(len(source.cover.parts) for source in plan.sources),
+    }
+    hits = plan.explored.hits + rates[0].hits
+    if hits:
+        kept = hits / (plan.explored.candidates + rates[0].candidates)
+        log10 = math.log10(math.e)
+        facts["log10_probability"] = round(plan.sources[0].cover.log_share * log10 + math.log10(kept), 6) + 0.0
+        facts["log10_error"] = round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6)
+        if REQUIRE in plan.problem.core.labels:
+            facts["probability_of"] = "range and requirement"
+    return facts

@@ -1,0 +1,101 @@
+"""A cover of the whole range, and the results of the first candidates from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenegen.bounds.effort import Effort, StoppedError
+from scenegen.bounds.prune import Cover, prune
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
+from scenegen.sampling.rejection.draw import EXPLORE, Index, explore, misses
+from scenegen.sampling.report import shortfall, too_early
+
+MOST = 1.4e8  # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
+LONG_SEARCH = 32 * 65_536  # candidates after which the search ends if exploration found no cell at all
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Scored candidates, and how many of them were accepted."""
+
+    candidates: int = 0
+    hits: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A cover of the whole range and the results of the first candidates from it: `hits` (C,) of each cell, among
+    `tried`. `work` is its cost, see scenegen.bounds.effort."""
+
+    cover: Cover
+    hits: Index
+    tried: int
+    work: float = 0.0
+
+    @property
+    def rate(self) -> Rate:
+        return Rate(self.tried, int(self.hits.sum()))
+
+
+def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Trial:
+    """The cover of the whole range and its first candidates.
+
+    Raises RequestError if the cover proves that there is no scene, or if time is up before there is a cover, and
+    TooMuchError if the work exceeds `most`, which does not depend on the machine.
+    """
+    seed = problem.request.seed
+    effort = effort_of(budget, most)
+    try:
+        cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort)
+        if not cover.parts:
+            raise RequestError(impossible(problem, effort_of(budget)))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
+        hits, tried = explore(problem, cover, EXPLORE, rng, effort)
+    except StoppedError:
+        raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
+    return Trial(cover, hits, tried, effort.used)
+
+
+def search(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
+    """A longer search, if the first candidates were all out of range: at least LONG_SEARCH candidates, then more until
+    one is in range, there are `most`, or time is up.
+
+    Raises RequestError if time is up although some were in range: how many would depend on the machine, and so would
+    every plan that is made of it.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
+    hits, tried = trial.hits.copy(), trial.tried
+    effort = Effort(lambda: budget.spent)
+    while tried < LONG_SEARCH or (tried < most and not hits.any()):
+        try:
+            effort.check()
+            more, count = explore(problem, trial.cover, EXPLORE, rng, effort)
+        except StoppedError:
+            if hits.any():
+                undecided = problem.cells.count - int(np.count_nonzero(hits))
+                raise RequestError(too_early(problem, f"{tried:,} draws", undecided)) from None
+            break
+        hits += more
+        tried += count
+    return Trial(trial.cover, hits, tried, trial.work)
+
+
+def nothing_found(problem: Problem, trial: Trial) -> Diagnostic:
+    """The error for a search in which no candidate was in range."""
+    return shortfall(problem, 0, f"{trial.tried:,} draws", *misses(problem, trial.cover))
+
+
+def effort_of(budget: Budget, most: float = math.inf) -> Effort:
+    """Work that is stopped if time has long been up."""
+    return Effort(lambda: budget.overdrawn, most)
+
+
+def make_cover(
+    problem: Problem, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...], effort: Effort
+) -> Cover:
+    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort)

@@ -1,0 +1,1 @@
+"""Multilevel splitting: levels, chains and their moves."""

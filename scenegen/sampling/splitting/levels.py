@@ -1,0 +1,196 @@
+"""The plan of a splitting run: levels, tuned moves, weights of cells, and thinning.
+
+A level is a range of phi for every label. Levels narrow from "anything" to the requested range; the half of the scenes
+that is nearest to the range determines the next level (adaptive multilevel splitting, Cerou and Guyader 2007). The
+requirement comes first. The shares of all levels multiply to the probability of requirement and range for a uniform
+draw. The plan is determined by spec, request and seed, and its cost is counted in evaluations of phi: the pieces that
+follow it can run anywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.effort import StoppedError
+from scenegen.lang.core import REQUIRE
+from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.splitting.autocorrelation import Statistics, forgetting
+from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chains import Chains, Region
+from scenegen.sampling.splitting.moves import Tuning
+from scenegen.sampling.splitting.spreading import even_out
+from scenegen.sampling.splitting.tuning import LONGEST, Tuner
+
+Array = npt.NDArray[np.float64]
+
+SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
+KEPT = 0.5  # share of the chains that makes a level
+PIECES = 8  # pieces of a request that is large enough
+CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
+FEWEST = 1024  # minimum number of chains of a piece: with fewer ancestors the shares of modes would be noisy
+TAKES = 16  # maximum number of scenes from one chain
+NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
+LEVELS = 1000
+LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind
+STALL = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Restrict the chains to `region`, then make `moves` moves by `tuning`. `counts` says whether the share that
+    survives is a factor of the probability: not between cells."""
+
+    region: Region
+    tuning: Tuning
+    moves: int
+    counts: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Everything that pieces need.
+
+    The first `levels` stages are levels, the others balance the cells; `cells` are those that get scenes. A piece has
+    `chains` chains and takes `takes` scenes from each, `thinning` moves apart; `left` is the correlation that remains
+    after so many moves.
+    """
+
+    stages: tuple[Stage, ...]
+    levels: int
+    cells: frozenset[int]
+    chains: int
+    takes: int
+    thinning: int
+    left: float
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stalled:
+    """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
+    no scenes if time was up before the first."""
+
+    why: Literal["time", "range"]
+    rows: tuple[Array, ...]
+    phi: tuple[Array, ...]
+    evaluations: int
+    levels: int
+
+
+def generator(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers of piece k; the plan's are those of piece -1."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
+
+
+def make_schedule(problem: Problem, budget: Budget) -> Schedule | Stalled:
+    """The plan for a problem; Stalled if the range cannot be reached, or time is up."""
+    try:
+        planner = _Planner(problem, budget)
+    except StoppedError:
+        return Stalled("time", (), (), 0, 0)
+    return planner.plan()
+
+
+class _Planner:
+    """One descent of one ensemble of chains, which records its stages."""
+
+    def __init__(self, problem: Problem, budget: Budget) -> None:
+        self._problem, self._budget = problem, budget
+        chain_state, cells = frame_of(problem), problem.cells
+        most = max(256, NUMBERS // chain_state.dimension)
+        wanted = max(FEWEST, 8 * cells.count, -(-problem.request.n // PIECES))
+        self._chains = min(most, CHAINS, wanted)
+        ensemble = min(most, max(CHAINS // 2, self._chains))
+        tape = Tape(chain_state, stop=budget)
+        self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
+        self._tuner = Tuner(self._state)
+        self._stages: list[Stage] = []
+
+    def plan(self) -> Schedule | Stalled:
+        try:
+            return self._plan()
+        except StoppedError:
+            return self._stalled("time")
+
+    def _plan(self) -> Schedule | Stalled:
+        cells, labels, state = self._problem.cells, tuple(self._problem.core.labels), self._state
+        low, high = np.full(len(labels), -np.inf), np.full(len(labels), np.inf)
+        arrived = True
+        if labels[-1] == REQUIRE:
+            low[-1] = 0.0
+            arrived = self._descend(low, high, np.full(len(labels), -np.inf))
+        arrived = arrived and self._descend(cells.low, cells.high, low)
+        if not arrived:
+            return self._stalled("time" if self._budget.spent else "range")
+        levels, reached = len(self._stages), frozenset({0})
+        if cells.count > 1:
+            for region, moves in even_out(state, self._tuner):
+                self._stages.append(Stage(region, self._tuner.tuning(), moves, False))
+                if self._budget.spent:
+                    return self._stalled("time")
+            assert state.region.weights is not None
+            reached = frozenset(map(int, np.flatnonzero(state.region.weights)))
+        statistics = Statistics(state.chain_state, self._budget)
+        tuning = self._tuner.tune(statistics)
+        memory = forgetting(state, statistics, tuning, LONGEST)
+        self._stages[-1] = replace(self._stages[-1], tuning=tuning)
+        takes = min(TAKES, max(1, -(-self._problem.request.n * 51 // (50 * PIECES * self._chains))))
+        evaluations = state.evaluations + self._tuner.evaluations
+        return Schedule(
+            tuple(self._stages), levels, reached, self._chains, takes, memory.moves, memory.left, evaluations
+        )
+
+    def _stalled(self, why: Literal["time", "range"]) -> Stalled:
+        state = self._state
+        evaluations = state.evaluations + self._tuner.evaluations
+        return Stalled(why, tuple(state.rows), tuple(state.phi), evaluations, len(self._stages))
+
+    def _descend(self, low: Array, high: Array, held: Array) -> bool:
+        """Restrict the chains to phi from `low` to `high`, level by level; `held` (L,) are lower ends that always hold.
+        Returns whether they have arrived."""
+        state = self._state
+        scale = self._scales(low, high)
+        history: list[float] = []
+        while not self._budget.spent:
+            distance = self._distance(low, high, scale)
+            level = float(np.quantile(distance, KEPT, method="lower"))
+            if level <= 0.0 or (distance <= 0.0).mean() >= KEPT:
+                level = 0.0
+            elif not np.isfinite(level):  # phi is undefined in most scenes: leave those first
+                level = float(distance[np.isfinite(distance)].max(initial=-1.0))
+            elif history and level >= history[-1]:  # most share one value, say of an alternative that is a constant
+                beyond = distance[distance < level]
+                level = float(beyond.max()) if len(beyond) >= LEAST else level
+            history.append(level)
+            stuck = len(history) > STALL and level > 0.99 * history[-1 - STALL]
+            if level < 0.0 or (level > 0.0 and (stuck or len(history) > LEVELS)):
+                return False
+            slack = level * (1.0 + 1e-9) * scale  # rounding must not exclude chains exactly on the level
+            region = Region(np.maximum(low - slack, held) if level else low, high + slack)
+            state.narrow(region)
+            moves = self._tuner.adapt()
+            self._stages.append(Stage(region, self._tuner.tuning(), moves, True))
+            if level == 0.0:
+                return True
+        return False
+
+    def _scales(self, low: Array, high: Array) -> Array:
+        """The typical distance of each label from its range, which makes metres and radians comparable."""
+        out = np.ones(len(low))
+        for label, phi in enumerate(self._state.phi):
+            off = np.maximum(low[label] - phi, phi - high[label])
+            off = off[np.isfinite(off) & (off > 0.0)]
+            if len(off):
+                out[label] = np.median(off)
+        return out
+
+    def _distance(self, low: Array, high: Array, scale: Array) -> Array:
+        """(P,) distance of the chains to the range, 0 within; infinite if phi is NaN."""
+        worst = np.zeros(self._state.count)
+        for phi, least, most, unit in zip(self._state.phi, low, high, scale, strict=True):
+            worst = np.maximum(worst, np.maximum(least - phi, phi - most) / unit)
+        return np.where(np.isnan(worst), np.inf, worst)

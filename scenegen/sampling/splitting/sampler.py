@@ -1,0 +1,248 @@
+"""Multilevel splitting: scenes for rare ranges.
+
+A population of uniform scenes moves level by level into the requested range. There its chains continue with Metropolis
+moves under the base distribution, and are thinned until successive scenes are nearly independent. Exact in the limit of
+long chains; the report says how far from it a run is. If scenes are spread over cells, the chains visit all cells, with
+weights that make the cells equally frequent, so one descent serves every cell.
+
+The plan is made once; piece k is an independent population that follows it (`run_piece`), wherever it runs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.effort import NEVER, Stop
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.requests import CHAINS_CORRELATED
+from scenegen.lang.core import REQUIRE
+from scenegen.sampling.digest import digest
+from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.report import SHOWN, shortfall, too_early
+from scenegen.sampling.splitting.autocorrelation import NEGLIGIBLE, Statistics, design_effect
+from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chains import Chains
+from scenegen.sampling.splitting.levels import SPLIT, Schedule, Stalled, generator, make_schedule
+
+Array = npt.NDArray[np.float64]
+
+_SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
+FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
+BARREN = 8  # a run ends after so many pieces in a row without a new scene
+# Student's t for 95 % by degrees of freedom, two-sided; beyond the table the normal's value is near enough.
+_STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
+
+
+@dataclass(frozen=True, slots=True)
+class Population:
+    """Scenes of one population: rows (3N, B), phi (L, B), all in range, in the order in which they were taken.
+
+    `probability` is its estimate of the probability of the range under the base distribution, unbiased because its
+    levels are fixed; `accepted` is the mean acceptance rate while scenes were taken, `stuck` the share of chains that
+    had not moved between two takes, `effect` (S,) the design effect of its ancestors on each statistic.
+    """
+
+    rows: Array
+    phi: Array
+    probability: float
+    accepted: float
+    stuck: float
+    effect: Array
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Splitting(Plan):
+    """A plan for one request; `stop` can interrupt its pieces and does not change their results. The facts of a piece
+    are: 1 if it survived, its estimate of the probability and the square of that, the acceptance rate and the share
+    stuck, its scenes, its evaluations, then the design effects and their squares."""
+
+    schedule: Schedule
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "splitting"
+    fewest: ClassVar[int] = FEWEST
+    patience: ClassVar[int] = BARREN
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("splitting", self.schedule)
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return tuple(sorted(self.schedule.cells))
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.schedule.chains * self.schedule.takes
+
+    @property
+    def evaluations(self) -> float:
+        plan = self.schedule
+        moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
+        pieces = max(FEWEST, -(-self.wanted // (plan.chains * plan.takes)))
+        return float(plan.evaluations + pieces * plan.chains * (1 + moves))
+
+    def draw(self, k: int) -> Piece:
+        """Piece k. Raises StoppedError if time is up meanwhile."""
+        made = run_piece(self.problem, self.schedule, k, self.stop)
+        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
+        rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
+        facts = [
+            float(len(made.effect) > 0),
+            made.probability,
+            made.probability**2,
+            made.accepted,
+            made.stuck,
+            float(len(order)),
+            float(made.evaluations),
+            *made.effect,
+            *made.effect**2,
+        ]
+        return Piece(rows, phi, self.cells.find(phi), np.array(facts))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run, and the warnings for the user."""
+        plan = self.schedule
+        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
+        effect = _worst(alive, np.array(effects).reshape(2, -1))
+        within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
+        evaluations = plan.evaluations + int(made)
+        info: dict[str, object] = {
+            "method": "splitting",
+            "seed": self.seed,
+            "candidates": evaluations,
+            "levels": plan.levels,
+            "pieces": tally.pieces,
+            "chains": plan.chains,
+            "thinning": plan.thinning,
+            "acceptance": round(accepted / max(alive, 1.0), 4),
+            "stuck": round(stuck / max(alive, 1.0), 4),
+            "correlation": round(float(plan.left), 4),
+            "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
+        }
+        info |= probability(tally.pieces, total, square)
+        if REQUIRE in self.problem.core.labels:
+            info["probability_of"] = "range and requirement"
+        warnings: tuple[Diagnostic, ...] = ()
+        if plan.left > 2 * NEGLIGIBLE:
+            warnings = (CHAINS_CORRELATED(moves=plan.thinning, correlation=float(plan.left)),)
+        return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
+
+
+def plan_splitting(problem: Problem, budget: Budget) -> Splitting | Stalled:
+    """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`."""
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
+        plan = make_schedule(problem, budget)
+    return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
+
+
+def make_plan(problem: Problem, budget: Budget) -> Splitting:
+    """The plan of a problem. Raises RequestError if its range is not reached."""
+    plan = plan_splitting(problem, budget)
+    if isinstance(plan, Stalled):
+        raise RequestError(why_stalled(problem, plan))
+    return plan
+
+
+def moves(problem: Problem) -> bool:
+    """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
+    method."""
+    return frame_of(problem).dimension > 0
+
+
+def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> Population:
+    """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
+    with np.errstate(all="ignore"):
+        return _run_piece(problem, plan, number, stop)
+
+
+def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Population:
+    chain_state = frame_of(problem)
+    rng = generator(problem.request.seed, number)
+    chains = Chains.start(chain_state, Tape(chain_state, stop=stop), problem.cells, plan.chains, rng)
+    statistics = Statistics(chain_state, stop)
+    probability = 1.0
+    for stage in plan.stages:
+        share = chains.narrow(stage.region)
+        if stage.counts:
+            probability *= share
+        if not share:
+            return _nothing(problem, chains.evaluations)
+        chains.run(stage.moves, stage.tuning)
+    tuning = plan.stages[-1].tuning
+    chains.pool = list(chains.rows)
+    for _ in range(_SETTLING):
+        chains.reflect(tuning)
+        accepted = chains.run(plan.thinning, tuning)
+    effect = design_effect(chains, statistics(chains))
+    parts: list[Array] = []
+    stuck = 0
+    for take in range(plan.takes):
+        if take:
+            chains.reflect(tuning)
+            accepted = chains.run(plan.thinning, tuning)
+        index = chains.take()
+        stuck += chains.count - len(index)
+        parts.append(chain_state.complete([row[index] for row in chains.rows], problem.lowest, problem.highest, rng))
+    rows = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+    phi = problem.phi(rows)
+    good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
+    if not good.all():
+        rows, phi = rows[:, good], phi[:, good]
+    share = stuck / (chains.count * plan.takes)
+    return Population(rows, phi, probability, accepted, share, effect, chains.evaluations)
+
+
+def _nothing(problem: Problem, evaluations: int) -> Population:
+    """A piece whose population died out on a level: its estimate of the probability is 0, which keeps the mean
+    unbiased."""
+    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+    return Population(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
+
+
+def _aside(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+
+
+def _worst(count: float, effects: Array) -> float:
+    """The largest design effect of any statistic. Among a few hundred estimates some are large by chance, so two
+    standard errors over the pieces are subtracted from each. `effects` (2, S) are sums and sums of squares over `count`
+    pieces."""
+    if not count:
+        return 1.0
+    mean, square = effects / count
+    error = np.sqrt(np.maximum(square - mean * mean, 0.0) / (count - 1.0)) if count > 1.0 else 0.0
+    return float((mean - 2.0 * error).max(initial=1.0))
+
+
+def probability(count: int, total: float, square: float) -> dict[str, object]:
+    """log10 of the mean of independent unbiased estimates, given their number, sum and sum of squares, and the
+    half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown."""
+    if not total > 0.0:
+        return {"log10_probability": None, "log10_error": None}
+    mean = total / count
+    out: dict[str, object] = {"log10_probability": round(math.log10(mean), 5), "log10_error": None}
+    if count > 1:
+        variance = max(0.0, square - count * mean * mean) / (count - 1)
+        student = _STUDENT[count - 2] if count - 2 < len(_STUDENT) else 1.96 + 2.5 / (count - 1)
+        out["log10_error"] = round(student * math.sqrt(variance / count) / (mean * math.log(10.0)), 5)
+    return out
+
+
+def why_stalled(problem: Problem, end: Stalled) -> Diagnostic:
+    """The error for a descent that ended early; the nearest scenes show which atoms fail."""
+    tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
+    if not end.phi:
+        return too_early(problem, tried, len(problem.possible))
+    shown = min(len(end.phi[0]), SHOWN)
+    rng = _aside(problem.request.seed, -1)
+    rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
+    return shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in end.phi]))

@@ -1,0 +1,63 @@
+"""Target values of phi for proposers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.piece_size import LARGEST_PIECE
+from scenegen.sampling.problem import PILOT, Problem
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Targets:
+    """Combinations of target values of phi that occur in scenes.
+
+    Drawn from a pilot sample of the base distribution, `phi` (L, P), so that labels which are free, or depend on each
+    other, get compatible values; if the pilot has no scene in a cell, uniform in the cell. `members` are the pilot's
+    scenes in order of their cells, which begin at `borders`.
+    """
+
+    cells: Cells
+    phi: Array
+    members: Index
+    borders: Index
+
+    def draw(self, cells: Index, rng: np.random.Generator) -> Array:
+        """A target phi for each of B cells, (B,) -> (L, B)."""
+        out = np.empty((self.phi.shape[0], len(cells)))
+        for cell in map(int, np.unique(cells)):
+            mine = np.flatnonzero(cells == cell)
+            members = self.members[self.borders[cell] : self.borders[cell + 1]]
+            if len(members):
+                out[:, mine] = self.phi[:, rng.choice(members, len(mine))]
+            else:
+                out[:, mine] = self._guess(cell, len(mine), rng)
+        return out
+
+    def _guess(self, cell: int, count: int, rng: np.random.Generator) -> Array:
+        """Uniform within a cell; labels with an open end take a value of the pilot, clipped to the cell."""
+        low, high = self.cells.limits(cell)
+        guess: Array = self.phi[:, rng.integers(self.phi.shape[1], size=count)]
+        closed = np.isfinite(low) & np.isfinite(high)
+        guess = np.clip(guess, low[:, None], high[:, None])
+        width = np.where(closed, high - low, 0.0)[:, None]
+        return np.where(closed[:, None], low[:, None] + width * rng.random(guess.shape), guess)
+
+
+def make_targets(problem: Problem) -> Targets:
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PILOT]))
+    lowest, highest = problem.lowest[:, None], problem.highest[:, None]
+    count = min(problem.piece_size, max(1024, LARGEST_PIECE // len(problem.core.labels)))
+    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
+        phi = problem.phi(lowest + (highest - lowest) * rng.random((len(lowest), count)))
+    found = problem.cells.find(phi)
+    order = np.argsort(found, kind="stable")
+    borders = np.searchsorted(found[order], np.arange(problem.cells.count + 1))
+    return Targets(problem.cells, phi, order, borders)

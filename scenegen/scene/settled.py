@@ -1,0 +1,40 @@
+"""The header of a file of settled scenes, as a pydantic model. Format `scenegen/settled`, version 1."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from scenegen.scene.data import SpecRef
+
+FORMAT: Literal["scenegen/settled"] = "scenegen/settled"
+VERSION: Literal[1] = 1
+
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class SimulatorData(_Strict):
+    """Where scenes were simulated, and for how many seconds."""
+
+    name: str
+    version: str
+    seconds: Positive
+
+
+class SettledHeader(_Strict):
+    """What holds for all scenes of the file: the spec, its objects and labels, the simulation, and how far an object
+    may be moved (mm) or turned (degrees) in a scene that counts as settled."""
+
+    format: Literal["scenegen/settled"] = FORMAT
+    version: Literal[1] = VERSION
+    spec: SpecRef
+    objects: list[str]
+    labels: list[str]
+    simulator: SimulatorData
+    max_shift_mm: Positive
+    max_turn_deg: Positive

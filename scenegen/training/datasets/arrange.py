@@ -1,0 +1,72 @@
+"""Scenes of a file as a spec has them: its objects in its order, in its workspace, as it requires. Plain numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import DataError, quoted
+from scenegen.errors.files import HELD_ELSEWHERE, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
+from scenegen.lang.core import REQUIRE, gated
+from scenegen.lang.interpret import phi as score
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import PLACE, along, rows_of, span_of
+from scenegen.primitives import NUMPY
+
+Array = npt.NDArray[np.float64]
+
+HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
+OUTSIDE = 1e-6  # metres by which a centre may lie outside of the workspace: files of other programs round
+UNMET = 1e-6  # by which a requirement may be missed, for the same reason
+
+
+def order_of(spec: CheckedSpec, objects: Sequence[str]) -> list[int]:
+    """Where each object of the spec stands among `objects`. Raises DataError unless they are the same."""
+    if set(objects) != set(spec.objects):
+        missing = sorted(set(spec.objects) - set(objects))
+        extra = sorted(set(objects) - set(spec.objects))
+        parts = [f"the scenes lack {quoted(missing)}"] if missing else []
+        parts += [f"the spec does not know {quoted(extra)}"] if extra else []
+        names = {"wanted": tuple(spec.objects), "found": tuple(objects)}
+        raise DataError(OTHER_SPEC(reason="; ".join(parts), **names))
+    place = {name: index for index, name in enumerate(objects)}
+    return [place[name] for name in spec.objects]
+
+
+def arranged(rows: Array, order: Sequence[int]) -> Array:
+    """(3N, m) storage with its objects in another order."""
+    if list(order) == sorted(order):
+        return rows
+    return rows[[row for place in order for row in rows_of(place)]]
+
+
+def check_held(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
+    """Raises DataError where an object that the spec holds in place stands elsewhere in `rows` (3N, m), the spec's
+    objects in order; `before` scenes of the file came before these."""
+    for index, pose in spec.fixed.items():
+        moved = (np.abs(rows[span_of(index, len(pose))].T - pose) > HELD).any(axis=1)
+        if moved.any():
+            name, first = spec.objects[index], before + int(moved.argmax())
+            where = ", ".join(f"{number:g}" for number in pose)
+            raise DataError(HELD_ELSEWHERE(name=name, pose=where, scene=first + 1))
+
+
+def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
+    """Raises DataError for a scene that the base distribution of the spec does not have: with an object that is held
+    elsewhere, a centre outside of the workspace, or something required that is not met."""
+    check_held(spec, rows, before)
+    low, high = spec.box()
+    for axis in PLACE:
+        part = along(axis)
+        over = np.maximum(low[part, None] - rows[part], rows[part] - high[part, None])
+        if over.size and over.max() > OUTSIDE:
+            index, scene = np.unravel_index(int(over.argmax()), over.shape)
+            raise DataError(SCENE_OUTSIDE(name=spec.objects[int(index)], scene=before + int(scene) + 1))
+    if spec.core.requirement is None:
+        return
+    margin = np.broadcast_to(score(gated(spec.core), list(rows), NUMPY)[REQUIRE], rows.shape[1])
+    if (margin < -UNMET).any():
+        first = before + int((margin < -UNMET).argmax())
+        raise DataError(REQUIREMENT_NOT_MET(scene=first + 1))

@@ -1,0 +1,97 @@
+"""Scenes labelled with phi."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from scenegen.errors import RequestError
+from scenegen.errors.models import REQUIREMENT_TOO_RARE
+from scenegen.lang.core import gated
+from scenegen.lang.spec import CheckedSpec
+from scenegen.models.codec import Codec
+from scenegen.pose import row_count
+from scenegen.robustness import Robustness
+
+_CHUNK = 65_536
+PATIENCE = 1_000_000  # uniform scenes without which, on average, one that meets what is required must not go
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """M scenes: `rows` (3N, M) float32, metres and radians, in the workspace; `phi` (L, M) float32, a row per label.
+
+    `balanced` (M,) int64 says which labels decided how often such scenes occur: the index of one label, EVERY, or NONE,
+    where the scenes follow the base distribution (None: all do). Among scenes with the same phi of these labels, others
+    are free as in the base distribution; where these labels are left out, they are not.
+    """
+
+    objects: tuple[str, ...]
+    labels: tuple[str, ...]
+    rows: Tensor
+    phi: Tensor
+    balanced: Tensor | None = None
+
+    def __len__(self) -> int:
+        return self.rows.shape[1]
+
+    def take(self, which: Tensor | slice) -> Dataset:
+        """Some of the scenes."""
+        rows, phi = self.rows[:, which].contiguous(), self.phi[:, which].contiguous()
+        balanced = None if self.balanced is None else self.balanced[which]
+        return Dataset(self.objects, self.labels, rows, phi, balanced)
+
+    @property
+    def positives(self) -> float:
+        """Share of the scenes that satisfy every label (phi >= 0)."""
+        return float((self.phi >= 0.0).all(dim=0).double().mean())
+
+    @property
+    def sha256(self) -> str:
+        """Checksum of poses and labels: two data sets with the same one are bit-equal."""
+        digest = hashlib.sha256(self.rows.numpy().tobytes())
+        digest.update(self.phi.numpy().tobytes())
+        return digest.hexdigest()
+
+
+def base_draw(
+    spec: CheckedSpec, scenes: int, generator: torch.Generator, found_so_far: Callable[[int], None] | None = None
+) -> Tensor:
+    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, objects that are held in
+    their place, what is required met. `found_so_far` is told how many there are. Raises RequestError where that is met
+    too rarely for plain draws."""
+    if spec.core.requirement is None:
+        return _free_draw(spec, scenes, generator)
+    spec_loss = Robustness(gated(spec.core))
+    kept, found, tried = [torch.empty(row_count(len(spec.objects)), 0)], 0, 0
+    while found < scenes:
+        if tried >= PATIENCE and found * PATIENCE < tried:
+            raise RequestError(REQUIREMENT_TOO_RARE(found=found, tried=tried))
+        rows = _free_draw(spec, _CHUNK, generator)
+        kept.append(rows[:, spec_loss.rows(rows)[-1] >= 0.0])
+        found, tried = found + kept[-1].shape[1], tried + _CHUNK
+        if found_so_far is not None:
+            found_so_far(min(found, scenes))
+    return torch.cat(kept, dim=1)[:, :scenes].contiguous()
+
+
+def _free_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
+    unit = torch.rand(scenes, row_count(len(spec.objects)), generator=generator)
+    return held_in_place(spec, Codec(spec.workspace, len(spec.objects)).decode(unit))
+
+
+def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:
+    """The scenes (3N, B), changed where the spec holds objects in their place."""
+    lowest, highest = spec.box()
+    held = torch.from_numpy((lowest == highest).nonzero()[0])
+    rows[held] = torch.from_numpy(lowest).to(rows)[held, None]
+    return rows
+
+
+def labelled(spec: CheckedSpec, rows: Tensor) -> Dataset:
+    """The scenes with their phi."""
+    return Dataset(spec.objects, spec.labels, rows, Robustness(spec.core).rows(rows))

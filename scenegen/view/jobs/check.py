@@ -1,0 +1,27 @@
+"""What a text means, and what is wrong with it: while it is typed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from scenegen.api.spec import Spec
+from scenegen.errors import SpecError
+from scenegen.lang.spec import CheckedSpec
+from scenegen.lsp.answers import Question, answer
+from scenegen.view.jobs.assist import page_of
+from scenegen.view.jobs.describe import describe
+
+
+def check(message: dict[str, Any]) -> Iterator[Any]:
+    """First what the spec is about (None where it is wrong), then its problems as a language server puts them."""
+    page = page_of(message)
+    found = page.document.checked
+    described = None
+    if isinstance(found, CheckedSpec):
+        try:
+            described = describe(Spec(found))
+        except SpecError:  # phi beyond what computers can hold: a problem that the list tells
+            described = None
+    yield {"spec": described}
+    yield {"problems": answer(page, Question("diagnostics"))}

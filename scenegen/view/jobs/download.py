@@ -1,0 +1,48 @@
+"""The scenes on the page as files."""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from scenegen.api.scenes import SceneSet
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
+from scenegen.scene.data import RequestData
+from scenegen.view.jobs.evaluate import scene_set
+from scenegen.view.jobs.sample import request_of
+from scenegen.view.jobs.source import spec_of
+
+FILES = ("json", "jsonl", "parquet")
+FOLDERS = ("mjcf", "sdf")
+
+
+def download(message: dict[str, Any]) -> Iterator[Any]:
+    """Write the scenes of `poses` as `format` into the folder `into`, which the server has made; yields the file's
+    name. phi is computed again: what a page sends is not taken on trust. Simulators' files come as one archive."""
+    wanted = str(message.get("format"))
+    if wanted not in (*FILES, *FOLDERS):
+        raise RequestError(UNKNOWN_CHOICE(what="format", name=wanted, known=(*FILES, *FOLDERS)))
+    spec = spec_of(message)
+    request = request_of(message, spec)
+    sampler = message.get("sampler")
+    scenes = scene_set(spec, message["poses"], sampler if isinstance(sampler, dict) else None)
+    if not len(scenes):
+        raise RequestError(NO_SCENES())
+    ends = {name: (low, high) for name, (low, high) in request["phi"].items()}
+    data = RequestData(phi=ends, n=max(1, request["n"]), spread=request["spread"])
+    scenes = SceneSet(scenes.poses, scenes.phi, scenes.header.model_copy(update={"request": data}))
+    into = Path(message["into"])
+    if wanted in FILES:
+        yield scenes.save(into / f"scenes.{wanted}").name
+        return
+    with tempfile.TemporaryDirectory(dir=into) as folder:
+        scenes.export(Path(folder) / wanted, wanted)
+        archive = into / f"scenes_{wanted}.zip"
+        with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
+            for path in sorted((Path(folder) / wanted).rglob("*")):
+                out.write(path, path.relative_to(folder))
+    yield archive.name

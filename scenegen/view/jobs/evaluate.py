@@ -1,0 +1,114 @@
+"""phi of scenes that a person has moved, and why it is what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.scene_arrays import make_header, rows_of
+from scenegen.api.scenes import SceneSet, requirement
+from scenegen.api.scenes import evaluate as score
+from scenegen.api.spec import Spec
+from scenegen.assets.overlap import overlapping
+from scenegen.assets.support import base_heights
+from scenegen.errors import DataError
+from scenegen.errors.page import NO_MESSAGE
+from scenegen.figures.dimensions import dimensions
+from scenegen.figures.drawing import Dimension, Guide, Mark, Turn
+from scenegen.lang.core import REQUIRE, Atom
+from scenegen.lang.interpret import deciding_atom
+from scenegen.lang.interpret import evaluate as interpret
+from scenegen.primitives import NUMPY
+from scenegen.scene.data import RequestData
+from scenegen.view.jobs.describe import stage_of_spec, trees_of
+from scenegen.view.jobs.source import spec_of
+from scenegen.view.jobs.tree import own
+from scenegen.view.limits import MAX_POSES
+
+Array = npt.NDArray[np.float64]
+
+
+def evaluate(message: dict[str, Any]) -> Iterator[Any]:
+    """phi of each scene in `poses`, (n, N, 3), by the reader that `scenegen eval` uses; with `why` also the value of
+    every line of the trees and the atom that decides each label, of the first scene."""
+    spec = spec_of(message)
+    scenes = scene_set(spec, message["poses"])
+    yield told(spec, scenes, bool(message.get("why")))
+
+
+def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = None) -> SceneSet:
+    """Poses as they come from a page. Raises DataError for what are no poses of the spec's objects."""
+    try:
+        array = np.array(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    count = len(spec.objects)
+    if array.ndim != 3 or array.shape[1:] != (count, 3) or not np.isfinite(array).all():
+        raise DataError(NO_MESSAGE(reason=f"no poses of {count} objects"))
+    if array.shape[0] * count > MAX_POSES:
+        raise DataError(NO_MESSAGE(reason="too many scenes at a time"))
+    header = make_header(spec.checked, sampler or {}, RequestData(phi={}, n=max(1, len(array)), spread="flat"))
+    scenes = SceneSet(array, {}, header)
+    return SceneSet(array, score(spec.checked, scenes), header)
+
+
+def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
+    """What the page shows of scenes."""
+    stage = stage_of_spec(spec)
+    shapes = [thing.shape for thing in stage.things]
+    required = requirement(spec.checked, scenes)
+    found: dict[str, Any] = {
+        "phi": {name: values.tolist() for name, values in scenes.phi.items()},
+        "require": None if required is None else required.tolist(),
+        "bases": base_heights(shapes, scenes.poses, declared=stage.declared).tolist(),
+    }
+    if why:
+        found |= reasons(spec, scenes)
+    return found
+
+
+def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
+    """Of the first scene: the value of every line of the trees, what decides each label, and what overlaps."""
+    trees = trees_of(spec)
+    core = trees.core
+    rows = rows_of(spec.checked, scenes)[:, :1]
+    values = [float(np.asarray(value).reshape(-1)[0]) for value in interpret(core, list(rows), NUMPY)]
+    plain = rows[:, 0].tolist()
+    stage = stage_of_spec(spec)
+    pairs = overlapping([thing.shape for thing in stage.things], scenes.poses[:1], stage.declared)[0]
+    return {
+        "values": trees.values(values),
+        "decides": {label: _decides(spec, label, values, plain) for label in core.labels},
+        "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in pairs],
+    }
+
+
+def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[float]) -> dict[str, Any]:
+    trees = trees_of(spec)
+    core = trees.core
+    index = deciding_atom(core, label, values)
+    atom = cast(Atom, core.nodes[index])
+    return {
+        "text": atom.text,
+        "spans": [[one.start, one.end] for one in own(atom.spans)] if atom.spans else [],
+        "value": values[index],
+        "lines": [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes],
+        "marks": [mark_data(one) for one in dimensions(core, index, rows)],
+        "required": label == REQUIRE,
+    }
+
+
+def mark_data(mark: Mark) -> dict[str, Any]:
+    """A dimension line, an angle or a guide, as plain data."""
+    match mark:
+        case Dimension(start, end, text, good):
+            return {"kind": "line", "start": start, "end": end, "text": text, "good": good}
+        case Turn(center, start_angle, stop_angle, text, good):
+            return {
+                "kind": "turn", "center": center, "from": start_angle, "to": stop_angle, "text": text, "good": good,
+            }  # fmt: skip
+        case Guide(start, end):
+            return {"kind": "guide", "start": start, "end": end}

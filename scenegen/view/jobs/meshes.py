@@ -1,0 +1,64 @@
+"""What objects look like: the library's own meshes, with normals, packed small."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from scenegen.assets import Shape, parts_of
+from scenegen.assets.mesh import shaded
+from scenegen.view.jobs.describe import mesh_key, stage_of_spec
+from scenegen.view.jobs.source import spec_of
+
+STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
+
+
+def meshes(message: dict[str, Any]) -> Iterator[Any]:
+    """The meshes of the spec's objects whose keys are wanted, one part each: {"key", "mesh"}."""
+    wanted = {str(key) for key in message.get("want", ())}
+    done = set[str]()
+    for thing in stage_of_spec(spec_of(message)).things:
+        key = mesh_key(thing)
+        if key in wanted and key not in done:
+            done.add(key)
+            yield {"key": key, "mesh": packed_mesh(thing.shape, tuple(thing.color))}
+
+
+@lru_cache(maxsize=256)
+def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, Any]:
+    """Vertices of all parts: `position` in 16-bit steps of `scale` metres, `normal` in 8-bit steps, `color` in bytes,
+    `index` in 16 or 32 bits; each as base64 of little-endian numbers."""
+    positions, normals, colors = [], [], []
+    for part in parts_of(shape, color):
+        vertices, normal, _ = shaded(part.mesh)
+        positions.append(vertices)
+        normals.append(normal)
+        colors.append(np.tile(np.array(part.color), (len(vertices), 1)))
+    position = np.concatenate(positions)
+    scale = max(float(np.abs(position).max()), 1e-9) / STEPS
+    table = np.concatenate(
+        [
+            np.round(position / scale),
+            np.round(np.concatenate(normals) * 127.0),
+            np.round(np.clip(np.concatenate(colors), 0.0, 1.0) * 255.0),
+        ],
+        axis=1,
+    ).astype(np.int32)
+    unique, index = np.unique(table, axis=0, return_inverse=True)
+    wide = len(unique) > 65535
+    return {
+        "scale": scale,
+        "position": _text(unique[:, :3].astype("<i2")),
+        "normal": _text(unique[:, 3:6].astype("i1")),
+        "color": _text(unique[:, 6:].astype("u1")),
+        "index": _text(index.reshape(-1).astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
+
+
+def _text(array: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()

@@ -1,0 +1,42 @@
+"""How rare each phi is, label by label: what the handles are laid over."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from scenegen.api.rarity import LabelRarity, Level, rarity
+from scenegen.view.jobs.source import spec_of
+
+NICE = 5  # what a person waits for goes first
+
+
+def range_(message: dict[str, Any]) -> Iterator[Any]:
+    """One part per label, in the order of the spec."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    spec = spec_of(message)
+    for label in spec.labels:
+        found = rarity(spec, label)
+        yield rarity_data(found.labels[0])
+
+
+def rarity_data(one: LabelRarity) -> dict[str, Any]:
+    """The rarity of one label as plain data; logarithms to base 10, None where too few scenes tell."""
+    return {
+        "label": one.label,
+        "bounds": list(one.bounds),
+        "reached": list(one.reached),
+        "curve": [_point(level) for level in one.curve],
+        "bands": [asdict(band) for band in one.bands],
+        "whole": list(one.whole),
+    }
+
+
+def _point(level: Level) -> list[float | None]:
+    return [
+        level.phi,
+        None if level.above is None else level.above.log10,
+        None if level.below is None else level.below.log10,
+    ]

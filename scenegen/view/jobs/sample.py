@@ -1,0 +1,110 @@
+"""Scenes of a request, exactly those that `scenegen sample` makes of it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import scenegen
+from scenegen.api.glimpse import glimpse
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec
+from scenegen.errors import RequestError
+from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.view.jobs.evaluate import told
+from scenegen.view.jobs.range import NICE
+from scenegen.view.jobs.source import spec_of
+from scenegen.view.limits import MAX_POSES, MAX_SCENES
+
+if TYPE_CHECKING:
+    from scenegen.api.model import Model
+
+FIRST = 4  # scenes of the first look
+SPREAD = 32  # and of those over all of a range, at most
+TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
+LONGEST = 55.0
+QUICK = 5.0  # seconds that the first look may take
+
+
+def sample(message: dict[str, Any]) -> Iterator[Any]:
+    """Verified scenes: poses (n, N, 3), phi by label, and how they were made."""
+    spec = spec_of(message)
+    wanted = request_of(message, spec)
+    source = _model(str(message["model"])) if wanted["method"] == "model" and message.get("model") else None
+    if source is not None and source.spec.checked.sha256 != spec.checked.sha256:
+        raise RequestError(ANOTHER_SPEC())
+    notes: list[str] = []
+    began = time.perf_counter()
+    seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
+    found = scenegen.sample(
+        source or spec, **wanted, timeout=seconds, keep_partial=True, workers=1, on_note=notes.append
+    )
+    yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
+
+
+def first(message: dict[str, Any]) -> Iterator[Any]:
+    """A few scenes in the range of a request, soon: something to look at until the scenes themselves are there. None
+    where it fails."""
+    yield _glimpse(message, FIRST)
+
+
+def spread(message: dict[str, Any]) -> Iterator[Any]:
+    """Some scenes over all of a range, soon, so that the page has some to show wherever a handle is moved. None where
+    it fails."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    yield _glimpse(message, SPREAD)
+
+
+def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
+    spec = spec_of(message)
+    wanted = request_of(message, spec)
+    n = min(most, wanted["n"])
+    try:
+        found = glimpse(spec, wanted["phi"], n, seed=wanted["seed"], fix=wanted["fix"], timeout=QUICK)
+    except RequestError:
+        return None
+    return {**scenes_data(spec, found), "notes": [], "took": 0.0} if len(found) else None
+
+
+def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
+    """The arguments of `scenegen.sample`. Raises RequestError for what is no request."""
+    wanted = message.get("request") or {}
+    try:
+        n, seed = int(wanted.get("n", 16)), int(wanted.get("seed", 0))
+        phi = {str(name): (_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
+        fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
+    except (TypeError, ValueError, IndexError, AttributeError, OverflowError):
+        raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
+    most = min(MAX_SCENES, max(1, MAX_POSES // max(1, len(spec.objects))))
+    if not 1 <= n <= most:
+        raise RequestError(TOO_MANY_SHOWN(most=most, count=n))
+    return {
+        "phi": {name: ends for name, ends in phi.items() if ends != (None, None)},
+        "n": n,
+        "seed": seed,
+        "method": str(wanted.get("method", "auto")),
+        "spread": str(wanted.get("spread", "flat")),
+        "fix": fix or None,
+    }
+
+
+def _end(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
+    """Scenes as the page takes them."""
+    return {
+        **told(spec, found, False),
+        "poses": found.poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [one.title for one in found.warnings],
+    }
+
+
+@lru_cache(maxsize=1)
+def _model(path: str) -> Model:
+    return scenegen.load_model(path)

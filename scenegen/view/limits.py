@@ -1,0 +1,38 @@
+"""What one page may ask of the machine that serves it. A request beyond a limit is refused with a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+MAX_TEXT = 256 * 1024  # bytes of a spec
+MAX_BODY = 8 * 1024 * 1024  # bytes of an HTTP request: a set of scenes to download
+MAX_MESSAGE = 1024 * 1024  # bytes of one message over the WebSocket
+MAX_SCENES = 400  # that one request samples or evaluates
+MAX_POSES = 20_000  # objects times scenes of one request
+MAX_SESSIONS = 12  # pages that are open at a time
+MAX_REQUESTS = 64  # HTTP requests that are served at a time
+MAX_WAITING = 32  # messages of one page that wait for their turn
+MAX_WORKERS = 40  # processes that work for all pages together
+MAX_FILES = 500  # specs of a folder that the menu lists
+MAX_CONNECTIONS = 512
+MEMORY = 6 << 30  # bytes of address space of one worker process; torch alone maps three
+
+HEADER_SECONDS = 10.0  # that a client may take to send the head of a request
+BODY_SECONDS = 20.0  # and its body
+IDLE_SECONDS = 20.0  # a connection is kept between two requests
+
+# seconds that a job of each kind may take, its process is ended then
+SECONDS: Mapping[str, float] = MappingProxyType(
+    {
+        "check": 15.0,
+        "assist": 5.0,
+        "evaluate": 10.0,
+        "meshes": 15.0,
+        "sample": 60.0,
+        "first": 6.0,
+        "spread": 6.0,
+        "range": 90.0,
+        "download": 60.0,
+    }
+)

@@ -1,0 +1,105 @@
+"""What `scenegen view` was told to open: a spec, scenes, a model, a folder, or nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from scenegen.api.model import load_model
+from scenegen.api.scenes import read_scenes
+from scenegen.api.spec import parse
+from scenegen.errors import DataError
+from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
+from scenegen.formats.registry import FORMATS
+from scenegen.resources import shipped_specs
+from scenegen.view.folder import Folder, Refused, digest
+from scenegen.view.jobs.evaluate import told
+from scenegen.view.limits import MAX_POSES, MAX_SCENES
+
+STARTER = "first"  # the shipped spec that is shown where nothing was named
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """The folder that the page may read and write, and what it shows first. `path` is the spec's in the folder, None
+    where it is not saved there; `scenes` are as the job `sample` sends them."""
+
+    folder: Folder
+    text: str
+    name: str
+    path: str | None = None
+    digest: str | None = None
+    model: Path | None = None
+    scenes: dict[str, Any] | None = None
+    request: dict[str, Any] = field(default_factory=dict)
+
+    def data(self) -> dict[str, Any]:
+        """What the page is told at first."""
+        return {
+            "text": self.text,
+            "name": self.name,
+            "path": self.path,
+            "sha": self.digest,
+            "folder": self.folder.root.name or str(self.folder.root),
+            "model": None if self.model is None else self.model.name,
+            "scenes": self.scenes,
+            "request": self.request,
+        }
+
+
+def open_(what: Path | None) -> Opened:
+    """Find out what a path or name is, and read it. Raises DataError, SpecError."""
+    if what is None or what.is_dir():
+        folder = Folder((what or Path.cwd()).resolve())
+        return Opened(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER)
+    ending = what.suffix.lower()
+    if ending == ".safetensors":
+        return _model(what)
+    if ending in FORMATS:
+        return _scenes(what)
+    own = next((one for one in (what, what.with_name(f"{what.name}.spec")) if one.is_file()), None)
+    if own is not None:
+        return _spec(own)
+    shipped = shipped_specs()
+    if str(what) in shipped:
+        return Opened(Folder(Path.cwd().resolve()), shipped[str(what)].read_text(encoding="utf-8"), str(what))
+    raise DataError(NOTHING_TO_OPEN(name=str(what), known=shipped))
+
+
+def _spec(file: Path) -> Opened:
+    file = file.resolve()
+    folder = Folder(file.parent)
+    if file.suffix != ".spec":
+        raise DataError(WRONG_ENDING(path=file.name, ending=".spec", better=f"{file.stem}.spec"))
+    try:
+        text, found = folder.read(file.name)
+    except Refused as reason:
+        raise DataError(NOT_OPENED(file=file, reason=str(reason))) from None
+    return Opened(folder, text, file.stem, file.name, found)
+
+
+def _scenes(file: Path) -> Opened:
+    found = read_scenes(file)
+    most = max(1, min(MAX_SCENES, MAX_POSES // max(1, len(found.objects))))
+    text = found.header.spec.source
+    spec = parse(text, file.name)
+    some = found[:most]
+    scenes = {
+        **told(spec, some, False),
+        "poses": some.poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [],
+        "notes": [f"{len(some):,} of the {len(found):,} scenes of {file.name}"],
+        "took": 0.0,
+    }
+    asked = found.header.request
+    request = {} if asked is None else asked.model_dump(mode="json")
+    return Opened(Folder(file.resolve().parent), text, file.stem, scenes=scenes, request=request)
+
+
+def _model(file: Path) -> Opened:
+    model = load_model(file)
+    text = model.spec.source
+    return Opened(Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode()))

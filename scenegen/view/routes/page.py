@@ -1,0 +1,17 @@
+"""The page itself, with what it shows first."""
+
+from __future__ import annotations
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+from starlette.routing import Route
+
+from scenegen.view.document import html
+from scenegen.view.shared import Shared
+
+
+def route(shared: Shared) -> Route:
+    async def page(request: Request) -> Response:
+        return HTMLResponse(html(shared.opened.data()), headers={"cache-control": "no-store"})
+
+    return Route("/", page, methods=["GET"])

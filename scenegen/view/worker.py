@@ -1,0 +1,64 @@
+"""One worker process: it does the jobs that come in over its socket, one after the other, until the socket is closed.
+
+A job is `{"job": name, ...}`. The answers are any number of `{"part": ...}` and then one of `{"done": ...}`,
+`{"refused": {...}}` for what the user can mend, and `{"failed": "..."}` for what is our own fault.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+from typing import Any
+
+from scenegen.errors import ScenegenError
+from scenegen.errors.program import OUT_OF_MEMORY
+from scenegen.view.jobs import JOBS
+from scenegen.view.jobs.source import refusal
+from scenegen.view.wire import SIZE, packed
+
+LOG = logging.getLogger("scenegen.view")
+
+
+def work(line: socket.socket) -> None:
+    """Do jobs until the other end is closed."""
+    while True:
+        head = _exactly(line, SIZE.size)
+        if head is None:
+            return
+        body = _exactly(line, SIZE.unpack(head)[0])
+        if body is None:
+            return
+        try:
+            do(line, json.loads(body))
+        except (BrokenPipeError, ConnectionResetError):  # nobody waits for the answer
+            return
+
+
+def do(line: socket.socket, message: dict[str, Any]) -> None:
+    """Do one job and send what comes of it."""
+    try:
+        for part in JOBS[message["job"]](message):
+            line.sendall(packed({"part": part}))
+        line.sendall(packed({"done": None}))
+    except ScenegenError as error:
+        line.sendall(packed({"refused": refusal(error)}))
+    except MemoryError:
+        line.sendall(packed({"refused": refusal(ScenegenError(OUT_OF_MEMORY()))}))
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except Exception as error:  # nothing that a page sends may end the worker
+        LOG.exception("the job %s failed", message.get("job"))
+        line.sendall(packed({"failed": f"scenegen itself failed: {type(error).__name__}: {error}"}))
+
+
+def _exactly(line: socket.socket, size: int) -> bytes | None:
+    """So many bytes; None where the stream ends before."""
+    parts = []
+    while size:
+        part = line.recv(min(size, 1 << 20))
+        if not part:
+            return None
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)

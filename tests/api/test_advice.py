@@ -1,0 +1,60 @@
+"""What a model's user is told: by the figures of its file, and of raw scenes what they break."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.api.advice import advice
+from scenegen.evaluation.faults import concerned, faults
+from scenegen.models.card import QualityData
+from scenegen.sampling.request import Range
+
+
+def at(coverage=0.95, error=0.001, **wanted):
+    rest = {"truth": 0.97, "ks": 0.05, "sliced": 0.06, "energy": 0.0, "required": 1.0}
+    return QualityData(wanted=wanted, coverage=coverage, error=error, **rest)
+
+
+def test_good_figures_say_nothing():
+    assert faults([at(task=0.0), at(0.85, 0.02, task=0.1)]) == []
+
+
+def test_what_is_left_out_and_what_misses():
+    left_out, far = (fault.title for fault in faults([at(0.5, task=0.0), at(0.4, 0.05, task=0.1), at(task=0.2)]))
+    assert "0.40 at task 0.1; 0.50 at task 0 (exact" in left_out and "0.050 at task 0.1 on average" in far
+    assert "; 2 more" in faults([at(0.1 * number, task=0.1 * number) for number in range(5)])[0].title
+
+
+def test_a_request_is_judged_by_the_figures_of_its_labels():
+    figures = [at(0.5, task=-0.5), at(task=0.0), at(0.6, task=0.1), at(0.1, safe=0.0), at(0.2, task=0.0, safe=0.0)]
+    assert concerned(figures, {"task": (-0.01, 0.05)}) == [figures[1]]
+    assert concerned(figures, {"task": (0.2, 0.3)}) == [figures[2]]  # the nearest
+    assert concerned(figures, {"task": (-1.0, None)}) == figures[:3]
+    assert concerned(figures, {"task": (-0.1, 0.1), "safe": (-0.1, 0.1)}) == [figures[4]]
+    assert concerned(figures, {}) == figures
+
+
+TEXT = """object a = cylinder(0.1, 0.1), b = cylinder(0.1, 0.1)
+require noOverlap()
+task: leftOf(a, b)
+"""
+
+
+def stub():
+    card = SimpleNamespace(quality=[at(0.5, task=0.0)])
+    return SimpleNamespace(
+        trained=SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card), spec=scenegen.parse(TEXT)
+    )
+
+
+@pytest.mark.parametrize(("raw", "said"), [(False, 1), (True, 3)])
+def test_raw_scenes_are_told_of_more(raw, said):
+    rows = np.array([[0.1, 0.5], [0.5, 0.5], [0.0, 0.0], [0.9, 0.55], [0.5, 0.5], [0.0, 0.0]])
+    found = advice(stub(), {"task": Range(-0.1, 0.3)}, rows, raw)
+    assert len(found) == said and all(one.severity == "warning" for one in found)
+    assert "cover 0.50 at task 0" in found[0].title
+    if raw:
+        assert "from -1 to 0.2; beyond that it guesses" in found[1].title
+        assert found[2].title == "1 of 2 raw scenes do not meet what the spec requires"

@@ -1,0 +1,172 @@
+"""Stored sets: read in parts, streamed to several readers, merged, split, filtered, reported."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.api.set_edit import filter_set, merge_sets, split_set
+from scenegen.api.set_report import set_report
+from scenegen.errors import DataError, RequestError
+from scenegen.formats.blocks import BLOCK
+from scenegen.sampling.request import Range
+
+COUNT = 2 * BLOCK + 1000
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return scenegen.parse("object mug, plate\ntask: leftOf(mug, plate)\n")
+
+
+@pytest.fixture(scope="module")
+def stored(spec, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sets") / "set"
+    written = scenegen.sample_to(f"{folder}/", spec, (0.0, 0.5), n=COUNT, shard_size=BLOCK, workers=1)
+    assert written.count == COUNT and written.header.sampler["method"] == "rejection"
+    return scenegen.open_set(folder)
+
+
+@pytest.fixture(scope="module")
+def whole(stored):
+    return scenegen.read_scenes(stored.location)
+
+
+def here(job, items):
+    return (job(item) for item in items)
+
+
+def test_reading(stored, whole):
+    assert len(stored) == len(whole) == COUNT and stored.labels == ("task",) and stored.objects == ("mug", "plate")
+    assert len(stored.shards) == 3 and "132072 scenes of mug, plate" in repr(stored)
+    part = stored.read(BLOCK - 5, BLOCK + 5)
+    np.testing.assert_array_equal(part.poses, whole.poses[BLOCK - 5 : BLOCK + 5])
+    assert len(stored.read(COUNT)) == 0
+    with pytest.raises(RequestError, match="`stop`"):
+        stored.read(0, COUNT + 1)
+    assert len(scenegen.read_scenes(stored.location, start=10, stop=20)) == 10
+
+
+def test_refused_before_any_work(stored, spec, tmp_path, monkeypatch):
+    """A complete set is returned with `resume`, and never planned for without."""
+    place = f"{stored.location}/"
+    again = scenegen.sample_to(place, spec, (0.0, 0.5), n=COUNT, shard_size=BLOCK, workers=1, resume=True)
+    assert again.count == COUNT and not again.warnings
+    monkeypatch.setattr("scenegen.api.sets.plan_of", lambda *_: pytest.fail("planned"))
+    with pytest.raises(RequestError, match="has a set of scenes already"):
+        scenegen.sample_to(place, spec, n=10)
+    with pytest.raises(RequestError, match="there is no engine `rai`"):
+        scenegen.sample_to(f"{tmp_path}/new/", spec, n=10, engine="rai")
+    assert not (tmp_path / "new").exists()
+
+
+def test_batches_in_order(stored, whole):
+    poses, phi = (np.concatenate(parts) for parts in zip(*stored.batches(5000, shuffle=False), strict=True))
+    np.testing.assert_array_equal(poses, whole.poses)
+    np.testing.assert_array_equal(phi[:, 0], whole.phi["task"])
+
+
+@pytest.mark.parametrize("even", [False, True])
+def test_readers_share_the_scenes(even, stored, whole):
+    """Each scene goes to one reader; another epoch is another order, the same epoch the same."""
+    readers = 5
+    batches = stored.batches(4096, seed=3, even=even)
+    found = [[phi[:, 0] for _, phi in batches.of(reader, readers, 1)] for reader in range(readers)]
+    assert [len(parts) for parts in found] == [len(batches.of(reader, readers, 1)) for reader in range(readers)]
+    counts = [sum(map(len, parts)) for parts in found]
+    assert max(counts) - min(counts) <= (0 if even else 1)
+    seen = np.concatenate([part for parts in found for part in parts])
+    assert len(seen) == COUNT - (COUNT % readers if even else 0)
+    assert np.isin(seen, whole.phi["task"]).all() and len(np.unique(seen)) == len(seen)
+    again = np.concatenate([phi[:, 0] for _, phi in batches.of(0, readers, 1)])
+    np.testing.assert_array_equal(again, np.concatenate(found[0]))
+    other = np.concatenate([phi[:, 0] for _, phi in batches.of(0, readers, 2)])
+    assert not np.array_equal(other, again)
+    # neighbours in the file are not neighbours in the stream: ranks of consecutive scenes are far apart
+    order = {value: place for place, value in enumerate(whole.phi["task"].tolist())}
+    places = np.array([order[value] for value in again.tolist()])
+    assert np.median(np.abs(np.diff(places))) > 1000
+
+
+def test_streams_of_tensors(stored):
+    import torch
+    from torch.utils.data import DataLoader
+
+    stream = stored.stream(10_000, seed=1)
+    first = torch.cat([phi for _, phi in stream])
+    second = torch.cat([phi for _, phi in stream])
+    assert first.dtype == torch.float32 and first.shape == (COUNT, 1) and not torch.equal(first, second)
+    stream.set_epoch(0)
+    assert torch.equal(torch.cat([phi for _, phi in stream]), first)
+    assert len(pickle.loads(pickle.dumps(stream))._batches.stored) == COUNT  # noqa: S301 - our own
+    loaded = DataLoader(stored.stream(10_000, rank=1, ranks=2, even=True), batch_size=None, num_workers=1)
+    assert sum(len(poses) for poses, _ in loaded) == COUNT // 2
+    with pytest.raises(RequestError, match="`rank`"):
+        stored.stream(rank=2, ranks=2)
+    with pytest.raises(RequestError, match="`batch`"):
+        stored.stream(0)
+
+
+def test_edits(stored, whole, tmp_path):
+    parts = split_set(stored, {"train": 0.75, "test": 0.25}, 7, f"{tmp_path}/parts/")
+    assert sum(one.scenes for one in parts.values()) == COUNT
+    assert abs(parts["train"].scenes / COUNT - 0.75) < 0.01
+    train, test = (scenegen.open_set(tmp_path / "parts" / name) for name in parts)
+    values = [np.concatenate([phi[:, 0] for _, phi in one.batches(shuffle=False)]) for one in (train, test)]
+    np.testing.assert_array_equal(np.sort(np.concatenate(values)), np.sort(whole.phi["task"]))
+    merged = merge_sets([train, test], f"{tmp_path}/merged/")
+    assert merged.scenes == COUNT
+    sources = merged.request["from"]["merged"]
+    assert sources[0]["request"]["from"]["part"] == "train" and len(sources[1]["sha256"]) == 1
+    hard = filter_set(stored, {"task": Range(0.0, 0.1)}, f"{tmp_path}/hard/")
+    kept = scenegen.read_scenes(tmp_path / "hard").phi["task"]
+    np.testing.assert_array_equal(kept, whole.phi["task"][whole.phi["task"] <= 0.1])
+    assert hard.complete and hard.request["from"]["phi"] == {"task": [0.0, 0.1]}
+    with pytest.raises(DataError, match="no scene of"):
+        filter_set(stored, {"task": Range(0.9, None)}, f"{tmp_path}/none/")
+    assert not (tmp_path / "none" / "manifest.json").exists()
+    with pytest.raises(RequestError, match="shares of a split"):
+        split_set(stored, {"a": 0.9, "b": 0.2}, 0, f"{tmp_path}/more/")
+    other = scenegen.parse("object mug, plate\ntask: rightOf(mug, plate)\n")
+    scenegen.sample_to(f"{tmp_path}/other/", other, n=100, workers=1)
+    with pytest.raises(DataError, match="their spec differ"):
+        merge_sets([stored, scenegen.open_set(tmp_path / "other")], f"{tmp_path}/both/")
+
+
+def test_a_report(stored, whole, tmp_path):
+    report = set_report(stored, map_jobs=here, verify=True)
+    assert not report.faults and report.repeated == 0 and report.scenes == COUNT and report.verified
+    assert report.phi["task"].sum() == COUNT and report.phi["task"].max() < 1.1 * COUNT / 32
+    assert report.places["mug"].sum() == COUNT and report.places["mug"].shape == (24, 16)
+    assert report.coverage is not None and min(report.coverage) > 0.9
+    twice = merge_sets([stored, stored], f"{tmp_path}/twice/")
+    assert set_report(scenegen.open_set(tmp_path / "twice"), map_jobs=here, timeout=0).repeated == twice.scenes // 2
+
+
+def test_damaged_shards_are_named(stored, tmp_path):
+    import shutil
+
+    folder = tmp_path / "set"
+    shutil.copytree(stored.location, folder)
+    first, second, _ = (folder / shard.file for shard in stored.shards)
+    data = bytearray(first.read_bytes())
+    data[len(data) // 2] ^= 1
+    first.write_bytes(data)
+    second.unlink()
+    report = set_report(scenegen.open_set(folder), map_jobs=here, verify=True)
+    assert [one.file for one in report.faults] == [first.name, second.name]
+    assert "checksum" in report.faults[0].fault and "missing" in report.faults[1].fault and report.coverage is None
+    with pytest.raises(DataError):
+        scenegen.read_scenes(folder)
+
+
+def test_phi_that_is_not_the_specs(stored, tmp_path, monkeypatch):
+    """--verify scores every scene again, and does not trust a checksum that was written beside wrong values."""
+    from scenegen.api import set_edit
+    from scenegen.formats.blocks import Block
+
+    wrong = lambda one: (Block(block.rows, block.phi + 1e-6) for block in set_edit._blocks(one))  # noqa: E731
+    set_edit.write_blocks(f"{tmp_path}/set/", stored, wrong(stored), {})
+    report = set_report(scenegen.open_set(tmp_path / "set"), map_jobs=here, verify=True, timeout=0)
+    assert len(report.faults) == 3 and "phi of `task` is off by 1e-06" in report.faults[0].fault

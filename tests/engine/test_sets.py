@@ -1,0 +1,234 @@
+"""Sets of shards: the same bytes from each engine, whatever happens on the way."""
+
+import dataclasses
+import hashlib
+
+import numpy as np
+import pytest
+
+from scenegen.engine.engines import Writing, chosen, open_engine
+from scenegen.engine.local import Local
+from scenegen.engine.sets import write_set
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.formats.blocks import Block
+from scenegen.formats.registry import read_scenes
+from scenegen.formats.sets import MANIFEST, Manifest, header_data, read_manifest, read_set
+from scenegen.formats.stores import store_at
+
+BLOCK, SHARD, COUNT = 300, 600, 2000
+
+
+class Elsewhere(Local):
+    """Holds scenes under a number, as a cluster does, and completes shards later than they were begun."""
+
+    def __init__(self, late=1):
+        super().__init__(1)
+        self.kept, self.late, self.begun, self.most = {}, late, [], 0
+
+    def pieces(self, drawing, first):
+        for drawn in super().pieces(drawing, first):
+            yield dataclasses.replace(drawn, scenes=self.hold(drawn.scenes))
+
+    def choose(self, which, parts):
+        return self.hold(chosen(which, {number: self.kept[held] for number, held in parts.items()}))
+
+    def fetch(self, scenes):
+        return self.kept[scenes]
+
+    def hold(self, scenes):
+        self.kept[len(self.kept)] = scenes
+        return len(self.kept) - 1
+
+    def write(self, writing, number, pieces, blocks):
+        self.begun.append((writing, number, pieces, [self.kept[one] for one in blocks]))
+
+    def written(self, *, wait):
+        ready = self.begun if wait else self.begun[: max(0, len(self.begun) - self.late)]
+        self.begun = self.begun[len(ready) :]
+        return [writing(number, pieces, blocks) for writing, number, pieces, blocks in ready]
+
+
+def run(folder, engine=None, store=None, wanted=COUNT, **options):
+    from made import SHA, Made, header_of
+
+    plan, place = Made(wanted), store_at(f"{folder}/") if store is None else store
+    manifest = Manifest(
+        request={"spec": SHA, "n": wanted, "plan": plan.plan_digest},
+        labels=["task"],
+        shard_size=SHARD,
+        header=header_data(header_of(plan)),
+    )
+    writing = Writing(plan, place, header_of(plan), ("task",))
+    account = lambda tally: {"method": "made", "pieces": tally.pieces}  # noqa: E731
+    return write_set(place, plan, engine or Local(1), manifest, writing, account, block=BLOCK, **options)
+
+
+def digest(folder):
+    return {one.name: hashlib.sha256(one.read_bytes()).hexdigest() for one in sorted(folder.iterdir()) if one.is_file()}
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A set that nothing disturbed."""
+    import sys
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).parent))
+    folder = tmp_path_factory.mktemp("plain") / "set"
+    run(folder)
+    return folder
+
+
+def test_what_is_in_a_set(plain, tmp_path):
+    from made import Made, stream
+
+    manifest = read_manifest(store_at(str(plain)))
+    assert manifest.complete and manifest.checkpoint is None and manifest.sampler["pieces"] > 5
+    assert [shard.scenes for shard in manifest.shards] == [600, 600, 600, 200]
+    stream(tmp_path / "x.parquet", Made(COUNT), size=BLOCK)
+    file = read_scenes(tmp_path / "x.parquet").whole()
+    scenes = read_set(store_at(str(plain))).whole()
+    np.testing.assert_array_equal(scenes.rows, file.rows)
+    np.testing.assert_array_equal(scenes.phi, file.phi)
+    phi = manifest.phi()["task"]
+    assert (phi.lowest, phi.highest) == (file.phi.min(), file.phi.max())
+    assert phi.mean == pytest.approx(file.phi.mean())
+    for shard in manifest.shards:
+        assert hashlib.sha256((plain / shard.file).read_bytes()).hexdigest() == shard.sha256
+        assert (plain / shard.file).stat().st_size == shard.bytes
+
+
+@pytest.mark.parametrize("engine", [lambda: Local(2), lambda: Elsewhere(1), lambda: Elsewhere(3)])
+def test_engines_give_the_same_bytes(engine, plain, tmp_path):
+    run(tmp_path / "set", engine())
+    assert digest(tmp_path / "set") == digest(plain)
+
+
+class Struck(Exception):  # noqa: N818 - stands for kill -9
+    pass
+
+
+class Fragile:
+    """A store whose process dies before, or after, its n-th change."""
+
+    def __init__(self, store, moment):
+        self.store, self.moment, self.count = store, moment, 0
+
+    def __getattr__(self, name):
+        return getattr(self.store, name)
+
+    def _change(self, call, *words):
+        self.count += 1
+        if self.count == self.moment:
+            raise Struck
+        call(*words)
+        if self.count + 0.5 == self.moment:
+            raise Struck
+
+    def write(self, name, data):
+        self._change(self.store.write, name, data)
+
+    def delete(self, *names):
+        self._change(self.store.delete, *names)
+
+
+@pytest.mark.parametrize("engine", [lambda: Local(1), lambda: Elsewhere(2)])
+def test_killed_anywhere_and_resumed(engine, plain, tmp_path):
+    whole = Fragile(store_at(f"{tmp_path}/whole/"), None)
+    run(None, engine(), whole)
+    assert whole.count > 12
+    for half in range(2, 2 * whole.count + 2):
+        folder = tmp_path / f"{half}"
+        with pytest.raises(Struck):
+            run(None, engine(), Fragile(store_at(f"{folder}/"), half / 2))
+        _, manifest = run(None, engine(), store_at(f"{folder}/"), resume=True)
+        assert manifest.complete and digest(folder) == digest(plain), half / 2
+
+
+def test_time_is_up(plain, tmp_path):
+    """What is complete is kept, and gone on with; or it is all there will be, with `keep_partial`."""
+    asked = iter([False, False, True])
+    _, manifest = run(tmp_path / "set", spent=lambda: next(asked))
+    assert not manifest.complete and 0 < manifest.scenes < COUNT
+    with pytest.raises(RequestError, match="of an unfinished run"):
+        run(tmp_path / "set")
+    with pytest.raises(RequestError, match="`n` was 2000, and is 2500 now"):
+        run(tmp_path / "set", wanted=2500, resume=True)
+    run(tmp_path / "set", resume=True)
+    assert digest(tmp_path / "set") == digest(plain)
+    asked = iter([False, False, True])
+    tally, manifest = run(tmp_path / "part", spent=lambda: next(asked), keep_partial=True)
+    assert manifest.complete and manifest.scenes == tally.found < COUNT
+    assert read_set(store_at(f"{tmp_path}/part/")).whole().count == tally.found
+
+
+def test_places_that_are_taken(plain, tmp_path):
+    with pytest.raises(RequestError, match="has a set of scenes already"):
+        run(plain)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"has other files: notes\.txt"):
+        run(tmp_path)
+    with pytest.raises(DataError, match="is not a set of scenes"):
+        read_manifest(store_at(str(tmp_path)))
+
+
+def test_what_is_not_part_of_the_set_is_removed(plain, tmp_path):
+    """A shard that a killed run wrote and never named would be read by whoever reads the folder."""
+    store = Fragile(store_at(f"{tmp_path}/set/"), 6.5)
+    with pytest.raises(Struck):
+        run(None, Elsewhere(3), store)
+    (tmp_path / "set" / "part-000009.parquet").write_bytes(b"left by a run of more shards")
+    run(tmp_path / "set", resume=True)
+    assert digest(tmp_path / "set") == digest(plain) and not (tmp_path / "set" / "_run").exists()
+
+
+def test_a_run_without_a_shard_is_begun_anew(plain, tmp_path):
+    """Even with `resume`, and whatever its request was: its manifest must not become that of this one."""
+    with pytest.raises(Struck):
+        run(None, None, Fragile(store_at(f"{tmp_path}/set/"), 4), wanted=900)
+    assert read_manifest(store_at(f"{tmp_path}/set/")).shards == []
+    run(tmp_path / "set", resume=True)
+    assert digest(tmp_path / "set") == digest(plain)
+
+
+def test_a_complete_set_is_left_as_it_is(plain):
+    before = digest(plain)
+    tally, manifest = run(plain, resume=True)
+    assert tally is None and manifest.complete and digest(plain) == before
+
+
+def test_damage_is_found(plain, tmp_path):
+    asked = iter([False, False, False, True])
+    _, manifest = run(tmp_path, spent=lambda: next(asked))
+    shard = tmp_path / manifest.shards[0].file
+    shard.write_bytes(shard.read_bytes()[:-9])
+    with pytest.raises(DataError, match="its size is not that of the manifest"):
+        run(tmp_path, resume=True)
+    shard.unlink()
+    with pytest.raises(DataError, match="it is missing"):
+        run(tmp_path, resume=True)
+    (tmp_path / MANIFEST).write_text("{}")
+    with pytest.raises(DataError, match="is not a set of scenes"):
+        run(tmp_path, resume=True)
+
+
+def test_chosen_scenes():
+    parts = {
+        7: Block(np.arange(8.0).reshape(2, 4), np.arange(4.0)[None]),
+        -1: Block(-np.ones((2, 2)), -np.ones((1, 2))),
+    }
+    block = chosen(np.array([[7.0, -1.0, 7.0], [3.0, 1.0, 0.0]]), parts)
+    np.testing.assert_array_equal(block.rows, [[3.0, -1.0, 0.0], [7.0, -1.0, 4.0]])
+    np.testing.assert_array_equal(block.phi, [[3.0, -1.0, 0.0]])
+
+
+def test_engines_that_are_not_there(monkeypatch):
+    import sys
+
+    with pytest.raises(RequestError, match="there is no engine `rey`"):
+        open_engine("rey", None, None)
+    with pytest.raises(RequestError, match="that of a Ray cluster"):
+        open_engine("local", None, None, "10.0.0.1:6379")
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(RequestError, match=r"ray is needed .* and is not installed"):
+        open_engine("ray", None, None)

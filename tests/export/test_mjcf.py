@@ -1,0 +1,185 @@
+"""MJCF in the hands of MuJoCo: it loads, objects are where the scene says, and they stay there."""
+
+import itertools
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.assets import parts_of, shape_of
+from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.resources import shipped_specs
+from scenegen.scene.data import footprint_of
+from tests.export.worlds import crates, library, scenes_of, tower
+
+
+def load(path):
+    model = mujoco.MjModel.from_xml_path(str(path))
+    return model, mujoco.MjData(model)
+
+
+def poses(model, data, names):
+    """x, y, z, theta of bodies that stand upright."""
+    where = []
+    for name in names:
+        body = data.body(name)
+        w, x, y, z = body.xquat
+        assert abs(x) < 1e-12 and abs(y) < 1e-12
+        where.append([*body.xpos, 2.0 * math.atan2(z, w) % math.tau])
+    return np.array(where)
+
+
+def shifts(model, data, seconds=1.0):
+    """(bodies,): how far each gets from where it is, at most, within the time; its tips are looked at as well."""
+    tips = np.concatenate([np.zeros((1, 3)), 0.1 * np.eye(3)])
+
+    def corners():
+        return data.xpos[:, None] + tips @ data.xmat.reshape(-1, 3, 3).transpose(0, 2, 1)
+
+    mujoco.mj_forward(model, data)
+    start, worst = corners(), np.zeros(model.nbody)
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        worst = np.maximum(worst, np.linalg.norm(corners() - start, axis=2).max(axis=1))
+    return worst
+
+
+HEIGHTS = [[0.0, 0.007, 0.02, 0.07, 0.0], [0.0] * 5]  # plate, mug, two blocks and the tray of `tower`
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_objects_are_where_the_scene_says(together, tmp_path):
+    scenes = tower()
+    files = scenes.export(tmp_path / ("all.xml" if together else "all"), to="mjcf")
+    assert [path.name for path in files] == (["all.xml"] if together else ["scene_0001.xml", "scene_0002.xml"])
+    for k, heights in enumerate(HEIGHTS):
+        model, data = load(files[0 if together else k])
+        assert model.nkey == (2 if together else 1)
+        for reset in [True] if together else [True, False]:  # as it is loaded, and by its keyframe
+            mujoco.mj_resetData(model, data)
+            if reset:
+                mujoco.mj_resetDataKeyframe(model, data, k if together else 0)
+            mujoco.mj_kinematics(model, data)
+            found = poses(model, data, scenes.objects)
+            np.testing.assert_allclose(found[:, [0, 1, 3]], scenes.poses[k], atol=1e-9)
+            np.testing.assert_allclose(found[:, 2], heights, atol=1e-9)
+
+
+def test_bodies_are_what_the_library_says(tmp_path):
+    (path,) = tower().export(tmp_path / "all.xml")
+    model, data = load(path)
+    assert [model.body(name).jntnum[0] for name in ("plate", "mug", "tray")] == [1, 1, 0]
+    assert model.body("mug").mass == pytest.approx(0.35) and model.body("block[2]").mass == pytest.approx(0.08)
+    np.testing.assert_allclose(model.body("block[2]").inertia, 0.08 * 0.05**2 / 6, rtol=1e-8)
+    np.testing.assert_allclose(model.body("block[2]").ipos, [0.0, 0.0, 0.025], atol=1e-12)
+    mujoco.mj_resetDataKeyframe(model, data, 1)
+    mujoco.mj_step(model, data, 50)
+    pairs = {tuple(model.geom_bodyid[[one.geom1, one.geom2]]) for one in data.contact}
+    mug, table = model.body("mug").id, model.body("table").id
+    assert (min(mug, table), max(mug, table)) in pairs
+    sliding = {float(one.friction[0]) for one in data.contact if mug in model.geom_bodyid[[one.geom1, one.geom2]]}
+    assert sliding == {0.45}
+
+
+def test_the_whole_library_stands_still(tmp_path):
+    scenes = library()
+    (path,) = scenes.export(tmp_path / "all.xml")
+    model, data = load(path)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    moved = dict(
+        zip(scenes.objects, shifts(model, data)[[model.body(name).id for name in scenes.objects]], strict=True)
+    )
+    assert max(moved.values()) < 1e-3, moved
+
+
+def test_towers_stand_still(tmp_path):
+    (path,) = tower().export(tmp_path / "all.xml")
+    model, data = load(path)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    assert shifts(model, data).max() < 2e-3
+
+
+def test_what_is_seen_is_what_the_library_draws(tmp_path):
+    """The corners of everything drawn, as MuJoCo places them, are the library's at the scene's poses."""
+    scenes = tower()
+    (path,) = scenes.export(tmp_path / "all.xml")
+    model, data = load(path)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    for name, shape in (("mug", shape_of("mug")), ("block[2]", shape_of("block")), ("plate", shape_of("plate"))):
+        body = model.body(name)
+        (x, y, theta), z = scenes.poses[0, scenes.objects.index(name)], data.body(name).xpos[2]
+        geoms = [body.geomadr[0] + k for k in range(body.geomnum[0])]
+        drawn = [geom for geom in geoms if model.geom_group[geom] == 2]
+        parts = parts_of(shape, (1.0, 0.0, 0.0))
+        assert len(drawn) == len(parts)
+        for geom, part in zip(drawn, parts, strict=True):
+            mesh = model.mesh(model.geom_dataid[geom])
+            local = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]]
+            seen = local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            cos, sin = math.cos(theta), math.sin(theta)
+            turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            wanted = part.mesh.vertices @ turn.T + (x, y, z)
+            far = np.linalg.norm(wanted[:, None] - seen[None], axis=2)
+            assert max(far.min(axis=0).max(), far.min(axis=1).max()) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["cylinder(0.000001, 0.000001)", "box(0.0001, 0.0001, 0.0001)", "box(0.3, 0.0005, 0.001)", "box(90, 90, 9)"],
+)
+def test_specks_and_giants_load(shape, tmp_path):
+    places = {"mug": (-100.0, 0.1, 0.0), "thing": (0.5, 0.5, 1.0)}
+    text = f"workspace [-100, 100] x [-100, 100]\nobject mug, thing = {shape}\ntask: leftOf(mug, thing)"
+    (path,) = scenes_of(text, places).export(tmp_path / "all.xml")
+    model, data = load(path)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    assert shifts(model, data, 0.2).max() < 0.01
+
+
+def test_golden(golden, tmp_path):
+    (path,) = crates().export(tmp_path / "all.xml")
+    golden("export/crates.xml", path.read_text())
+
+
+def settled(scenes, path):
+    """(scenes,): whether no object gets further than a centimetre in a second."""
+    (file,) = scenes.export(path)
+    model, data = load(file)
+    still = []
+    for k in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, k)
+        still.append(shifts(model, data).max() < 0.01)
+    return np.array(still)
+
+
+def clear(scenes):
+    """(scenes,): no two objects overlap, or one is wholly within the other's outline and so stands on it."""
+    prints = [footprint_of(one.shape.footprint) for one in scenes.header.objects]
+    good = np.ones(len(scenes), dtype=bool)
+    gap, room = PRIMITIVES["gap"].evaluate, PRIMITIVES["room"].evaluate
+    for a, b in itertools.combinations(range(len(prints)), 2):
+        (first, one), (second, two) = (prints[a], scenes.poses[:, a].T), (prints[b], scenes.poses[:, b].T)
+        good &= (
+            (gap(NUMPY, first, second, *one, *two) >= 0.0)
+            | (room(NUMPY, first, second, *one, *two) >= 0.0)
+            | (room(NUMPY, second, first, *two, *one) >= 0.0)
+        )
+    return good
+
+
+@pytest.mark.parametrize("name", ["breakfast", "sushi_plate"])
+def test_scenes_settle(name, tmp_path):
+    scenes = scenegen.sample(scenegen.load(shipped_specs()[name]), {"task": (0.0, None)}, n=4, seed=1)
+    assert clear(scenes).all() and settled(scenes, tmp_path / "all.xml").all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", shipped_specs())
+def test_a_hundred_scenes_of_every_spec_settle(name, tmp_path):
+    scenes = scenegen.sample(scenegen.load(shipped_specs()[name]), n=100, seed=3)
+    declared = scenes.header.heights is not None  # and noCollision is required
+    good = np.ones(len(scenes), dtype=bool) if declared else clear(scenes)
+    assert good.sum() >= 10 and settled(scenes, tmp_path / "all.xml")[good].mean() >= 0.95

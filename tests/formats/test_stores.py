@@ -1,0 +1,115 @@
+"""Folders by path and URL: written whole, tried again where that can help, and every failure in plain words."""
+
+import errno
+import pickle
+
+import pyarrow.fs
+import pytest
+
+from scenegen.errors import DataError, OutputError
+from scenegen.formats import stores
+from scenegen.formats.locations import as_location, is_set, names_set
+from scenegen.formats.stores import Store, store_at
+
+
+class Flaky:
+    """A file system whose first calls fail."""
+
+    def __init__(self, folder, *errors):
+        self.inner, self.folder, self.errors, self.calls = pyarrow.fs.LocalFileSystem(), folder, list(errors), 0
+
+    def __getattr__(self, name):
+        def call(*words, **options):
+            self.calls += 1
+            if self.errors:
+                raise self.errors.pop(0)
+            return getattr(self.inner, name)(*words, **options)
+
+        return call
+
+
+@pytest.fixture
+def waits(monkeypatch):
+    """The clock stands still but for the waits between tries."""
+    found, now = [], [0.0]
+
+    def sleep(seconds):
+        found.append(seconds)
+        now[0] += seconds
+
+    monkeypatch.setattr(stores.time, "sleep", sleep)
+    monkeypatch.setattr(stores.time, "monotonic", lambda: now[0])
+    return found
+
+
+def flaky(folder, *errors):
+    return Store("s3://bucket/set/", Flaky(folder, *errors), str(folder), False)
+
+
+def test_a_folder(tmp_path):
+    store = store_at(f"{tmp_path}/set/")
+    assert store.local and store.sizes() == {}
+    store.make()
+    store.write("_run/a.npy", b"12345")
+    store.write("b", b"1")
+    assert store.sizes() == {"_run/a.npy": 5, "b": 1}
+    assert store.read("_run/a.npy") == b"12345" and store.open("b").read() == b"1"
+    store.delete("b", "never there")
+    assert store.sizes() == {"_run/a.npy": 5}
+    assert pickle.loads(pickle.dumps(store)).read("_run/a.npy") == b"12345"  # noqa: S301 - our own
+    assert store_at(f"file://{tmp_path}/set").local
+    with pytest.raises(DataError, match=r"cannot read gone in .*no such file"):
+        store.read("gone")
+
+
+def test_a_store_that_fails_for_ten_seconds(tmp_path, waits):
+    busy = OSError("When completing multiple part upload: AWS Error SLOW_DOWN during CompleteMultipartUpload")
+    store = flaky(tmp_path, *[busy] * 6)
+    store.write("part", b"x")
+    assert (tmp_path / "part").read_bytes() == b"x" and store.system.calls == 7
+    assert sum(waits) > 10 and waits == sorted(waits)
+
+
+def test_a_store_that_died(tmp_path, waits):
+    store = flaky(tmp_path, *[OSError("AWS Error NETWORK_CONNECTION during PutObject operation")] * 99)
+    with pytest.raises(
+        OutputError, match=r"cannot write part-3 in s3://bucket/set/: the store does not answer, tried 1\d"
+    ):
+        store.write("part-3", b"x")
+    assert 30 < sum(waits) < 60
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError("AWS Error ACCESS_DENIED during PutObject operation"), "access denied"),
+        (OSError("AWS Error NO_SUCH_BUCKET during HeadBucket"), "there is no such bucket"),
+        (PermissionError(errno.EACCES, "Permission denied"), "permission denied"),
+    ],
+)
+def test_final_answers_are_not_asked_for_again(error, said, tmp_path, waits):
+    store = flaky(tmp_path, error)
+    with pytest.raises(OutputError, match=f"cannot write x in s3://bucket/set/: {said}\n"):
+        store.write("x", b"x")
+    assert store.system.calls == 1 and not waits
+
+
+def test_a_full_disk(tmp_path, monkeypatch):
+    def full(path, data):
+        raise stores.OutputError(stores.CANNOT_WRITE_STORE(file="x", location="y", reason="full", remedy="make room"))
+
+    monkeypatch.setattr(stores, "write_whole", full)
+    with pytest.raises(OutputError, match="full"):
+        store_at(str(tmp_path)).write("x", b"x")
+
+
+def test_urls(tmp_path):
+    from pathlib import Path
+
+    assert is_set("s3://bucket/set") and is_set("new/") and is_set(str(tmp_path)) and not is_set("x.parquet")
+    assert names_set("new/") and names_set("s3://bucket/set") and not names_set(str(tmp_path))
+    assert as_location(Path("s3://bucket/set/")) == "s3://bucket/set"
+    assert as_location(Path("data/x")) == "data/x"
+    assert stores.shown("s3://key:secret@bucket/set/?endpoint_override=localhost") == "s3://bucket/set/"
+    with pytest.raises(DataError, match="cannot open s4://bucket/set/"):
+        store_at("s4://bucket/set/")

@@ -1,0 +1,136 @@
+"""The last step of a model: onto the wanted phi, within what is required, without changing what is right."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from scenegen.evaluation.screen import kolmogorov_smirnov
+from scenegen.lang.check import check_text
+from scenegen.lang.core import REQUIRE, gated
+from scenegen.models.codec import Codec
+from scenegen.models.correction import Correction, newton
+from scenegen.models.stirring import Stir
+from scenegen.robustness import Robustness
+
+TEXT = """object a = cylinder(0.05, 0.1), b = cylinder(0.05, 0.1), c = cylinder(0.05, 0.1) at (0.5, 0.5)
+require noOverlap()
+near: closeTo(a, b, 0.3) & leftOf(a, b)
+apart: farFrom(b, c, 0.2)
+"""
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return check_text(TEXT, "three.spec")
+
+
+def uniform(spec):
+    """A proposer that knows nothing of phi."""
+    codec = Codec(spec.workspace, len(spec.objects))
+
+    def make(wanted, generator):
+        rows = codec.decode(torch.rand(wanted.shape[1], 3 * len(spec.objects), generator=generator))
+        rows[6:9] = torch.tensor([0.5, 0.5, 0.0])[:, None]
+        return rows
+
+    return make
+
+
+def of(spec, rows):
+    return Robustness(gated(spec.core)).rows(rows)
+
+
+@pytest.mark.parametrize("wanted", [(-0.2, 0.1), (0.1, math.nan), (math.nan, -0.1)])
+def test_scenes_come_to_the_wanted_phi_and_meet_what_is_required(spec, wanted):
+    phi = torch.tensor(wanted)[:, None].expand(2, 400)
+    correct = Correction(spec, torch.tensor([1.0, 1.0]))
+    rows = correct(uniform(spec), phi, torch.Generator().manual_seed(1))
+    found = of(spec, rows)
+    good = found[-1] >= 0.0
+    for place, value in enumerate(wanted):
+        if not math.isnan(value):
+            good &= (found[place] - value).abs() <= 1.1e-3
+    assert float(good.float().mean()) > 0.97
+    assert bool(((rows[0::3] >= 0.0) & (rows[0::3] <= 1.0) & (rows[1::3] >= 0.0) & (rows[1::3] <= 1.0)).all())
+    assert bool((rows[6:8] == 0.5).all()) and bool((rows[8] == 0.0).all())  # held in place
+
+
+def test_the_generator_alone_decides_and_scenes_that_are_right_stay_near(spec):
+    phi = torch.tensor([0.1, 0.2])[:, None].expand(2, 300)
+    correct = Correction(spec, torch.tensor([1.0, 1.0]))
+    one, two = (correct(uniform(spec), phi, torch.Generator().manual_seed(3)) for _ in range(2))
+    assert torch.equal(one, two)
+    right = correct._stir._right(one, phi)
+    again, _ = correct._corrected(one, phi)
+    assert float(right.float().mean()) > 0.9 and torch.equal(again[:, right], one[:, right])
+
+
+def test_newton_is_the_shortest_step_that_closes_the_gaps():
+    random = torch.Generator().manual_seed(0)
+    jacobian = torch.randn(2, 6, 50, generator=random)
+    gap = 0.01 * torch.randn(2, 50, generator=random)
+    far = torch.ones(2, 50, dtype=torch.bool)
+    step = newton(jacobian, gap, far)
+    torch.testing.assert_close((jacobian * step).sum(1), gap, atol=2e-4, rtol=0.0)
+    expected = torch.stack([torch.linalg.pinv(jacobian[:, :, k]) @ gap[:, k] for k in range(50)], 1)
+    torch.testing.assert_close(step, expected, atol=2e-4, rtol=0.0)
+    one = newton(jacobian[:1], gap[:1], far[:1])
+    torch.testing.assert_close((jacobian[0] * one).sum(0), gap[0], atol=1e-5, rtol=0.0)
+
+
+def test_moves_keep_phi_and_what_is_required(spec):
+    phi = torch.tensor([-0.1, math.nan])[:, None].expand(2, 500)
+    correct = Correction(spec, torch.tensor([1.0, 1.0]))
+    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1)), phi)
+    stir = Stir(spec, torch.full((2, 1), 1e-3))
+    assert stir.count
+    moved = stir(rows, phi, torch.Generator().manual_seed(2))
+    assert torch.equal(moved[:, off], rows[:, off]) and not torch.equal(moved[:, ~off], rows[:, ~off])
+    found = of(spec, moved[:, ~off])
+    assert bool(((found[0] + 0.1).abs() <= 1.01e-3).all()) and bool((found[-1] >= 0.0).all())
+    assert bool((moved[6:8] == 0.5).all())
+
+
+def test_moves_leave_the_truth_alone_and_mend_what_is_not():
+    """Uniform scenes of a band stay uniform; crowded ones become more so."""
+    spec = check_text("object a, b\ntask: closeTo(a, b, 0.4)", "two.spec")
+    band = torch.full((1, 1), 0.1)  # phi within 0.1 of 0.1
+    stir = Stir(spec, band)
+    generator = torch.Generator().manual_seed(0)
+    rows = Codec(spec.workspace, 2).decode(torch.rand(60_000, 6, generator=generator))
+    inside = (of(spec, rows)[0] - 0.1).abs() <= 0.1
+    true = rows[:, inside]
+    wanted = torch.full((1, true.shape[1]), 0.1)
+    true, fresh = true[:, ::2], true[:, 1::2]
+    stirred = stir(fresh, wanted[:, : fresh.shape[1]], generator)
+    for left, right in (([0], [0]), ([0, 3], [0, 3]), ([1, 4], [1, 4])):
+        numbers = [float(1 - 2 * k) for k in range(len(left))]
+        a, b = (
+            sum(number * part[row] for number, row in zip(numbers, which, strict=True)).double().numpy()
+            for part, which in ((true, left), (stirred, right))
+        )
+        assert kolmogorov_smirnov(a, b)[1] > 1e-4
+    crowded = fresh[:, fresh[0] < fresh[3]]  # only the half with a to the left
+    apart = []
+    for some in (crowded, stir(crowded, wanted[:, : crowded.shape[1]], generator)):
+        a, b = ((part[0] - part[3]).double().numpy() for part in (true, some))
+        apart.append(kolmogorov_smirnov(np.asarray(a), np.asarray(b))[0])
+    assert apart[0] > 0.4 and apart[1] < 0.5 * apart[0]
+
+
+def test_what_is_out_of_reach_is_given_up_soon(spec):
+    made = []
+
+    def make(wanted, generator):
+        made.append(wanted.shape[1])
+        return uniform(spec)(wanted, generator)
+
+    phi = torch.tensor([5.0, math.nan])[:, None].expand(2, 100)
+    rows = Correction(spec, torch.tensor([1.0, 1.0]))(make, phi, torch.Generator().manual_seed(1))
+    assert bool(torch.isfinite(rows).all()) and sum(made) <= 500
+
+
+def test_the_requirement_is_a_value_of_its_own(spec):
+    assert list(gated(spec.core).labels) == ["near", "apart", REQUIRE]

@@ -1,0 +1,137 @@
+"""A support that is a choice, against scenes made without scenegen's formula: surfaces drawn first, then places."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import scenegen
+from scenegen.api.scenes import evaluate
+from scenegen.api.sweep import sweep
+from scenegen.curriculum import TableTop
+from scenegen.errors import DataError, RequestError
+
+SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
+object tray, can[2] on any of [tray, mat, workspace]{}
+task: closeTo(can[1], can[2], 40 cm)
+"""
+
+
+def by_hand(spec, count, by_area, rng):
+    """For both cans which surface they are on, (2, count), and x, y of both, (4, count); in the range."""
+    tray, can = (spec.checked.shapes[which] for which in (0, 1))
+    length, width = (size - 2.0 * can.footprint.radius for size in spec.checked.choices[1].options[0].outline.extent)
+    assert length < tray.footprint.length and can.height > 0.0
+    areas = np.array([length * width, 0.4 * 0.2, 1.0])
+    tries = 20 * count
+    x, y, theta = rng.random(tries), rng.random(tries), rng.random(tries) * math.tau
+    on, places = [], []
+    for _ in range(2):
+        chosen = rng.choice(3, size=tries, p=areas / areas.sum() if by_area else None)
+        u, v = (rng.random(tries) - 0.5) * length, (rng.random(tries) - 0.5) * width
+        at_x = x + np.cos(theta) * u - np.sin(theta) * v, 0.55 + 0.4 * rng.random(tries), rng.random(tries)
+        at_y = y + np.sin(theta) * u + np.cos(theta) * v, 0.1 + 0.2 * rng.random(tries), rng.random(tries)
+        on.append(chosen)
+        places += [np.choose(chosen, at_x), np.choose(chosen, at_y)]
+    near = np.hypot(places[0] - places[2], places[1] - places[3]) <= 0.4
+    return np.stack(on)[:, near][:, :count], np.stack(places)[:, near][:, :count]
+
+
+@pytest.mark.parametrize("words", ["", " by area"])
+def test_choices_are_the_truth(words):
+    compare(words, "rejection", 1000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["", " by area"])
+@pytest.mark.parametrize("method", ["rejection", "growth", "splitting"])
+def test_choices_are_the_truth_by_all_methods(words, method):
+    compare(words, method, 2000)
+
+
+def compare(words, method, count):
+    """Surfaces by chi-square, places by Kolmogorov-Smirnov."""
+    spec, phi = scenegen.parse(SPEC.format(words)), {"task": (0.0, None)}
+    scenes = scenegen.sample(spec, phi, count, seed=3, method=method, spread="base", workers=1, timeout=600.0)
+    on, places = by_hand(spec, 8 * count, bool(words), np.random.default_rng(5))
+    counted = int(count * scenes.header.sampler.get("effective_share", 1.0))
+    mine, true = (np.bincount(one[0] * 3 + one[1], minlength=9) for one in (scenes.on[:counted].T.astype(int) - 1, on))
+    kept = mine + true > 8
+    assert stats.chi2_contingency(np.stack([mine, true])[:, kept]).pvalue > 0.002
+    found = scenes.poses[:counted, 1:, :2].reshape(counted, 4).T
+    assert min(stats.ks_2samp(one, other).pvalue for one, other in zip(found, places, strict=True)) > 0.002
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    spec = scenegen.parse(SPEC.format("") + "high: z(can[1]) - top(can[2]) >= 5 cm")
+    return spec, scenegen.sample(spec, {"task": (0.0, None)}, 40, seed=1, workers=1)
+
+
+def test_phi_is_that_of_the_surfaces(scenes):
+    spec, found = scenes
+    tray = spec.checked.choices[1].options[0].height
+    bottoms = np.array([tray, 0.2, 0.0])[found.on.astype(int) - 1]
+    height = spec.checked.shapes[1].height
+    assert found.phi["high"] == pytest.approx(bottoms[:, 0] - bottoms[:, 1] - height - 0.05)
+    assert found.poses7()[:, 1:, 2] == pytest.approx(bottoms)
+
+
+@pytest.mark.parametrize("ending", ["json", "jsonl", "parquet"])
+def test_files_say_on_what_objects_stand(scenes, tmp_path, ending):
+    spec, found = scenes
+    again = scenegen.read_scenes(found.save(tmp_path / f"scenes.{ending}"))
+    assert (again.poses == found.poses).all() and (again.on == found.on).all()
+    values = evaluate(spec.checked, again)
+    assert all((values[name] == found.phi[name]).all() for name in spec.labels)
+    assert (again[3:5].on == found.on[3:5]).all()
+    names = [one.on for one in found.header.choosers[0].support.any]
+    assert names == ["tray.inside", "mat", "workspace"]
+    assert found[0].poses["can[1]"].on == names[int(found.on[0, 0]) - 1]
+
+
+def test_a_stream_has_the_same_scenes(scenes, tmp_path):
+    spec, found = scenes
+    scenegen.sample_to(tmp_path / "a.jsonl", spec, {"task": (0.0, None)}, 40, seed=1, workers=2)
+    found.save(tmp_path / "b.jsonl")
+    assert (tmp_path / "a.jsonl").read_bytes() == (tmp_path / "b.jsonl").read_bytes()
+
+
+def test_a_fixed_object_keeps_its_choice(scenes):
+    spec, _ = scenes
+    held = scenegen.sample(spec, {"task": (0.0, None)}, 30, fix={"can[1]": (0.7, 0.2)}, workers=1)
+    assert (held.poses[:, 1, :2] == (0.7, 0.2)).all() and set(held.on[:, 0]) >= {2.0, 3.0}
+
+
+def test_what_has_no_place_for_a_choice_says_so(scenes):
+    spec, found = scenes
+    for call in (
+        spec.robustness,
+        lambda: scenegen.train(spec, out="choice.safetensors"),
+        lambda: sweep(found, None, 4),
+    ):
+        with pytest.raises(RequestError) as refused:
+            call()
+        assert refused.value.diagnostics[0].code == "choices-not-here"
+
+
+def test_environments_see_the_choice(scenes):
+    spec, found = scenes
+    env = TableTop(spec, goal="task", source=found)
+    seen, _ = env.reset(seed=1, options={"phi": (0.0, 0.4)})
+    assert env.views.names[-2:] == ("can[1].on", "can[2].on")
+    middles = [2.0 * middle - 1.0 for middle in spec.checked.choices[1].middles]
+    assert all(min(abs(value - one) for one in middles) < 1e-6 for value in seen[-2:])
+    again, info = env.reset(options={"scene": found[3]})
+    on = [middles[int(one) - 1] for one in found.on[3]]
+    assert again[-2:] == pytest.approx(on, abs=1e-6) and info["phi"]["task"] == pytest.approx(found.phi["task"][3])
+
+
+def test_scenes_without_the_choice_are_refused(scenes):
+    spec, _ = scenes
+    plain = scenegen.parse("object tray, can[2]\ntask: closeTo(can[1], can[2], 40 cm)")
+    other = scenegen.sample(plain, {"task": (0.0, None)}, 2, workers=1)
+    with pytest.raises(DataError) as refused:
+        evaluate(spec.checked, other)
+    assert refused.value.diagnostics[0].code == "no-surface-given"

@@ -1,0 +1,80 @@
+"""Training refuses what cannot be learnt before any work, says where the time went, and does not gather for hours."""
+
+import pytest
+import torch
+
+import scenegen
+from scenegen.cli import train as command
+from scenegen.errors import RequestError
+from scenegen.models.examples import EVERY
+from scenegen.training.datasets import balanced as module
+from scenegen.training.datasets.balanced import _jointly, balanced
+from scenegen.training.datasets.gathering import Gathering
+
+NEVER = "object a, b\ntask: leftOf(a, b) & farFrom(a, b, 20 cm) & closeTo(a, b, 10 cm)"
+
+
+def test_a_label_that_no_scene_satisfies_is_refused_with_the_reason_of_check(tmp_path, monkeypatch):
+    from scenegen.training import loop
+
+    monkeypatch.setattr(loop, "make_feed", lambda *_: pytest.fail("work was done"))
+    with pytest.raises(RequestError) as caught:
+        scenegen.train(scenegen.parse(NEVER), out=tmp_path / "m")
+    [diagnostic] = caught.value.diagnostics
+    assert diagnostic.severity == "error" and "can never be satisfied" in diagnostic.title
+    assert "closeTo(a, b, 0.1)" in diagnostic.note and not list(tmp_path.iterdir())
+
+
+def test_a_label_that_does_not_vary_is_refused(tmp_path, monkeypatch):
+    from scenegen.api import feasibility
+
+    monkeypatch.setattr(feasibility, "spec_bounds", lambda spec: {"task": (0.3, 0.3)})
+    with pytest.raises(RequestError, match="is 0\\.3 in every scene"):
+        scenegen.train(scenegen.parse("leftOf(a, b)"), out=tmp_path / "m")
+
+
+def test_the_time_of_the_whole_is_told(monkeypatch):
+    now = iter([0.0, 31.0, 131.0, 142.0])
+    monkeypatch.setattr(command.time, "monotonic", lambda: next(now))
+    steps = []
+    clock = command.Clock()
+    step = clock.told(lambda *both: steps.append(both))
+    step(1, 9)
+    step(2, 9)
+    clock.trained()
+    assert str(clock) == "142 s in all (gathering 31 s, training 100 s, card 11 s)" and steps == [(1, 9), (2, 9)]
+
+
+def test_rare_scenes_are_fewer_and_said_so(monkeypatch):
+    monkeypatch.setattr(module, "WORK", 1)
+    monkeypatch.setattr(module, "FEWEST", 50)
+    spec, notes = scenegen.parse("leftOf(a, b) & closeTo(a, b, 0.2)").checked, []
+    data = balanced(spec, 400, torch.Generator().manual_seed(0), Gathering(note=notes.append))
+    again = balanced(spec, 400, torch.Generator().manual_seed(0))
+    assert len(data) == 100 and data.sha256 == again.sha256
+    assert notes and "50 of 200 are drawn" in notes[0].title
+
+
+def test_what_is_not_thinned_is_as_it_came():
+    """Thinning takes the rare cells first; what it leaves over would lack them."""
+    phi = torch.rand(2, 30_000, generator=torch.Generator().manual_seed(0)) ** 3
+    kept, joint = _jointly(phi, [(0.0, 1.0), (0.0, 1.0)], 10_000, torch.Generator().manual_seed(1))
+    plain, thinned = phi[0, kept[~joint]], phi[0, kept[joint]]
+    assert len(plain) == len(thinned) == 5000 and len(torch.unique(kept)) == 10_000
+    assert float((plain > 0.5).float().mean()) == pytest.approx(float((phi[0] > 0.5).float().mean()), abs=0.02)
+    assert float((thinned > 0.5).float().mean()) > 0.35
+
+
+def test_scenes_of_several_labels_say_by_which_they_were_balanced():
+    spec = scenegen.parse("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)").checked
+    data = balanced(spec, 2000, torch.Generator().manual_seed(0))
+    assert set(data.balanced.tolist()) == {0, 1, EVERY}
+    alone = data.phi[0][data.balanced == 0]  # flat in the first label, the other as it comes
+    assert float((alone > 0.0).float().mean()) == pytest.approx(0.5, abs=0.06)
+    assert balanced(scenegen.parse("leftOf(a, b)").checked, 50, torch.Generator().manual_seed(0)).balanced is None
+
+
+def test_a_model_asked_for_fewer_scenes_than_cells_is_not_blamed(tmp_path):
+    model = scenegen.train(scenegen.parse("leftOf(a, b)"), out=tmp_path / "m", epochs=1, scenes=2000, card=False)
+    scenes = scenegen.sample(model, {"task": (-0.3, 0.3)}, 10)
+    assert len(scenes) == 10 and not [one for one in scenes.warnings if "cells" in one.title]

@@ -1,0 +1,193 @@
+"""What workers do for the page, in this process."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.cli.eval import as_json
+from scenegen.errors import DataError, RequestError, SpecError
+from scenegen.resources import shipped_specs
+from scenegen.view.jobs import JOBS, TABLE
+from scenegen.view.limits import SECONDS
+from scenegen.view.wire import dumps
+
+TEXT = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate) & closeTo(mug, plate, 30 cm)\n"
+
+
+def do(job, tmp_path, **fields):
+    message = {"job": job, "root": str(tmp_path), "path": None, "text": TEXT, **fields}
+    return list(JOBS[job](message))
+
+
+def test_every_job_has_a_time_limit():
+    assert set(TABLE) == set(SECONDS)
+    assert all(callable(JOBS[name]) for name in TABLE)
+
+
+def test_check_describes_a_spec_and_lists_its_problems(tmp_path):
+    described, problems = do("check", tmp_path)
+    spec = described["spec"]
+    assert [one["name"] for one in spec["objects"]] == ["mug", "plate"]
+    assert spec["requires"] and set(spec["trees"]) == {"task", "require"}
+    first, second = spec["trees"]["task"]["parts"]
+    assert TEXT[slice(*first["spans"][0])] == "leftOf(mug, plate)"
+    assert TEXT[slice(*second["spans"][0])] == "closeTo(mug, plate, 30 cm)"
+    assert problems == {"problems": []}
+
+
+def test_check_of_a_mistake_has_problems_alone(tmp_path):
+    described, problems = do("check", tmp_path, text="leftof(mug, plate)")
+    assert described == {"spec": None}
+    (one,) = problems["problems"]
+    assert "did you mean `leftOf`?" in one["message"] and one["range"]["end"]["character"] == 6
+
+
+def test_check_names_what_clashes(tmp_path):
+    _, problems = do("check", tmp_path, text="leftOf(mug, plate) & rightOf(mug, plate) & x(mug) >= x(plate) + 10 cm")
+    assert "clash" in problems["problems"][0]["message"]
+
+
+@pytest.mark.parametrize("name", ["chess_corner", "sort_7", "tea_party"])
+def test_shipped_specs_are_described_as_json(tmp_path, name):
+    text = shipped_specs()[name].read_text()
+    for part in do("check", tmp_path, text=text):
+        json.loads(dumps(part))
+
+
+def test_evaluate_agrees_with_eval_to_the_bit(tmp_path):
+    spec = scenegen.parse(TEXT)
+    scenes = scenegen.sample(spec, n=4, seed=3)
+    (found,) = do("evaluate", tmp_path, poses=json.loads(json.dumps(scenes.poses.tolist())), why=True)
+    path = scenes.save(tmp_path / "scenes.json")
+    told = as_json(spec, scenegen.read_scenes(path))["scenes"]
+    assert found["phi"]["task"] == [one["phi"]["task"] for one in told]
+    assert found["require"] == [one["require"] for one in told]
+    task = found["decides"]["task"]
+    assert task["value"] == found["phi"]["task"][0]
+    assert TEXT[slice(*task["spans"][0])] == task["text"].replace("0.3", "30 cm")
+    assert task["marks"] and found["values"][task["lines"][0]] == task["value"]
+
+
+@pytest.mark.parametrize("poses", [None, [], [[1, 2]], [[[0, 0, "x"], [0, 0, 0]]], [[[0, 0, 1e999], [0, 0, 0]]]])
+def test_poses_that_are_none_are_refused(tmp_path, poses):
+    with pytest.raises(DataError):
+        do("evaluate", tmp_path, poses=poses)
+
+
+def test_sample_is_the_sample_of_the_package(tmp_path):
+    request = {"phi": {"task": [0, 0.1]}, "n": 5, "seed": 2, "fix": {"plate": [0.5, 0.5]}}
+    (found,) = do("sample", tmp_path, request=request)
+    there = scenegen.sample(scenegen.parse(TEXT), {"task": (0, 0.1)}, 5, seed=2, fix={"plate": (0.5, 0.5)})
+    assert found["poses"] == there.poses.tolist() and found["phi"]["task"] == there.phi["task"].tolist()
+    assert len(found["bases"]) == 5
+
+
+@pytest.mark.parametrize(
+    "request_", [{"n": 401}, {"n": 0}, {"n": "many"}, {"phi": {"task": 3}}, {"fix": {"mug": ["left", 0]}}, {"phi": [1]}]
+)
+def test_requests_beyond_the_limits_are_refused(tmp_path, request_):
+    with pytest.raises(RequestError):
+        do("sample", tmp_path, request=request_)
+
+
+@pytest.mark.parametrize(("job", "most"), [("first", 4), ("spread", 32)])
+def test_the_first_look_is_in_range_and_keeps_what_is_held(tmp_path, job, most):
+    held = [0.5, 0.5, 1.0]
+    request = {"phi": {"task": [-0.2, 0.1]}, "n": 40, "seed": 3, "fix": {"plate": held}}
+    (found,) = do(job, tmp_path, request=request)
+    assert most / 2 <= len(found["poses"]) <= most
+    assert all(-0.2 <= phi <= 0.1 for phi in found["phi"]["task"]) and all(one[1] == held for one in found["poses"])
+    (again,) = do(job, tmp_path, request=request)
+    assert again["poses"] == found["poses"]
+
+
+def test_the_first_look_gives_way_quietly(tmp_path):
+    text = "object a, b\ntask: leftOf(a, b)\nrequire rightOf(a, b)\n"
+    assert list(do("first", tmp_path, text=text, request={"phi": {"task": [0, None]}})) == [None]
+
+
+def test_meshes_unpack_to_the_size_of_their_object(tmp_path):
+    (described, _) = do("check", tmp_path)
+    keys = [one["mesh"] for one in described["spec"]["objects"]]
+    found = {part["key"]: part["mesh"] for part in do("meshes", tmp_path, want=keys)}
+    assert set(found) == set(keys)
+    plate = found[described["spec"]["objects"][1]["mesh"]]
+    steps = np.frombuffer(base64.b64decode(plate["position"]), "<i2").reshape(-1, 3)
+    assert steps.max() * plate["scale"] == pytest.approx(0.125, abs=1e-3)
+    index = np.frombuffer(base64.b64decode(plate["index"]), "<u4" if plate["wide"] else "<u2")
+    assert index.max() == len(steps) - 1 and len(index) % 3 == 0
+
+
+def test_range_tells_of_every_label(tmp_path):
+    (found,) = do("range", tmp_path, text="leftOf(mug, plate)")
+    assert found["label"] == "task" and found["reached"][0] < 0 < found["reached"][1] and found["curve"]
+
+
+@pytest.mark.parametrize("format_", ["json", "jsonl", "parquet"])
+def test_downloads_can_be_read_back(tmp_path, format_):
+    scenes = scenegen.sample(scenegen.parse(TEXT), n=3)
+    fields = {"poses": scenes.poses.tolist(), "into": str(tmp_path), "request": {"phi": {"task": [None, 1]}}}
+    (name,) = do("download", tmp_path, format=format_, sampler={"method": "rejection", "seed": 0}, **fields)
+    back = scenegen.read_scenes(tmp_path / name)
+    assert back.poses.tolist() == scenes.poses.tolist()
+    assert back.phi["task"].tolist() == scenes.phi["task"].tolist()
+
+
+@pytest.mark.parametrize("format_", ["mjcf", "sdf"])
+def test_simulators_get_an_archive(tmp_path, format_):
+    scenes = scenegen.sample(scenegen.parse(TEXT), n=2)
+    (name,) = do("download", tmp_path, format=format_, poses=scenes.poses.tolist(), into=str(tmp_path))
+    names = zipfile.ZipFile(tmp_path / name).namelist()
+    assert sum("scene_" in one for one in names) == 2 and any("meshes/" in one for one in names)
+
+
+def test_an_unknown_format_is_refused(tmp_path):
+    with pytest.raises(RequestError, match="unknown format"):
+        do("download", tmp_path, format="exe", poses=[[[0, 0, 0], [0, 0, 0]]], into=str(tmp_path))
+
+
+@pytest.mark.parametrize("feature", ["hover", "completion", "definition", "formatting", "symbols"])
+def test_the_editor_has_the_features_of_the_language_server(tmp_path, feature):
+    text = "def near(a, b) = closeTo(a, b, 10 cm)\nobject mug,plate\ntask: near(mug, plate)\n"
+    (found,) = do("assist", tmp_path, text=text, feature=feature, line=2, character=7)
+    assert found
+
+
+def test_a_definition_names_what_the_page_can_open(tmp_path):
+    (tmp_path / "own.spec").write_text("# ours\nconst OWN = 3 cm\n")
+    text = 'import "own.spec"\nobject mug, plate\ntask: closeTo(mug, plate, OWN)\n'
+    ask = {"text": text, "feature": "definition", "line": 2}
+    (found,) = do("assist", tmp_path, **ask, character=28)
+    assert (found["path"], found["prelude"], found["range"]["start"]["line"]) == ("own.spec", False, 1)
+    (found,) = do("assist", tmp_path, **ask, character=8)
+    assert (found["path"], found["prelude"]) == (None, True)
+    (found,) = do("assist", tmp_path, **ask, character=15)
+    assert found["path"] == "untitled.spec"
+
+
+def test_imports_stay_inside_the_folder(tmp_path):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "secret.spec").write_text("const SECRET = 3\n")
+    (inner / "own.spec").write_text("const OWN = 3 cm\n")
+    text = 'import "own.spec"\nobject mug\ntask: x(mug) >= OWN\n'
+    assert do("check", inner, text=text)[0]["spec"] is not None
+    for path in ("../secret.spec", str(tmp_path / "secret.spec")):
+        with pytest.raises(SpecError):
+            do("sample", inner, text=text.replace("own.spec", path), request={"n": 1})
+    (inner / "link.spec").symlink_to(tmp_path / "secret.spec")
+    assert do("check", inner, text=text.replace("own.spec", "link.spec"))[0]["spec"] is None
+
+
+def test_large_formulas_are_folded_and_cut(tmp_path):
+    text = "object block[40]\nrequire noOverlap()\ntask: forall i in 1..39: leftOf(block[i], block[i+1])\n"
+    described, _ = do("check", tmp_path, text=text)
+    assert len(dumps(described)) < 100_000
+    assert Path(tmp_path).is_dir()

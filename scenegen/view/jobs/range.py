@@ -8,9 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 from scenegen.api.rarity import LabelRarity, Level, rarity
+from scenegen.view.jobs.calm import NICE
 from scenegen.view.jobs.source import spec_of
-
-NICE = 5  # what a person waits for goes first
 
 
 def range_(message: dict[str, Any]) -> Iterator[Any]:

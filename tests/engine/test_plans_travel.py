@@ -86,6 +86,7 @@ def _paired():
     return pair(problem, parts, [make_plan(part.problem, Budget(), method="rejection") for part in parts])
 
 
+@pytest.mark.long
 def test_a_plan_draws_the_same_in_a_new_process(plans):
     import hashlib
 
@@ -118,6 +119,7 @@ def words(monkeypatch):
     return {"phi": {"task": (-0.4, 0.2)}, "n": 3000, "seed": 3}
 
 
+@pytest.mark.long
 def test_a_models_scenes_are_the_same_on_two_processes(model, words):
     alone, shared = (scenegen.sample(model, **words, workers=workers) for workers in (1, 2))
     assert alone.poses.tobytes() == shared.poses.tobytes() and alone.header == shared.header

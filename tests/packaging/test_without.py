@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 # Python runs it at the start of every process, workers included.
 REFUSE = """
 import sys
@@ -83,6 +85,7 @@ def run(tmp_path, package, commands):
     return json.loads(child(tmp_path, package, PROGRAM, json.dumps(commands), package))
 
 
+@pytest.mark.long
 def test_without_torch(tmp_path):
     commands = [*CORE, *PICTURES, *MODELS]
     for command, (status, said) in zip(commands, run(tmp_path, "torch", commands), strict=True):
@@ -96,6 +99,7 @@ def test_without_torch(tmp_path):
     assert not (work / "m.safetensors").exists()
 
 
+@pytest.mark.long
 def test_without_pybullet(tmp_path):
     pictures = [*PICTURES, *LARGE]
     commands = [*(command.replace("--workers 2", "--workers 1") for command in CORE), *pictures]
@@ -129,10 +133,12 @@ print(len(told), all("torch is needed" in one for one in told), "torch" in sys.m
 """
 
 
+@pytest.mark.long
 def test_the_python_api_without_torch(tmp_path):
     assert child(tmp_path, "torch", FROM_PYTHON) == "3 True False\n"
 
 
+@pytest.mark.long
 def test_no_pictures_without_pybullet_in_notebooks_and_environments(tmp_path):
     program = """
 import gymnasium

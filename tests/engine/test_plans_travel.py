@@ -70,7 +70,7 @@ def _plan(kind, model):
     request = SampleRequest(FLAT, 20, **KINDS[kind], workers=1)
     if kind == "paired":
         return _paired()
-    return plan_of(source, check_request(source, request), Budget())
+    return plan_of(source, check_request(source, request), Budget(600.0))
 
 
 def _paired():
@@ -81,9 +81,9 @@ def _paired():
     from scenegen.sampling.problem import make_problem
 
     problem = make_problem(check_text(APART), SampleRequest({"task": Range(0.0)}, 20))
-    parts = independent_parts(problem, Budget())
+    parts = independent_parts(problem, Budget(600.0))
     assert len(parts) == 2
-    return pair(problem, parts, [make_plan(part.problem, Budget(), method="rejection") for part in parts])
+    return pair(problem, parts, [make_plan(part.problem, Budget(600.0), method="rejection") for part in parts])
 
 
 @pytest.mark.long

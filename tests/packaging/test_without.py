@@ -76,7 +76,7 @@ def child(tmp_path, package, program, *words):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "NO_COLOR": "1", "COLUMNS": "200"}
     command = [sys.executable, "-c", program, *words]
     return subprocess.run(
-        command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=300, check=True
+        command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=600, check=True
     ).stdout
 
 

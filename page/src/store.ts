@@ -100,7 +100,7 @@ async function fetchMeshes(found: Spec): Promise<void> {
 // ---- scenes
 
 let samples = 0;
-const EARLY = 30; // ms after which a first look is asked for, too: most small specs have their scenes by then
+const EARLY = 5; // ms after which a first look is asked for, too
 const FEW = 4; // objects from which on it is worth it
 
 export async function sample(): Promise<void> {

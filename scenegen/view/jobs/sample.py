@@ -42,7 +42,7 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
 
     def draw() -> SceneSet:
-        how = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
+        how: dict[str, Any] = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
         return scenegen.sample(source or spec, **wanted, **how)
 
     found = draw() if len(spec.objects) < MANY else calmly(draw)  # the page asks for a first look, too

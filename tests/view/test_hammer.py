@@ -20,7 +20,9 @@ from ..laws import FULL, in_full_again
 COUNT = 300 if FULL else 120  # eight of each kind
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
 HUGE = json.dumps({"path": "x.spec", "text": "#" * (MAX_TEXT + 1), "was": None}).encode()
-SHELVES = "region board[2] = rect(0, 0, 1, 1) at 3 cm, 6 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+SHELVES = (
+    "region board[2] = rect(0, 0, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+)
 SURFACES = [
     json.dumps({"format": "json", "text": SHELVES, "poses": [[[0.5, 0.5, 0]] * 2], "on": on}).encode()
     for on in (7, "x", [[0]], [[3]], [[1e999]], [[[1]]], [[1]] * 401, [{"a": [1]}], [None])

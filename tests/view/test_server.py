@@ -104,12 +104,14 @@ def test_messages_that_are_none_do_no_harm(page, message):
 
 
 def test_surfaces_that_are_none_are_refused(page):
-    text = "region board[2] = rect(0, 0, 1, 1) at 3 cm, 6 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+    text = (
+        "region board[2] = rect(0, 0, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+    )
     told = {"text": text, "poses": [[[0.5, 0.5, 0.0]] * 2]}
     for on in (None, [], [7], [[0]], [[3]], [["x"]], [[None]], [[[1]]], [[1, 1]], [{"a": 1}]):
         (answer,) = page.ask("evaluate", on=on, **told)
         assert answer["refused"]["code"] == "no-message" and "surfaces" in answer["refused"]["text"]
-    assert page.ask("evaluate", on=[[2]], **told)[0]["part"]["bases"] == [[0.06, 0.0]]
+    assert page.ask("evaluate", on=[[2]], **told)[0]["part"]["bases"] == [[0.6, 0.0]]
 
 
 def test_bytes_and_large_texts_are_refused(page):

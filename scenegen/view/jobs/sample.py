@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -14,7 +13,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
-from scenegen.view.jobs.calm import NICE, calmly
+from scenegen.view.jobs.calm import SLIGHTLY, calmly, give_way
 from scenegen.view.jobs.evaluate import told
 from scenegen.view.jobs.source import spec_of
 from scenegen.view.limits import MAX_POSES, MAX_SCENES
@@ -45,7 +44,7 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
         how: dict[str, Any] = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
         return scenegen.sample(source or spec, **wanted, **how)
 
-    found = draw() if len(spec.objects) < MANY else calmly(draw)  # the page asks for a first look, too
+    found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
 
 
@@ -58,7 +57,7 @@ def first(message: dict[str, Any]) -> Iterator[Any]:
 def spread(message: dict[str, Any]) -> Iterator[Any]:
     """Some scenes over all of a range, soon, so that the page has some to show wherever a handle is moved. None where
     it fails."""
-    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    give_way()
     yield _glimpse(message, SPREAD)
 
 

@@ -14,6 +14,7 @@ from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.files import NO_SURFACE_GIVEN
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import BLOCK, Block
+from scenegen.lang.levels import chosen
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, as_rows, row_count, row_of
 from scenegen.scene.data import (
@@ -180,10 +181,10 @@ def with_switches(spec: CheckedSpec, rows: Array, scenes: SceneArrays) -> Array:
         assert support is not None
         middles = dict(zip((one.name for one in choice.options), choice.middles, strict=True))
         values = np.array([middles.get(one.on, np.nan) for one in support.any])
-        chosen = values[scenes.on[:, choosers[name]].astype(np.intp) - 1]
-        if np.isnan(chosen).any():
+        numbers = values[scenes.on[:, choosers[name]].astype(np.intp) - 1]
+        if np.isnan(numbers).any():
             raise DataError(NO_SURFACE_GIVEN(name=name))
-        found[row_of(choice.switch, X)] = chosen
+        found[row_of(choice.switch, X)] = numbers
     return found
 
 
@@ -192,8 +193,5 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
     if not spec.choices:
         return rows
     count = row_count(len(spec.objects))
-    on = [
-        np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right") + 1.0
-        for choice in spec.choices.values()
-    ]
+    on = [chosen(choice, rows) + 1.0 for choice in spec.choices.values()]
     return np.concatenate([rows[:count], on])

@@ -57,10 +57,10 @@ def settle(
     from the plan, and phi there. Scenes in which an object moves more than `max_shift` metres or turns by more than
     `max_turn` degrees are marked, not left out.
 
-    Objects collide with their own convex pieces, on an infinite table with the spec's boards; those that the spec holds in place cannot move.
-    The results do not depend on `workers`, by default one per core. Raises RequestError where the simulator is not
-    installed, for no scenes, and for limits that are not positive numbers, DataError for scenes that cannot be
-    simulated.
+    Objects collide with their own convex pieces, on an infinite table with the spec's boards; those that the spec holds
+    in place cannot move. The results do not depend on `workers`, by default one per core. Raises RequestError where the
+    simulator is not installed, for no scenes, and for limits that are not positive numbers, DataError for scenes that
+    cannot be simulated.
     """
     if not isinstance(scenes, SceneSet):
         raise RequestError(WRONG_VALUE(argument="scenes", value=repr(scenes), wanted="a SceneSet"))

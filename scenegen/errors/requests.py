@@ -308,6 +308,6 @@ UNSETTLED = Kind(
 CHOICES_NOT_HERE = Kind(
     "choices-not-here",
     "{what} cannot do with specs in which an object stands on one of several surfaces",
-    "`{name}` is declared with `on any of`",
+    "`{name}` is declared with `on any of`, and poses alone do not say on what it stands",
     "let `{name}` stand on one surface",
 )

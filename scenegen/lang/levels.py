@@ -45,8 +45,6 @@ def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) 
         return np.full(count, known)
     choice = spec.choices.get(which)
     options = (spec.supports[which],) if choice is None else choice.options
-    each = np.stack(
-        [one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options]
-    )
+    each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
     picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
     return np.asarray(each[picked, np.arange(count)])

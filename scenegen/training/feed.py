@@ -72,7 +72,7 @@ class Memory(Feed):
     def __init__(self, spec: CheckedSpec, config: TrainConfig, data: Dataset, held: int) -> None:
         super().__init__(config)
         self.sha256 = data.sha256
-        codec = Codec(spec.workspace, len(spec.objects))
+        codec = Codec(spec.workspace, len(spec.core.objects))
         training, out = split(data, held)
         branch, self.table = None, _one_branch(spec)
         if model_class(config.model, config.recipe).branched:
@@ -92,14 +92,14 @@ class Windows(Feed):
         super().__init__(config)
         self.sha256, self.scenes = data.sha256, data.scenes
         self._data = data
-        self._codec = Codec(spec.workspace, len(spec.objects))
+        self._codec = Codec(spec.workspace, len(spec.core.objects))
         self._robustness = Robustness(spec.core)
         self._branched = model_class(config.model, config.recipe).branched
         self._core = spec.core
         self.table = ranked(data.ways) if self._branched else _one_branch(spec)
         self.fitting = self._examples(data.chosen.rows)
         self.held = _plain(self._codec, data.held)
-        many = WINDOW // (row_count(len(spec.objects)) + len(spec.labels)) // self.size
+        many = WINDOW // (row_count(len(spec.core.objects)) + len(spec.labels)) // self.size
         self._batches = max(1, many)  # of a window
 
     def batches(self, epoch: int, step: int) -> Iterator[Examples]:

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 def chosen(choice: Choice, rows: Array) -> npt.NDArray[np.intp]:
     """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
-    return np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right")
+    return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
 
 
 def levels(spec: CheckedSpec, rows: Array) -> Array | None:

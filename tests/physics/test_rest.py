@@ -59,7 +59,7 @@ def test_what_stands_in_and_on_things_rests(simulator):
 
 
 BOARDS = """region low = rect(0.2, 0.2, 0.6, 0.5) at 30 cm
-region high = circle(0.8, 0.3, 0.1) at 50 cm
+region high = circle((0.8, 0.3), 0.1) at 50 cm
 object can[2] on any of [low, high, workspace]
 task: closeTo(can[1], can[2], 2 m)
 """

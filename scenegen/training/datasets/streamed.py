@@ -23,8 +23,8 @@ from scenegen.errors.models import DATA_CHANGED
 from scenegen.formats.blocks import Block, regrouped
 from scenegen.formats.registry import format_of, read_scenes
 from scenegen.lang.spec import CheckedSpec
+from scenegen.models.branches import ways_of
 from scenegen.pose import row_count
-from scenegen.robustness.deciding import deciding
 from scenegen.scene.data import SceneFile
 from scenegen.training.datasets.arrange import as_core, order_of
 from scenegen.training.datasets.dataset import Dataset, labelled
@@ -40,7 +40,7 @@ Way = tuple[int, ...]
 @dataclass(frozen=True, slots=True)
 class Streamed:
     """What one pass over the file found. `scenes` of them train; `chosen` are some of these, `held` are not among
-    them; `ways` counts the deciding atoms (one a label, as nodes of the core) of those that train."""
+    them; `ways` counts what makes their branches (scenegen.models.branches) of those that train."""
 
     spec: CheckedSpec
     path: Path
@@ -103,7 +103,7 @@ def look_through(
         mine = data.take(~away)
         chosen.append(mine.take(slice(0, None, every)))
         extremes = _extremes(mine if extremes is None else joined([extremes, mine]))
-        ways.update(_count(deciding(spec.core, mine.rows)))
+        ways.update(_count(ways_of(spec, mine.rows)))
         gathering.reach(stop)
     assert extremes is not None
     return Streamed(

@@ -142,13 +142,15 @@ def test_training_scenes_of_a_file_have_the_choice(scenes, tmp_path):
 def test_a_model_makes_the_choice(tmp_path):
     """Each scene is verified; the shares of the surfaces are about those of exact scenes."""
     spec, phi = scenegen.parse(SPEC.format("")), {"task": (0.0, 0.3)}
-    model = scenegen.train(spec, out=tmp_path / "m.safetensors", epochs=3, scenes=8000)
+    data = scenegen.sample(spec, {"task": (-0.3, 0.4)}, 12_000, seed=5, workers=1).save(tmp_path / "d.parquet")
+    model = scenegen.train(spec, out=tmp_path / "m.safetensors", epochs=15, data=str(data))
+    assert model.trained.model.layout.branches == 9
     made = scenegen.sample(model, phi, 600, seed=1, workers=1)
     true = scenegen.sample(spec, phi, 600, seed=2, workers=1)
     assert all((evaluate(spec.checked, made)[name] == made.phi[name]).all() for name in spec.labels)
     assert made.phi["task"].min() >= 0.0 and made.phi["task"].max() <= 0.3
     shares = [np.bincount((3 * one.on[:, 0] + one.on[:, 1] - 4).astype(int), minlength=9) / 600 for one in (made, true)]
-    assert abs(shares[0] - shares[1]).sum() / 2.0 < 0.15
+    assert abs(shares[0] - shares[1]).sum() / 2.0 < 0.25  # by chance 0.06
 
 
 def test_environments_see_the_choice(scenes):

@@ -108,15 +108,27 @@ def shared_work(
 
 def finished(results: Iterable[Ended], count: int, told: Callable[[Ended], None] = lambda ended: None) -> int:
     """Name each job that failed, as soon as it has, and return the exit status: 1 if one did."""
-    from scenegen.cli.output import complain, print_message
-
     failed = []
     for ended in results:
         told(ended)
         if ended.errors:
-            print_message(f"{ended.name} failed:")
-            complain(*ended.errors)
+            say_why(ended)
             failed.append(ended.name)
+    return exit_status(failed, count)
+
+
+def say_why(ended: Ended) -> None:
+    """A job that failed, by its name, and its errors."""
+    from scenegen.cli.output import complain, print_message
+
+    print_message(f"{ended.name} failed:")
+    complain(*ended.errors)
+
+
+def exit_status(failed: Sequence[str], count: int) -> int:
+    """At the end of `count` jobs: 1 if some failed, which are named once more."""
+    from scenegen.cli.output import complain
+
     if failed:
         complain(SOME_FAILED(failed=tuple(failed), count=count))
     return 1 if failed else 0

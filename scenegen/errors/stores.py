@@ -80,3 +80,16 @@ FAULTY_SHARDS = Kind(
     "{count} of {total} shards are damaged: {file}: {reason}",
     help="make the set again in another folder; its request is in manifest.json",
 )
+NO_PART = Kind(
+    "no-part", "there are no scenes for a data set: {missing:list}", help="`scenegen range SPEC` shows what phi can be"
+)
+NO_SEED = Kind(
+    "no-seed",
+    "the shards of {location} follow from one request, each from those before it",
+    help="make the set again in another folder; its request is in manifest.json",
+)
+REMADE_DIFFERS = Kind(
+    "remade-differs",
+    "{file} of {location} comes out with other bytes than its manifest says; nothing was written",
+    help="use the versions of then: scenegen {scenegen}, numpy {numpy}, and the same pyarrow",
+)

@@ -53,8 +53,30 @@ class PhiOf(_Strict):
     highest: float
 
 
+class Rareness(_Strict):
+    """How rare phi of one label is: log10 of the smaller of P(phi' <= phi) and P(phi' >= phi) for the base
+    distribution, at rising values of phi; linear between them, constant beyond."""
+
+    phi: list[float]
+    log10p: list[float]
+
+    def __call__(self, phi: Array) -> Array:
+        """log10 p of some values of phi."""
+        found: Array = np.interp(phi, self.phi, self.log10p)
+        return found
+
+
+class Made(_Strict):
+    """The request that gives a shard: of a data set, whose shards are runs of their own."""
+
+    phi: dict[str, tuple[float, float]]
+    n: int
+    seed: int
+
+
 class Shard(_Strict):
-    """A file of a set. `pieces` are all that were drawn for it and the shards before it."""
+    """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,
+    if it has one."""
 
     file: str
     scenes: int
@@ -62,6 +84,7 @@ class Shard(_Strict):
     sha256: str
     pieces: int
     phi: dict[str, PhiOf]
+    made: Made | None = None
 
 
 class Checkpoint(_Strict):
@@ -72,7 +95,9 @@ class Checkpoint(_Strict):
 
 
 class Manifest(_Strict):
-    """All about a set but its scenes. `header` is that of every shard, `sampler` the account of the whole run."""
+    """All about a set but its scenes. `header` is that of every shard, `sampler` the account of the whole run.
+
+    Of data sets, `rarity` is how rare phi is, by label, and `missing` says what was left out, and why."""
 
     format: Literal["scenegen/set"] = "scenegen/set"
     version: Literal[1] = 1
@@ -84,6 +109,8 @@ class Manifest(_Strict):
     sampler: dict[str, Any] = {}
     header: dict[str, Any]
     checkpoint: Checkpoint | None = None
+    rarity: dict[str, Rareness] | None = None
+    missing: list[str] | None = None
 
     @property
     def scenes(self) -> int:
@@ -116,20 +143,57 @@ def shard_size(size: int | None, objects: int, labels: int) -> int:
 
 
 def make_shard(
-    store: Store, number: int, header: SceneFile, labels: Sequence[str], block: Block, *, pieces: int
+    store: Store,
+    number: int,
+    header: SceneFile,
+    labels: Sequence[str],
+    block: Block,
+    *,
+    pieces: int,
+    rarity: Mapping[str, Rareness] | None = None,
+    made: Made | None = None,
 ) -> Shard:
-    """Write a shard; the same scenes give the same bytes. Raises OutputError."""
+    """Write a shard; the same scenes give the same bytes. With `rarity` it says of each scene how rare its phi is.
+    Raises OutputError."""
+    shard, data = pack_shard(number, header, labels, block, pieces=pieces, rarity=rarity, made=made)
+    store.write(shard.file, data)
+    return shard
+
+
+def pack_shard(
+    number: int,
+    header: SceneFile,
+    labels: Sequence[str],
+    block: Block,
+    *,
+    pieces: int,
+    rarity: Mapping[str, Rareness] | None = None,
+    made: Made | None = None,
+) -> tuple[Shard, memoryview]:
+    """A shard and its bytes, not written."""
     sink = io.BytesIO()
-    parquet.write(sink, header, labels, [block])
+
+    def rare(phi: Array) -> Array:
+        assert rarity is not None
+        return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
+
+    parquet.write(sink, header, labels, [block], None if rarity is None else rare)
     data = sink.getbuffer()
-    name = f"part-{number:06d}.parquet"
-    store.write(name, data)
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, block.phi, strict=True)
     }
     digest = hashlib.sha256(data).hexdigest()
-    return Shard(file=name, scenes=block.count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi)
+    name = shard_name(number)
+    shard = Shard(
+        file=name, scenes=block.count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made
+    )  # fmt: skip
+    return shard, data
+
+
+def shard_name(number: int) -> str:
+    """The file of a shard, counted from 0."""
+    return f"part-{number:06d}.parquet"
 
 
 def waiting_name(number: int) -> str:

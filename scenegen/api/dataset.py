@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from scenegen.api.dataset_plan import SpecPlan, plan_data, plan_from, plan_spec, requests, shares
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec, load, parse
-from scenegen.engine.many import Ended, each
+from scenegen.engine.many import Ended, each, here
 from scenegen.errors import RequestError
-from scenegen.errors.stores import NO_PART
+from scenegen.errors.stores import FINISHED_SET, NO_PART
 from scenegen.formats.blocks import BLOCK, joined
 from scenegen.formats.opening import open_store
 from scenegen.sampling.request import Range, SampleRequest
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from scenegen.formats.stores import Store
 
 TIMEOUT = 600.0  # seconds of a shard
-Told = Callable[[Ended, int, int], None]  # a job that is over, and how many of how many are
+Told = Callable[[str, Ended, int, int], None]  # what is done; a job of it that is over, and how many of how many are
+MEASURING, DRAWING = "measuring", "drawing shards"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +72,13 @@ class ShardJob:
 
 @dataclass(frozen=True, slots=True)
 class _Planning:
-    """The job of one spec: its text, and its plan, unless the set was begun with one."""
+    """The job of one spec: its text, and the plan that its set was begun with, if it was."""
 
     seed: int
-    root: Path | None
 
-    def __call__(self, item: tuple[Path, SpecPlan | None]) -> SpecPlan:
-        path, begun = item
-        spec = load(path, self.root)
-        plan = plan_spec(spec, self.seed) if begun is None else begun
+    def __call__(self, item: tuple[str, SpecPlan | None]) -> SpecPlan:
+        source, begun = item
+        plan = plan_spec(parse(source), self.seed) if begun is None else begun
         if not plan.parts:
             raise RequestError(NO_PART(missing=plan.missing))
         return plan
@@ -126,7 +125,7 @@ def make_dataset(
     workers: int | None = None,
     address: str | None = None,
     root: Path | None = None,
-    told: Told = lambda ended, done, count: None,
+    told: Told = lambda what, ended, done, count: None,
 ) -> dict[str, Manifest]:
     """n scenes of named specs, in equal shares, as a folder of sets with a card; returns their manifests by name.
 
@@ -143,19 +142,27 @@ def make_dataset(
     stores = {name: open_store(f"{location.rstrip('/')}/{name}/") for name, _ in listed}
     begun = {name: sets.refuse_taken(store, resume=resume) for name, store in stores.items()}
     known = {name: None if one is None or "parts" not in one.request else plan_from(one) for name, one in begun.items()}
+    if not resume and sets.CARD in open_store(location).sizes():
+        raise RequestError(FINISHED_SET(location=location))
+    loaded: dict[str, Spec] = {}
+    for ended in here(lambda path: load(path, root), listed):
+        if ended.errors:
+            told(MEASURING, ended, 0, len(listed))
+        else:
+            loaded[ended.name] = ended.value
     plans: dict[str, SpecPlan] = {}
-    named = [(name, (path, known[name])) for name, path in listed]
-    for count, ended in enumerate(each(_Planning(seed, root), named, engine, workers, address), 1):
-        told(ended, count, len(listed))
+    named = [(name, (spec.checked.source, known[name])) for name, spec in loaded.items()]
+    for count, ended in enumerate(each(_Planning(seed), named, engine, workers, address), 1):
+        told(MEASURING, ended, count, len(named))
         if not ended.errors:
             plans[ended.name] = ended.value
     growing: dict[str, _Growing] = {}
     jobs: list[tuple[str, ShardJob]] = []
     places: dict[str, _Growing] = {}
-    for (name, path), share in zip(listed, shares(as_int("n", n), len(listed)), strict=True):
+    for (name, _), share in zip(listed, shares(as_int("n", n), len(listed)), strict=True):
         if name not in plans or not share:
             continue
-        spec, plan, store = load(path, root), plans[name], stores[name]
+        spec, plan, store = loaded[name], plans[name], stores[name]
         wanted = requests(spec, plan.parts, share, size, seed)
         wanted = [one for one in wanted if one.n]
         manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
@@ -170,7 +177,7 @@ def make_dataset(
     for count, ended in enumerate(each(Draw(timeout), jobs, engine, workers, address), 1):
         if not ended.errors:
             places[ended.name].add(ended.value)
-        told(ended, count, len(jobs))
+        told(DRAWING, ended, count, len(jobs))
     manifests = {name: one.manifest for name, one in growing.items()}
     failed = tuple(name for name, _ in listed if name not in growing)
     write_dataset_card(open_store(location), manifests, failed, license)

@@ -83,6 +83,8 @@ def _satisfied(one: LabelRarity) -> Part | None:
         least = float(np.interp(low, places, above)) - RAREST
         beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
         high = min([high, *beyond[:1]])
+        if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
+            return Part(one.label, _rounded(low), one.reached[1])
     return Part(one.label, _rounded(low), _rounded(high))
 
 

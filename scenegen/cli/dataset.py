@@ -61,27 +61,26 @@ def dataset(
     spec. A spec or a shard that fails is reported by its name, the others are made, and the exit status is 1; --resume
     with a longer --timeout goes on.
     """
-    from scenegen.api.dataset import make_dataset
+    from scenegen.api.dataset import DRAWING, make_dataset
     from scenegen.cli.output import print_error, progress_bar
     from scenegen.resources import shipped_specs
 
     paths = specs or list(shipped_specs().values())
     folder = folder_for(out, len(paths), urls=True)
     named = list(zip(names_of(paths), paths, strict=True))
-    over: list[Ended] = []
-    done = 0
+    failed: list[str] = []
+    jobs = done = 0
     with progress_bar() as bar:
         task = bar.add_task("measuring", total=len(named))
 
-        def told(ended: Ended, count: int, total: int) -> None:
-            nonlocal done
-            drawing = len(over) >= len(named)
-            over.append(ended)
-            done += drawing and not ended.errors
-            what = "shards" if drawing else "measuring"
+        def told(what: str, ended: Ended, count: int, total: int) -> None:
+            nonlocal jobs, done
+            jobs += 1
+            done += what == DRAWING and not ended.errors
             bar.update(task, completed=count, total=total, description=f"{what}: {count} of {total}")
             if ended.errors:
                 say_why(ended)
+                failed.append(ended.name)
 
         try:
             made = make_dataset(
@@ -95,4 +94,4 @@ def dataset(
         for why in one.missing or ():
             print_error(f"{name}: left out: {why}")
     print_error(f"{scenes:,} scenes of {len(made)} specs in {folder}/")
-    return exit_status([ended.name for ended in over if ended.errors], len(over))
+    return exit_status(failed, jobs)

@@ -1,27 +1,44 @@
 """`scenegen dataset`: equal shares, how rare each scene is, shards that come back from their seeds."""
 
 import json
+import shutil
 
 import numpy as np
 import polars
 import pytest
 import yaml
 
+GOOD = "object mug, plate\ntask: leftOf(mug, plate)\n"
 NEAR = "object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 30 cm)\nsafe: farFrom(mug, plate, 5 cm)\n"
 
 
-@pytest.fixture
-def quick(monkeypatch):
-    """Rarity from few chains: the numbers are rough, and cheap."""
-    monkeypatch.setattr("scenegen.sampling.rarity.WORK", 4_000_000)
+WORDS = ("dataset", "good.spec", "bad.spec", "near.spec", "-n", "900", "--license", "mit", "--out", "data/")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A data set, made once; from few chains, so the rarities are rough, and cheap."""
+    from scenegen.api.dataset import make_dataset
+
+    folder = tmp_path_factory.mktemp("dataset")
+    for name, text in (("good", GOOD), ("bad", "leftof(mug"), ("near", NEAR)):
+        (folder / f"{name}.spec").write_text(text)
+    failed = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scenegen.sampling.rarity.WORK", 4_000_000)
+        make_dataset(
+            f"{folder}/data", [(name, folder / f"{name}.spec") for name in ("good", "bad", "near")], 900,
+            license="mit", workers=1, told=lambda what, ended, *_: failed.extend([ended.name] if ended.errors else []),
+        )  # fmt: skip
+    assert failed == ["bad"]
+    return folder
 
 
 @pytest.fixture
-def made(here, scenegen, quick):
-    (here / "near.spec").write_text(NEAR)
-    (here / "bad.spec").write_text("leftof(mug")
-    words = ("dataset", "good.spec", "bad.spec", "near.spec", "-n", "900", "--workers", "1", "--license", "mit")
-    return words, scenegen(*words, "--out", "data/")
+def made(whole, here):
+    """A copy of it in the working directory."""
+    shutil.copytree(whole, here, dirs_exist_ok=True)
+    return here
 
 
 def table(folder):
@@ -29,7 +46,7 @@ def table(folder):
 
 
 def test_shares_rarity_and_cards(made, here, scenegen):
-    _, done = made
+    done = scenegen(*WORDS, "--workers", "1", "--resume")  # nothing is left to be done
     assert done.status == 1 and "bad failed:\n" in done.err and "600 scenes of 2 specs in data/" in done.err
     assert "near: left out: safe: no scene with phi < 0 was found" in done.err
     good = table("data/good")
@@ -67,21 +84,19 @@ def test_a_shard_comes_back(made, here, scenegen):
     assert file.read_bytes() == before
     said = scenegen("data", "data/near/", "--verify", "--json", "--timeout", "0")
     assert said.status == 0 and json.loads(said.out)["verified"]
-    assert "`shard` is 3" in scenegen("data", "remake", "data/near", "--shard", "3").err
+    assert "--shard is 3" in scenegen("data", "remake", "data/near", "--shard", "3").err
     # parts of it keep how rare their scenes are
     assert scenegen("data", "split", "data/near/", "--share", "a=0.5", "--out", "parts/").status == 0
     assert "log10p.task" in table("parts/a").columns
 
 
+@pytest.mark.long
 def test_resumed_with_two_workers(made, here, scenegen, snapshot):
     """What is missing is made, to the same bytes, whoever makes it; what is there stays."""
-    words, _ = made
     before = snapshot(here / "data")
-    (here / "bad.spec").unlink()
     manifest = here / "data/near/manifest.json"
     facts = json.loads(manifest.read_text())
-    facts |= {"complete": False, "shards": facts["shards"][1:2]}
-    manifest.write_text(json.dumps(facts))
-    assert "error[unfinished-run]" in scenegen(*words, "--out", "data/").err
-    again = scenegen(*words[:-4], "--workers", "2", "--license", "mit", "--resume", "--out", "data/")
-    assert again.status == 1 and snapshot(here / "data") == before
+    manifest.write_text(json.dumps(facts | {"complete": False, "shards": facts["shards"][1:2]}))
+    assert "error[finished-set]" in scenegen(*WORDS).err
+    assert scenegen(*WORDS, "--workers", "2", "--resume").status == 1
+    assert snapshot(here / "data") == before

@@ -28,6 +28,7 @@ def test_settle_and_render(scenes, here, scenegen, small_pictures):
     assert drawn == [f"{name}/scene_000{number}_top.png" for name in ("forks", "good") for number in (1, 2)]
 
 
+@pytest.mark.long
 def test_train(here, scenegen, monkeypatch):
     (here / "bad.spec").write_text("leftof(mug")
     words = ("train", "--epochs", "1", "--scenes", "64", "--no-card", "--workers", "1", "--hyper", "width=8")

@@ -8,6 +8,8 @@ import pytest
 
 pytestmark = pytest.mark.cluster
 
+# a cluster of the test's own, whatever else runs on this machine
+ENGINES = {"local": ("--workers", "2"), "ray": ("--engine", "ray", "--address", "local")}
 RUN = (sys.executable, "-m", "scenegen")
 SPECS = {"left": "task: leftOf(mug, plate)\n", "bad": "leftof(mug", "near": "task: closeTo(mug, plate, 30 cm)\n"}
 
@@ -42,15 +44,15 @@ def digests(folder):
 )
 def test_jobs_of_a_cluster(words, ray, here):
     """A bad job is named, the others give the same files as on this machine."""
-    for engine in ("local", "ray"):
-        done = run(*words, "--out", f"{engine}/", "--engine", engine, "--workers", "2")
+    for engine, options in ENGINES.items():
+        done = run(*words, "--out", f"{engine}/", *options)
         assert done.returncode == 1 and "bad failed:\n" in done.stderr, done.stderr
     assert digests(here / "ray") == digests(here / "local") and len(digests(here / "ray")) >= 2
 
 
 def test_verified_on_a_cluster(ray, here):
     assert run("sample", "left.spec", "-n", "140000", "--shard-size", "65536", "--out", "set/", "-q").returncode == 0
-    words = ("data", "set/", "--verify", "--engine", "ray", "--workers", "2", "--timeout", "0")
+    words = ("data", "set/", "--verify", "--timeout", "0", *ENGINES["ray"])
     done = run(*words)
     assert done.returncode == 0 and "3 of 3 shards, by checksums and phi of every scene" in done.stdout, done.stderr
     file = here / "set/part-000001.parquet"

@@ -23,7 +23,8 @@ from scenegen.scene.data import RequestData
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
-    from scenegen.formats.sets import Made, Manifest, Rareness, Shard
+    from scenegen.formats.made import Made, Rareness
+    from scenegen.formats.sets import Manifest, Shard
     from scenegen.formats.stores import Store
 
 TIMEOUT = 600.0  # seconds of a shard

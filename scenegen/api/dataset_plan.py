@@ -10,7 +10,8 @@ import numpy as np
 
 from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
 from scenegen.api.spec import Spec
-from scenegen.formats.sets import Made, Manifest, Rareness
+from scenegen.formats.made import Made, Rareness
+from scenegen.formats.sets import Manifest
 
 STREAM = 13  # the stream of random numbers of shards' seeds
 RAREST = 2.0  # satisfied scenes up to the phi that is a hundred times as rare as phi >= 0

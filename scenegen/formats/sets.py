@@ -30,6 +30,7 @@ from scenegen.errors.stores import (
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
 from scenegen.formats.header import load_header
+from scenegen.formats.made import Made, Rareness
 from scenegen.formats.stores import Store
 from scenegen.pose import row_count
 from scenegen.scene.data import SceneFile
@@ -51,27 +52,6 @@ class PhiOf(_Strict):
     lowest: float
     mean: float
     highest: float
-
-
-class Rareness(_Strict):
-    """How rare phi of one label is: log10 of the smaller of P(phi' <= phi) and P(phi' >= phi) for the base
-    distribution, at rising values of phi; linear between them, constant beyond."""
-
-    phi: list[float]
-    log10p: list[float]
-
-    def __call__(self, phi: Array) -> Array:
-        """log10 p of some values of phi."""
-        found: Array = np.interp(phi, self.phi, self.log10p)
-        return found
-
-
-class Made(_Strict):
-    """The request that gives a shard: of a data set, whose shards are runs of their own."""
-
-    phi: dict[str, tuple[float, float]]
-    n: int
-    seed: int
 
 
 class Shard(_Strict):

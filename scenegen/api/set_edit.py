@@ -13,6 +13,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
 from scenegen.formats.blocks import Block, regrouped
+from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
 from scenegen.sampling.request import Range
 
@@ -67,7 +68,7 @@ def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: st
                 yield _part(block, (draw >= low) & (draw < high))
 
         facts = {"split": _source(stored), "part": name, "share": shares[name], "seed": seed}
-        made[name] = write_blocks(f"{out.rstrip('/')}/{name}/", stored, part(), facts)
+        made[name] = write_blocks(inside(out, name), stored, part(), facts)
     return made
 
 

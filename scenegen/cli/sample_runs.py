@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
 from scenegen.errors.stores import FOLDER_FOR_SEVERAL, ONLY_FOR_SETS, SAME_NAME, SOME_FAILED
-from scenegen.formats.locations import names_set
+from scenegen.formats.locations import inside, names_set
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
@@ -69,7 +69,7 @@ def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: S
             each = replace(wishes, timeout=wishes.timeout + _elapsed())
             try:
                 folder = None if render is None else render / name
-                sample_one(source, each, f"{out.rstrip('/')}/{name}/", storing, folder)
+                sample_one(source, each, inside(out, name), storing, folder)
             except ScenegenError as error:
                 complain(*error.diagnostics)
                 failed.append(name)

@@ -13,6 +13,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
 from scenegen.formats.blocks import Block, regrouped
+from scenegen.formats.holding import held
 from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
 from scenegen.sampling.request import Range
@@ -82,19 +83,20 @@ def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance:
         shard_size=like.manifest.shard_size,
         header=like.manifest.header,
     )
-    manifest = sets.begin(store, manifest, resume=False)
-    shards: list[sets.Shard] = []
-    for block in regrouped((block for block in blocks if block.count), manifest.shard_size):
-        shards.append(sets.make_shard(store, len(shards), like.header, like.labels, block, pieces=0))
-    if not shards:
-        store.delete(sets.MANIFEST)
-        raise DataError(NOTHING_LEFT(location=like.location))
-    count = sum(shard.scenes for shard in shards)
-    manifest = manifest.model_copy(
-        update={"shards": shards, "complete": True, "request": {**manifest.request, "n": count}}
-    )
-    sets.write_manifest(store, manifest)
-    write_card(store, manifest)
+    with held(store):
+        manifest = sets.begin(store, manifest, resume=False)
+        shards: list[sets.Shard] = []
+        for block in regrouped((block for block in blocks if block.count), manifest.shard_size):
+            shards.append(sets.make_shard(store, len(shards), like.header, like.labels, block, pieces=0))
+        if not shards:
+            store.delete(sets.MANIFEST)
+            raise DataError(NOTHING_LEFT(location=like.location))
+        count = sum(shard.scenes for shard in shards)
+        manifest = manifest.model_copy(
+            update={"shards": shards, "complete": True, "request": {**manifest.request, "n": count}}
+        )
+        sets.write_manifest(store, manifest)
+        write_card(store, manifest)
     return manifest
 
 

@@ -23,8 +23,9 @@ from typing import IO
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.stores import SET_IN_USE, SET_LOST
+from scenegen.errors.stores import CANNOT_WRITE_STORE, SET_IN_USE, SET_LOST
 from scenegen.formats.stores import Store
+from scenegen.formats.trying import reason_of
 
 LOCK = ".lock"
 LEASE = 120.0  # seconds; the clocks of machines and stores may differ by less
@@ -71,7 +72,11 @@ def refuse_held(store: Store) -> None:
     if not store.local:
         _refuse(store, _holder(store))
         return
-    with contextlib.suppress(FileNotFoundError, PermissionError), Path(store.root, LOCK).open("r+b") as file:
+    try:
+        file = Path(store.root, LOCK).open("r+b")  # noqa: SIM115
+    except OSError:  # what cannot be opened is nobody's; whether the place will do is found out later
+        return
+    with file:
         _lock(file, store)
 
 
@@ -81,7 +86,16 @@ def _locked(store: Store) -> Iterator[bool]:
     path = Path(store.root, LOCK)
     store.make()
     while True:
-        with path.open("a+b") as file:
+        try:
+            file = path.open("a+b")
+        except OSError as error:
+            facts = {
+                "location": store.location,
+                "reason": reason_of(error),
+                "remedy": "see whether you may write there",
+            }
+            raise OutputError(CANNOT_WRITE_STORE(file=LOCK, **facts)) from error
+        with file:
             if not _lock(file, store):
                 yield False
                 return

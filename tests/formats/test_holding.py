@@ -49,6 +49,16 @@ def test_two_runs_on_a_disk(tmp_path):
         pass
 
 
+def test_a_place_that_cannot_be_locked(tmp_path):
+    (tmp_path / "file").write_text("")
+    refuse_held(store_at(f"{tmp_path}/file/"))
+    (tmp_path / LOCK).mkdir()
+    refuse_held(store_at(str(tmp_path)))
+    for place in (f"{tmp_path}/file/", str(tmp_path)):
+        with pytest.raises(OutputError, match=r"cannot write \.(lock)? in "):
+            held(store_at(place)).__enter__()
+
+
 def test_a_hold_ends_with_kill_9(tmp_path):
     store = store_at(f"{tmp_path}/set/")
     other = subprocess.Popen([sys.executable, "-c", HOLD, store.location], stdout=subprocess.PIPE)
@@ -111,8 +121,12 @@ def test_a_hold_is_renewed_and_its_loss_noticed(remote, tmp_path, monkeypatch):
         os.utime(tmp_path / LOCK, (1.0, 1.0))
         until(lambda: remote.changed(LOCK) > 2.0)
         hold.check()
-        write(remote)
-        until(lambda: hold._other is not None)
+
+        def taken():
+            write(remote)  # again, if it came between a look and a renewal
+            return hold._other is not None
+
+        until(taken)
         with pytest.raises(OutputError, match=r"another run has taken s3://bucket/set/ over: process .* on other"):
             hold.check()
     assert b"theirs" in remote.read(LOCK)

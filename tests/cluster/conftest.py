@@ -11,7 +11,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-NODE = {"object_store_memory": 300 << 20, "include_dashboard": False, "include_log_monitor": False}
+
+
+def free_port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def add_node(cluster, cores):
+    """A node, which does not wait until its agents have found ports: that takes too long on a busy machine."""
+    ports = ("metrics_agent_port", "metrics_export_port", "dashboard_agent_listen_port", "runtime_env_agent_port")
+    return cluster.add_node(
+        num_cpus=cores, object_store_memory=300 << 20, include_dashboard=False, include_log_monitor=False,
+        **{name: free_port() for name in ports},
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -26,9 +40,10 @@ def cluster(ray, server, monkeypatch):
 
     monkeypatch.setenv("AWS_ENDPOINT_URL", server[0])
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), *filter(None, sys.path)]))
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **NODE})
-    for _ in range(2):
-        made.add_node(num_cpus=2, **NODE)
+    made = Cluster()
+    made.add = lambda cores=2: add_node(made, cores)
+    for cores in (0, 2, 2):
+        made.add(cores)
     made.wait_for_nodes()
     yield made
     made.shutdown()
@@ -38,9 +53,7 @@ def cluster(ray, server, monkeypatch):
 def server(tmp_path_factory):
     """An S3 server on this machine: its address, and the file that makes it fail (see bucket_server.py)."""
     pytest.importorskip("moto", reason="needs moto: make test-cluster installs it")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     folder = tmp_path_factory.mktemp("moto")
     log, faults = (folder / "log").open("wb"), folder / "faults"
     command = [sys.executable, str(Path(__file__).with_name("bucket_server.py")), str(port), str(faults)]

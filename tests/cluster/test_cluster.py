@@ -16,7 +16,6 @@ from scenegen.formats.stores import store_at
 
 pytestmark = pytest.mark.cluster
 SCENES = int(os.environ.get("CLUSTER_SCENES", "1000000"))
-NODE = {"object_store_memory": 300 << 20, "include_dashboard": False, "include_log_monitor": False}
 KILLS = int(os.environ.get("CLUSTER_KILLS", "20"))
 
 
@@ -45,7 +44,7 @@ def shards(location):
     return len(read_manifest(store).shards) if "manifest.json" in store.sizes() else 0
 
 
-def until(condition, seconds=300):
+def until(condition, seconds=600):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -130,7 +129,7 @@ def test_random_kills(cluster, plain, tmp_path):
                     os.kill(rng.choice(workers()), signal.SIGKILL)
                 elif kind == "node":
                     cluster.remove_node(rng.choice(list(cluster.worker_nodes)), allow_graceful=False)
-                    cluster.add_node(num_cpus=2, **NODE)
+                    cluster.add()
                 elif kind == "driver":
                     run.kill()
                 else:

@@ -44,7 +44,7 @@ def shards(location):
     return len(read_manifest(store).shards) if "manifest.json" in store.sizes() else 0
 
 
-def until(condition, seconds=120):
+def until(condition, seconds=600):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

@@ -19,13 +19,19 @@ def free_port():
         return free.getsockname()[1]
 
 
-def add_node(cluster, cores):
-    """A node, which does not wait until its agents have found ports: that takes too long on a busy machine."""
+def add_node(cluster, cores, tries=3):
+    """A node, which does not wait until its agents have found ports: that takes too long on a busy machine. Ray gives
+    up after half a minute."""
     ports = ("metrics_agent_port", "metrics_export_port", "dashboard_agent_listen_port", "runtime_env_agent_port")
-    return cluster.add_node(
-        num_cpus=cores, object_store_memory=300 << 20, include_dashboard=False, include_log_monitor=False,
-        **{name: free_port() for name in ports},
-    )  # fmt: skip
+    try:
+        return cluster.add_node(
+            num_cpus=cores, object_store_memory=300 << 20, include_dashboard=False, include_log_monitor=False,
+            **{name: free_port() for name in ports},
+        )  # fmt: skip
+    except Exception:  # Ray has no type for it
+        if tries == 1:
+            raise
+        return add_node(cluster, cores, tries - 1)
 
 
 @pytest.fixture(scope="session")

@@ -53,31 +53,33 @@ def until(condition, seconds=600):
 
 def workers():
     """Processes of these tests' Ray that draw or write."""
-    found = {}
+    parents, drawing = {}, []
     for entry in Path("/proc").glob("[0-9]*/stat"):
         try:
-            name, _, rest = entry.read_text().partition("(")[2].rpartition(")")
+            parents[int(entry.parent.name)] = int(entry.read_text().rpartition(")")[2].split()[1])
+            if (entry.parent / "cmdline").read_bytes().startswith(b"ray::_"):
+                drawing.append(int(entry.parent.name))
         except OSError:
             continue
-        found[int(entry.parent.name)] = name, int(rest.split()[1])
 
     def ours(pid):
-        while pid in found and pid != os.getpid():
-            pid = found[pid][1]
+        while pid in parents and pid != os.getpid():
+            pid = parents[pid]
         return pid == os.getpid()
 
-    return [pid for pid, (name, _) in found.items() if name.startswith("ray::_") and ours(pid)]
+    return [pid for pid in drawing if ours(pid)]
 
 
 def test_a_node_and_a_worker_are_killed(cluster, plain, tmp_path):
     out = f"{tmp_path}/set/"
     run = subprocess.Popen(command(out, "--engine", "ray", "--address", cluster.address))
     until(lambda: shards(out) >= 2)
+    until(workers)
     os.kill(random.Random(0).choice(workers()), signal.SIGKILL)
     until(lambda: shards(out) >= 4)
     node = next(iter(cluster.worker_nodes))
     cluster.remove_node(node, allow_graceful=False)
-    assert run.wait(timeout=1200) == 0
+    assert run.wait(timeout=3000) == 0
     assert digests(out) == plain
 
 

@@ -54,7 +54,7 @@ class Fake(Plan):
 
 
 def fake(n, digest="fake"):
-    spec = SimpleNamespace(objects=NAMES, shapes=SHAPES, fixed={}, supports={})
+    spec = SimpleNamespace(objects=NAMES, shapes=SHAPES, fixed={}, regions=(), declares_heights=False)
     return Fake(SimpleNamespace(spec=spec, request=SampleRequest(n=n, seed=5), cells=CELLS), digest)
 
 

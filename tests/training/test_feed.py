@@ -95,13 +95,13 @@ def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
 
 def test_branches_are_those_of_a_survey(file, exp1, small, monkeypatch):
     rows = uniform(exp1, 500, torch.Generator().manual_seed(3)).rows
-    branch, names = survey(exp1.core, rows)
+    branch, names = survey(exp1, rows)
     ways = {tuple(way): int((branch == index).sum()) for index, way in enumerate(names.tolist())}
     assert torch.equal(ranked(ways), names)
-    assert torch.equal(sorted_into(exp1.core, rows, names), branch)
+    assert torch.equal(sorted_into(exp1, rows, names), branch)
     monkeypatch.setattr(feeds, "MOST", 1)
     assert ranked(ways).tolist() == [[-1, -1]]
-    assert torch.equal(sorted_into(exp1.core, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
+    assert torch.equal(sorted_into(exp1, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
     monkeypatch.undo()
 
 

@@ -22,7 +22,7 @@ from scenegen.errors import DataError, OutputError
 from scenegen.errors.stores import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
 from scenegen.formats.files import FULL, write_whole
 from scenegen.formats.locations import is_url
-from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, reason_of
+from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_of
 
 T = TypeVar("T")
 
@@ -136,7 +136,7 @@ class Store:
             raise
         except FAILURES as error:
             full = isinstance(error, OSError) and error.errno in FULL
-            known = ((full, "make room"), (attempts.tries > 1, "see whether the store is up"))
+            known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
             remedy = next((words for holds, words in known if holds), "see whether you may write there")
             facts = {"tries": attempts.tries, "seconds": attempts.seconds} if attempts.tries > 1 else {}
             raise OutputError(

@@ -6,6 +6,7 @@ So every shard is an independent job, on any engine, and one shard can be made a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,8 @@ from scenegen.engine.many import Ended, each, here
 from scenegen.errors import RequestError
 from scenegen.errors.stores import FINISHED_SET, NO_PART
 from scenegen.formats.blocks import BLOCK, joined
+from scenegen.formats.holding import held
+from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scene.data import RequestData
@@ -140,7 +143,7 @@ def make_dataset(
 
     listed = list(specs)
     size = sets.shard_size(as_int("shard_size", shard_size), 1, 1)
-    stores = {name: open_store(f"{location.rstrip('/')}/{name}/") for name, _ in listed}
+    stores = {name: open_store(inside(location, name)) for name, _ in listed}
     begun = {name: sets.refuse_taken(store, resume=resume) for name, store in stores.items()}
     known = {name: None if one is None or "parts" not in one.request else plan_from(one) for name, one in begun.items()}
     if not resume and sets.CARD in open_store(location).sizes():
@@ -160,25 +163,27 @@ def make_dataset(
     growing: dict[str, _Growing] = {}
     jobs: list[tuple[str, ShardJob]] = []
     places: dict[str, _Growing] = {}
-    for (name, _), share in zip(listed, shares(as_int("n", n), len(listed)), strict=True):
-        if name not in plans or not share:
-            continue
-        spec, plan, store = loaded[name], plans[name], stores[name]
-        wanted = requests(spec, plan.parts, share, size, seed)
-        wanted = [one for one in wanted if one.n]
-        manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
-        one = growing[name] = _Growing(name, store, manifest, len(wanted))
-        there = {shard.file for shard in manifest.shards}
-        for number, made in enumerate(wanted):
-            if sets.shard_name(number) not in there:
-                wish = ", ".join(f"{label}={low:g}:{high:g}" for label, (low, high) in made.phi.items())
-                job = f"{name} {sets.shard_name(number)} ({wish})"
-                places[job] = one
-                jobs.append((job, ShardJob(spec.checked.source, store, number, made, plan.rarity)))
-    for count, ended in enumerate(each(Draw(timeout), jobs, engine, workers, address), 1):
-        if not ended.errors:
-            places[ended.name].add(ended.value)
-        told(DRAWING, ended, count, len(jobs))
+    with ExitStack() as stack:
+        for (name, _), share in zip(listed, shares(as_int("n", n), len(listed)), strict=True):
+            if name not in plans or not share:
+                continue
+            spec, plan, store = loaded[name], plans[name], stores[name]
+            wanted = requests(spec, plan.parts, share, size, seed)
+            wanted = [one for one in wanted if one.n]
+            stack.enter_context(held(store))
+            manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
+            one = growing[name] = _Growing(name, store, manifest, len(wanted))
+            there = {shard.file for shard in manifest.shards}
+            for number, made in enumerate(wanted):
+                if sets.shard_name(number) not in there:
+                    wish = ", ".join(f"{label}={low:g}:{high:g}" for label, (low, high) in made.phi.items())
+                    job = f"{name} {sets.shard_name(number)} ({wish})"
+                    places[job] = one
+                    jobs.append((job, ShardJob(spec.checked.source, store, number, made, plan.rarity)))
+        for count, ended in enumerate(each(Draw(timeout), jobs, engine, workers, address), 1):
+            if not ended.errors:
+                places[ended.name].add(ended.value)
+            told(DRAWING, ended, count, len(jobs))
     manifests = {name: one.manifest for name, one in growing.items()}
     failed = tuple(name for name, _ in listed if name not in growing)
     write_dataset_card(open_store(location), manifests, failed, license)

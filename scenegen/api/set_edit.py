@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,10 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
 from scenegen.formats.blocks import BLOCK, Block, joined
+from scenegen.formats.holding import held
+from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
+from scenegen.formats.stores import Store
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 
@@ -42,13 +46,13 @@ def filter_set(stored: StoredSet, ranges: Mapping[str, Range], out: str) -> sets
 
     def kept() -> Iterator[Block]:
         for block in _blocks(stored):
-            inside = np.ones(block.count, dtype=bool)
+            fits = np.ones(block.count, dtype=bool)
             for label, values in zip(stored.labels, block.phi, strict=True):
                 one = ranges.get(label, Range())
-                inside &= (values >= (-np.inf if one.low is None else one.low)) & (
+                fits &= (values >= (-np.inf if one.low is None else one.low)) & (
                     values <= (np.inf if one.high is None else one.high)
                 )
-            yield _part(block, inside)
+            yield _part(block, fits)
 
     wanted = {label: [one.low, one.high] for label, one in ranges.items()}
     return write_blocks(out, stored, kept(), {"filtered": _source(stored), "phi": wanted})
@@ -64,14 +68,15 @@ def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: st
     ends = np.cumsum([0.0, *values])
     size = _fitting(stored.manifest.shard_size, len(stored.header.objects), len(stored.labels), len(shares))
     parts: list[_NewSet] = []
-    for name, share in shares.items():
-        facts = {"split": _source(stored), "part": name, "share": share, "seed": seed}
-        parts.append(_NewSet(f"{out.rstrip('/')}/{name}/", stored, facts, size))
-    for index, block in enumerate(_blocks(stored)):
-        draw = np.random.default_rng(np.random.SeedSequence([seed, SPLIT, index])).random(block.count)
-        for number, part in enumerate(parts):
-            part.add(_part(block, (draw >= ends[number]) & (draw < ends[number + 1])))
-    return {name: part.finish() for name, part in zip(shares, parts, strict=True)}
+    with ExitStack() as stack:
+        for name, share in shares.items():
+            facts = {"split": _source(stored), "part": name, "share": share, "seed": seed}
+            parts.append(stack.enter_context(_new_set(inside(out, name), stored, facts, size)))
+        for index, block in enumerate(_blocks(stored)):
+            draw = np.random.default_rng(np.random.SeedSequence([seed, SPLIT, index])).random(block.count)
+            for number, part in enumerate(parts):
+                part.add(_part(block, (draw >= ends[number]) & (draw < ends[number + 1])))
+        return {name: part.finish() for name, part in zip(shares, parts, strict=True)}
 
 
 def _fitting(size: int, objects: int, labels: int, parts: int) -> int:
@@ -83,18 +88,26 @@ def _fitting(size: int, objects: int, labels: int, parts: int) -> int:
 def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance: Mapping[str, Any]) -> sets.Manifest:
     """A complete set of some scenes, with the header and shard size of another set. Raises DataError if there is no
     scene, OutputError, and RequestError for a folder that has a set already."""
-    made = _NewSet(out, like, provenance, like.manifest.shard_size)
-    for block in blocks:
-        made.add(block)
-    return made.finish()
+    with _new_set(out, like, provenance, like.manifest.shard_size) as made:
+        for block in blocks:
+            made.add(block)
+        return made.finish()
+
+
+@contextmanager
+def _new_set(out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> Iterator[_NewSet]:
+    """A new set, for this process alone until the end of the block."""
+    store = open_store(out)
+    with held(store):
+        yield _NewSet(store, like, provenance, size)
 
 
 class _NewSet:
     """A set that grows block by block; the scenes of at most one shard are in memory. Raises what `write_blocks`
     raises."""
 
-    def __init__(self, out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> None:
-        self._store, self._like = open_store(out), like
+    def __init__(self, store: Store, like: StoredSet, provenance: Mapping[str, Any], size: int) -> None:
+        self._store, self._like = store, like
         before = like.manifest
         manifest = sets.Manifest(
             request={**before.request, "from": dict(provenance)},

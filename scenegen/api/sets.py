@@ -43,12 +43,13 @@ def write_set(
     """
     from scenegen.api.sample import partial
 
-    store = open_store(location)
+    store = open_store(location, on_note)
     request = check_request(source, request)
     from scenegen.engine.engines import Writing, check_engine, open_engine
     from scenegen.engine.run import request_of
     from scenegen.engine.sets import write_set as write
     from scenegen.formats import sets
+    from scenegen.formats.holding import held, refuse_held
     from scenegen.sampling.problem import Budget
     from scenegen.sampling.report import fell_short, summed_up
     from scenegen.version import __version__
@@ -57,6 +58,7 @@ def write_set(
     spec = (source.spec if isinstance(source, Model) else source).checked
     size = sets.shard_size(size, len(spec.objects), len(spec.labels))
     check_engine(engine, address)
+    refuse_held(store)
     sets.refuse_taken(store, resume=resume)
     budget = Budget(request.timeout)
     plan = plan_of(source, request, budget, on_note)
@@ -76,21 +78,26 @@ def write_set(
         return summed_up(plan, tally)[0]
 
     try:
-        with open_engine(engine, request.workers, plan, address) as chosen:
+        with held(store) as hold, open_engine(engine, request.workers, plan, address) as chosen:
+
+            def spent() -> bool:
+                hold.check()
+                return budget.spent
+
             tally, manifest = write(
                 store, plan, chosen, manifest, writing, account,
-                resume=resume, keep_partial=request.keep_partial, spent=lambda: budget.spent, progress=progress,
+                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
             )  # fmt: skip
+            warnings: tuple[Diagnostic, ...] = ()
+            if tally is not None:
+                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
+                if shortfall is not None:
+                    if not manifest.complete:
+                        raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
+                    warnings = (*warnings, partial(shortfall))
+            write_card(store, manifest)
     finally:
         plan.close()
-    warnings: tuple[Diagnostic, ...] = ()
-    if tally is not None:
-        warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
-        if shortfall is not None:
-            if not manifest.complete:
-                raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
-            warnings = (*warnings, partial(shortfall))
-    write_card(store, manifest)
     phi = {label: Met(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
     full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
     return Written(store.location, manifest.scenes, full, phi, warnings)

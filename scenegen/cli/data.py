@@ -140,6 +140,7 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
     from scenegen.api.set_edit import filter_set, merge_sets, split_set
     from scenegen.cli.output import print_error
     from scenegen.errors import RequestError
+    from scenegen.formats.locations import inside
     from scenegen.sampling.request import parse_phi
 
     if action == "merge":
@@ -153,7 +154,7 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
         if not shares or len(shares) < len(share):
             raise RequestError(DATA_ARGUMENTS(action=action, wanted="<share=NAME=SHARE>, each name once"))
         parts = split_set(opened[0], shares, seed, out)
-        made = {f"{out.rstrip('/')}/{name}/": manifest for name, manifest in parts.items()}
+        made = {inside(out, name): manifest for name, manifest in parts.items()}
     for place, manifest in made.items():
         print_error(f"{manifest.scenes:,} scenes in {_shards(len(manifest.shards))} in {place}")
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
 from scenegen.errors.stores import ONLY_FOR_SETS
-from scenegen.formats.locations import names_set
+from scenegen.formats.locations import inside, names_set
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
@@ -64,7 +64,7 @@ def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: S
         print_error(f"{source}:")
         each = replace(wishes, timeout=wishes.timeout + _elapsed())
         pictures = None if render is None else render / source.stem
-        sample_one(source, each, f"{folder}/{source.stem}/", storing, pictures)
+        sample_one(source, each, inside(folder, source.stem), storing, pictures)
 
     jobs = list(zip(names_of(sources), sources, strict=True))
     if render is not None:

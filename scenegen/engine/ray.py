@@ -15,6 +15,7 @@ import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -55,9 +56,11 @@ def _choose(which: Array, numbers: list[int], *parts: Block) -> Block:
     return chosen(which, dict(zip(numbers, parts, strict=True)))
 
 
-def _write(data: np.ndarray[Any, Any], number: int, pieces: int, *blocks: Block) -> Shard:
-    shard: Shard = _job(data.tobytes())(number, pieces, blocks)
-    return shard
+def _write(data: np.ndarray[Any, Any], number: int, pieces: int, *blocks: Block) -> tuple[Shard, list[str]]:
+    """A shard, and what its store said on the way."""
+    said: list[str] = []
+    writing: Writing = _job(data.tobytes())
+    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said
 
 
 class Cluster(Engine):
@@ -73,6 +76,7 @@ class Cluster(Engine):
         self._choose = ray.remote(**options)(_choose)
         self._write = ray.remote(**options)(_write)
         self._writing: deque[Any] = deque()
+        self._tell: Callable[[str], None] = lambda line: None
         self._jobs: dict[int, tuple[object, Any]] = {}  # what was sent once, by identity
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
@@ -105,6 +109,8 @@ class Cluster(Engine):
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         if len(self._writing) >= SHARDS:
             self._ray.wait([self._writing[0]])
+        if writing.store.tell is not None:  # listeners stay here
+            self._tell = writing.store.tell
         self._writing.append(self._write.remote(self._sent(writing), number, pieces, *blocks))
 
     def written(self, *, wait: bool) -> list[Shard]:
@@ -112,7 +118,10 @@ class Cluster(Engine):
         while self._writing:
             if not wait and not self._ray.wait([self._writing[0]], timeout=0)[0]:
                 break
-            done.append(self._get(self._writing.popleft(), "a shard"))
+            shard, said = self._get(self._writing.popleft(), "a shard")
+            for line in said:
+                self._tell(line)
+            done.append(shard)
         return done
 
     def close(self) -> None:
@@ -122,7 +131,8 @@ class Cluster(Engine):
 
     def _sent(self, job: object) -> Any:
         if id(job) not in self._jobs:
-            data = np.frombuffer(pickle.dumps(job, protocol=5), dtype=np.uint8)
+            sent = replace(job, store=job.store.told_to(None)) if isinstance(job, Writing) else job
+            data = np.frombuffer(pickle.dumps(sent, protocol=5), dtype=np.uint8)
             self._jobs[id(job)] = job, self._ray.put(data)
         return self._jobs[id(job)][1]
 

@@ -32,3 +32,9 @@ def is_set(location: str | Path) -> bool:
         return Path(text).is_dir()
     except (OSError, ValueError):
         return False
+
+
+def inside(location: str, name: str) -> str:
+    """A folder in a folder, as a place to write a set to; the query part of a URL stays at its end."""
+    folder, mark, query = location.partition("?") if is_url(location) else (location, "", "")
+    return f"{folder.rstrip('/')}/{name}/{mark}{query}"

@@ -8,14 +8,15 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_INSTALLED
 
 if TYPE_CHECKING:
-    from scenegen.formats.stores import Store
+    from scenegen.formats.stores import Store, Tell
 
 
-def open_store(location: str) -> Store:
-    """The store at a path or URL. Raises RequestError without pyarrow, DataError for a URL that nothing can open."""
+def open_store(location: str, tell: Tell | None = None) -> Store:
+    """The store at a path or URL; `tell` hears of failures that are tried again. Raises RequestError without
+    pyarrow, DataError for a URL that nothing can open."""
     try:
         from scenegen.formats.stores import store_at
     except ModuleNotFoundError as error:
         command = 'pip install "scenegen[parquet]"'
         raise RequestError(NOT_INSTALLED(package="pyarrow", purpose="for sets of scenes", command=command)) from error
-    return store_at(location)
+    return store_at(location, tell)

@@ -1,44 +1,32 @@
 """A folder of files on a disk or in an object store, by path or URL: s3://bucket/set/, gs://..., hdfs://...
 
 Needs pyarrow, whose file systems these are. Files are written as a whole: by renaming on a disk, as one object in a
-store. A store that fails is asked again for a minute, unless its answer is final (no permission, no such bucket, a full
-disk).
+store. A store that fails is asked again for a minute, unless its answer is final (no permission, no such bucket); a
+disk that fails is not.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import re
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pyarrow
 import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.stores import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
 from scenegen.formats.files import FULL, write_whole
 from scenegen.formats.locations import is_url
+from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_of
 
 T = TypeVar("T")
 
-PATIENCE = 60.0  # seconds for which a store that fails is asked again
-FIRST_WAIT, LONGEST_WAIT = 0.25, 8.0  # seconds between tries, doubled each time
-# Of the answers of object stores, those that another try cannot change. pyarrow has no types for them.
-_FINAL = re.compile(r"ACCESS_DENIED|NO_SUCH_BUCKET|INVALID_ACCESS_KEY|SIGNATURE_DOES_NOT|NoSuchBucket|AccessDenied")
-
-_SAID = {
-    "NO_SUCH_BUCKET": "there is no such bucket",
-    "ACCESS_DENIED": "access denied",
-    "INVALID_ACCESS_KEY": "the access key is not known there",
-    "SIGNATURE_DOES_NOT": "the secret key is wrong",
-    "SLOW_DOWN": "the store is too busy",
-    "SERVICE_UNAVAILABLE": "the store is unavailable",
-    "NETWORK_CONNECTION": "the store does not answer",
-    "INTERNAL_FAILURE": "the store failed",
-}
+Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +37,13 @@ class Store:
     system: Any  # a pyarrow.fs.FileSystem
     root: str  # the folder in the file system, without a slash at its end
     local: bool
+    patience: float = PATIENCE  # seconds for which an object store that fails is asked again
+    tell: Tell | None = field(default=None, compare=False)  # is told of failures that are tried again
+
+    def told_to(self, tell: Tell | None, *, patience: float | None = None) -> Store:
+        """The same store with another listener, and another patience if one is given. One that is sent to other
+        processes has none."""
+        return replace(self, tell=tell, patience=self.patience if patience is None else patience)
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises DataError."""
@@ -61,8 +56,9 @@ class Store:
         return self._reading(name, work)
 
     def open(self, name: str) -> Any:
-        """A file, open for reading at any place of it. Raises DataError."""
-        return self._reading(name, lambda: self.system.open_input_file(self._path(name)))
+        """A file, open for reading at any place of it. Raises DataError, and so does reading from it."""
+        file = self._reading(name, lambda: self.system.open_input_file(self._path(name)))
+        return file if self.local else pyarrow.PythonFile(_Steady(self, name, file), mode="r")
 
     def write(self, name: str, data: bytes | memoryview) -> None:
         """Write a file, which appears whole or not at all. Raises OutputError."""
@@ -71,7 +67,10 @@ class Store:
             if self.local:
                 path = Path(self.root) / name
                 path.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(path, bytes(data))
+                try:
+                    write_whole(path, bytes(data))
+                except OutputError as error:  # a set's own words say what is kept
+                    raise (error.__cause__ if isinstance(error.__cause__, OSError) else error) from None
                 return
             with self.system.open_output_stream(self._path(name)) as stream:
                 stream.write(data)
@@ -84,6 +83,12 @@ class Store:
         found = self._reading(".", lambda: self.system.get_file_info(selector))
         start = len(self.root) + 1
         return {one.path[start:]: one.size for one in found if one.type == pyarrow.fs.FileType.File}
+
+    def changed(self, name: str) -> float:
+        """When a file was last written, in seconds since 1970 by the store's clock; 0 if it is not there. Raises
+        DataError."""
+        found = self._reading(name, lambda: self.system.get_file_info(self._path(name)))
+        return 0.0 if found.type == pyarrow.fs.FileType.NotFound else found.mtime_ns / 1e9
 
     def delete(self, *names: str) -> None:
         """Remove files; those that are not there are left alone. Raises OutputError."""
@@ -116,71 +121,87 @@ class Store:
 
     def _reading(self, name: str, work: Callable[[], T]) -> T:
         try:
-            return self._tried(work)[0]
-        except (OSError, pyarrow.ArrowException) as error:
+            return self._attempts(name).run(work)
+        except FAILURES as error:
             remedy = "check the location" + ("" if self.local else " and your credentials")
             raise DataError(
-                CANNOT_READ_STORE(file=name, location=self.location, reason=_reason(error), remedy=remedy)
+                CANNOT_READ_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy)
             ) from error
 
     def _writing(self, name: str, work: Callable[[], object]) -> None:
-        started = time.monotonic()
-        tries = [0]
+        attempts = self._attempts(name)
         try:
-            self._tried(work, tries)
-        except (OSError, pyarrow.ArrowException) as error:
+            attempts.run(work)
+        except OutputError:
+            raise
+        except FAILURES as error:
             full = isinstance(error, OSError) and error.errno in FULL
-            known = ((full, "make room"), (tries[0] > 1, "see whether the store is up"))
+            known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
             remedy = next((words for holds, words in known if holds), "see whether you may write there")
-            facts = {"tries": tries[0], "seconds": time.monotonic() - started} if tries[0] > 1 else {}
+            facts = {"tries": attempts.tries, "seconds": attempts.seconds} if attempts.tries > 1 else {}
             raise OutputError(
-                CANNOT_WRITE_STORE(file=name, location=self.location, reason=_reason(error), remedy=remedy, **facts)
+                CANNOT_WRITE_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
             ) from error
 
-    def _tried(self, work: Callable[[], T], tries: list[int] | None = None) -> tuple[T]:
-        """The result of work, which is tried again while that can help."""
-        started, wait = time.monotonic(), FIRST_WAIT
-        while True:
-            if tries is not None:
-                tries[0] += 1
-            try:
-                return (work(),)
-            except (OSError, pyarrow.ArrowException) as error:
-                final = (
-                    self.local or isinstance(error, FileNotFoundError | PermissionError) or _FINAL.search(str(error))
-                )
-                if final or time.monotonic() - started + wait > PATIENCE:
-                    raise
-            time.sleep(wait)
-            wait = min(2.0 * wait, LONGEST_WAIT)
+    def _attempts(self, name: str) -> Attempts:
+        def tell(error: Exception) -> None:
+            if self.tell is not None:
+                again = f"trying again for up to {self.patience:.0f} s"
+                self.tell(f"{name} in {self.location}: {reason_of(error)}; {again}")
+
+        return Attempts(0.0 if self.local else self.patience, tell)
 
 
-def store_at(location: str) -> Store:
-    """The store at a URL or path. Nothing is read or written. Raises DataError for a URL that no file system knows."""
+class _Steady(io.RawIOBase):
+    """A file of an object store. What fails is read again: else a store that is busy would look like damage."""
+
+    def __init__(self, store: Store, name: str, file: Any) -> None:
+        self._store, self._name, self._file, self._size = store, name, file, file.size()
+        self._place = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        self._place = offset + (0, self._place, self._size)[whence]
+        return self._place
+
+    def tell(self) -> int:
+        return self._place
+
+    def size(self) -> int:
+        return int(self._size)
+
+    def read(self, size: int = -1) -> bytes:
+        """Raises DataError."""
+        start, count = self._place, self._size - self._place if size is None or size < 0 else size
+        data: bytes = self._store._reading(self._name, lambda: self._file.read_at(count, start))
+        self._place += len(data)
+        return data
+
+    def close(self) -> None:
+        if not self.closed:
+            self._file.close()
+        super().close()
+
+
+def store_at(location: str, tell: Tell | None = None) -> Store:
+    """The store at a URL or path; nothing is read or written. `tell` hears of failures that are tried again. Raises
+    DataError for a URL that no file system knows."""
     if not is_url(location):
         root = str(Path(location).expanduser().absolute())
-        return Store(location, pyarrow.fs.LocalFileSystem(), root.rstrip("/") or "/", True)
+        return Store(location, pyarrow.fs.LocalFileSystem(), root.rstrip("/") or "/", True, tell=tell)
     try:
         system, root = pyarrow.fs.FileSystem.from_uri(location)
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(UNKNOWN_STORE(location=shown(location), reason=_reason(error))) from error
+        raise DataError(UNKNOWN_STORE(location=shown(location), reason=reason_of(error))) from error
     local = isinstance(system, pyarrow.fs.LocalFileSystem)
-    return Store(shown(location), system, root.rstrip("/"), local)
+    return Store(shown(location), system, root.rstrip("/"), local, tell=tell)
 
 
 def shown(location: str) -> str:
     """A URL without user names, passwords and keys, for messages and files."""
     return re.sub(r"\?.*$", "", re.sub(r"//[^/@]*@", "//", location))
-
-
-def _reason(error: Exception) -> str:
-    """An error in few words. Those of pyarrow are for programmers, and long; AWS's names in capitals are in them."""
-    said = next((words for name, words in _SAID.items() if name in str(error)), None)
-    if said is not None:
-        return said
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror.lower()
-    line = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
-    with contextlib.suppress(ValueError):
-        line = line[: line.index(" Detail: ")]
-    return line if len(line) <= 160 else f"{line[:157]}..."

@@ -11,7 +11,27 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-STORE = 300 << 20  # bytes of a node's object store
+
+
+def free_port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def add_node(cluster, cores, tries=3):
+    """A node, which does not wait until its agents have found ports: that takes too long on a busy machine. Ray gives
+    up after half a minute."""
+    ports = ("metrics_agent_port", "metrics_export_port", "dashboard_agent_listen_port", "runtime_env_agent_port")
+    try:
+        return cluster.add_node(
+            num_cpus=cores, object_store_memory=300 << 20, include_dashboard=False, include_log_monitor=False,
+            **{name: free_port() for name in ports},
+        )  # fmt: skip
+    except Exception:  # Ray has no type for it
+        if tries == 1:
+            raise
+        return add_node(cluster, cores, tries - 1)
 
 
 @pytest.fixture(scope="session")
@@ -20,30 +40,32 @@ def ray():
 
 
 @pytest.fixture
-def cluster(ray, monkeypatch):
+def cluster(ray, server, monkeypatch):
     """A head without cores of its own, and two nodes of two cores each."""
     from ray.cluster_utils import Cluster
 
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server[0])
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), *filter(None, sys.path)]))
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "object_store_memory": STORE})
-    for _ in range(2):
-        made.add_node(num_cpus=2, object_store_memory=STORE)
+    made = Cluster()
+    made.add = lambda cores=2: add_node(made, cores)
+    for cores in (0, 2, 2):
+        made.add(cores)
     made.wait_for_nodes()
     yield made
     made.shutdown()
 
 
 @pytest.fixture(scope="session")
-def s3(tmp_path_factory):
-    """The URL of a bucket in a server on this machine, for the tests' processes by their environment."""
+def server(tmp_path_factory):
+    """An S3 server on this machine: its address, and the file that makes it fail (see bucket_server.py)."""
     pytest.importorskip("moto", reason="needs moto: make test-cluster installs it")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    log = (tmp_path_factory.mktemp("moto") / "log").open("wb")
-    server = subprocess.Popen([sys.executable, "-m", "moto.server", "-p", str(port)], stdout=log, stderr=log)
+    port = free_port()
+    folder = tmp_path_factory.mktemp("moto")
+    log, faults = (folder / "log").open("wb"), folder / "faults"
+    command = [sys.executable, str(Path(__file__).with_name("bucket_server.py")), str(port), str(faults)]
+    running = subprocess.Popen(command, stdout=log, stderr=log)
     address = f"http://127.0.0.1:{port}"
-    for _ in range(200):
+    for _ in range(300):
         try:
             urllib.request.urlopen(urllib.request.Request(f"{address}/sets", method="PUT"), timeout=5)
             break
@@ -54,10 +76,18 @@ def s3(tmp_path_factory):
             "AWS_ACCESS_KEY_ID": "test",
             "AWS_SECRET_ACCESS_KEY": "test",
             "AWS_DEFAULT_REGION": "us-east-1",
-            "AWS_ENDPOINT_URL": address,
+            "AWS_EC2_METADATA_DISABLED": "true",
         }.items():
             patch.setenv(name, value)
-        yield "s3://sets"
-    server.kill()
-    server.wait()
+        yield address, faults
+    running.kill()
+    running.wait()
     log.close()
+
+
+@pytest.fixture
+def s3(server, monkeypatch):
+    """The URL of a bucket, for the tests' processes by their environment."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server[0])
+    yield "s3://sets"
+    server[1].unlink(missing_ok=True)

@@ -2,20 +2,22 @@
 
 import dataclasses
 import hashlib
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenegen.engine.engines import Writing, chosen, open_engine
+from scenegen.engine.engines import chosen, open_engine
 from scenegen.engine.local import Local
-from scenegen.engine.sets import write_set
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.formats.registry import read_scenes
-from scenegen.formats.sets import MANIFEST, Manifest, header_data, read_manifest, read_set
+from scenegen.formats.sets import MANIFEST, read_manifest, read_set
 from scenegen.formats.stores import store_at
 
-BLOCK, SHARD, COUNT = 300, 600, 2000
+sys.path.insert(0, str(Path(__file__).parent))
+from made_sets import BLOCK, COUNT, digest, run
 
 
 class Elsewhere(Local):
@@ -48,32 +50,9 @@ class Elsewhere(Local):
         return [writing(number, pieces, blocks) for writing, number, pieces, blocks in ready]
 
 
-def run(folder, engine=None, store=None, wanted=COUNT, **options):
-    from made import SHA, Made, header_of
-
-    plan, place = Made(wanted), store_at(f"{folder}/") if store is None else store
-    manifest = Manifest(
-        request={"spec": SHA, "n": wanted, "plan": plan.plan_digest},
-        labels=["task"],
-        shard_size=SHARD,
-        header=header_data(header_of(plan)),
-    )
-    writing = Writing(plan, place, header_of(plan), ("task",))
-    account = lambda tally: {"method": "made", "pieces": tally.pieces}  # noqa: E731
-    return write_set(place, plan, engine or Local(1), manifest, writing, account, block=BLOCK, **options)
-
-
-def digest(folder):
-    return {one.name: hashlib.sha256(one.read_bytes()).hexdigest() for one in sorted(folder.iterdir()) if one.is_file()}
-
-
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """A set that nothing disturbed."""
-    import sys
-    from pathlib import Path
-
-    sys.path.insert(0, str(Path(__file__).parent))
     folder = tmp_path_factory.mktemp("plain") / "set"
     run(folder)
     return folder

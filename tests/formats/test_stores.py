@@ -7,7 +7,7 @@ import pyarrow.fs
 import pytest
 
 from scenegen.errors import DataError, OutputError
-from scenegen.formats import stores
+from scenegen.formats import stores, trying
 from scenegen.formats.locations import as_location, is_set, names_set
 from scenegen.formats.stores import Store, store_at
 
@@ -37,8 +37,8 @@ def waits(monkeypatch):
         found.append(seconds)
         now[0] += seconds
 
-    monkeypatch.setattr(stores.time, "sleep", sleep)
-    monkeypatch.setattr(stores.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(trying.time, "sleep", sleep)
+    monkeypatch.setattr(trying.time, "monotonic", lambda: now[0])
     return found
 
 

@@ -1,0 +1,30 @@
+"""Sets of a plan that costs nothing."""
+
+import hashlib
+
+from made import SHA, Made, header_of
+
+from scenegen.engine.engines import Writing
+from scenegen.engine.local import Local
+from scenegen.engine.sets import write_set
+from scenegen.formats.sets import Manifest, header_data
+from scenegen.formats.stores import store_at
+
+BLOCK, SHARD, COUNT = 300, 600, 2000
+
+
+def run(folder, engine=None, store=None, wanted=COUNT, **options):
+    plan, place = Made(wanted), store_at(f"{folder}/") if store is None else store
+    manifest = Manifest(
+        request={"spec": SHA, "n": wanted, "plan": plan.plan_digest},
+        labels=["task"],
+        shard_size=SHARD,
+        header=header_data(header_of(plan)),
+    )
+    writing = Writing(plan, place, header_of(plan), ("task",))
+    account = lambda tally: {"method": "made", "pieces": tally.pieces}  # noqa: E731
+    return write_set(place, plan, engine or Local(1), manifest, writing, account, block=BLOCK, **options)
+
+
+def digest(folder):
+    return {one.name: hashlib.sha256(one.read_bytes()).hexdigest() for one in sorted(folder.iterdir()) if one.is_file()}

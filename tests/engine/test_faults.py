@@ -1,0 +1,121 @@
+"""Stores that fail while a set is written: one diagnostic with the file's name, the rest intact; `resume` goes on."""
+
+import errno
+import os
+import sys
+from pathlib import Path
+
+import pyarrow.fs
+import pytest
+
+from scenegen.engine.local import Local
+from scenegen.errors import OutputError
+from scenegen.formats import stores, trying
+from scenegen.formats.files import output_error
+from scenegen.formats.sets import read_manifest
+from scenegen.formats.stores import Store, store_at
+
+sys.path.insert(0, str(Path(__file__).parent))
+from made_sets import digest, run
+
+SHARD = "part-000001.parquet"
+
+
+class Bucket:
+    """A folder as an object store; `fails(call, path)` raises what it answers."""
+
+    def __init__(self, fails):
+        self.inner, self.fails = pyarrow.fs.LocalFileSystem(), fails
+
+    def __getattr__(self, name):
+        def call(first, *words):
+            path = first if isinstance(first, str) else first.base_dir
+            self.fails(name, path)
+            if name == "open_output_stream":
+                Path(path).parent.mkdir(parents=True, exist_ok=True)
+            return getattr(self.inner, name)(first, *words)
+
+        return call
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plain") / "set"
+    run(folder)
+    return digest(folder)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Stands still but for the waits between tries."""
+    now = [0.0]
+    monkeypatch.setattr(trying.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(trying.time, "sleep", lambda seconds: now.append(now.pop() + seconds))
+    return now
+
+
+def bucket(folder, fails, said=None):
+    return Store("s3://bucket/set/", Bucket(fails), str(folder), False, tell=None if said is None else said.append)
+
+
+def one_diagnostic(caught, *words):
+    (found,) = caught.value.diagnostics
+    assert found.code == "cannot-write-store"
+    for word in words:
+        assert word in f"{found.title}\n{found.help}"
+
+
+@pytest.mark.parametrize(
+    ("number", "reason", "remedy"),
+    [(errno.ENOSPC, "no space left on device", "make room"), (errno.EACCES, "permission denied", "may write there")],
+)
+def test_a_disk_that_fails(number, reason, remedy, plain, tmp_path, monkeypatch):
+    folder, write = tmp_path / "set", stores.write_whole
+
+    def failing(path, data):
+        if path.name == SHARD:
+            error = OSError(number, os.strerror(number))
+            raise output_error(path, error) from error
+        write(path, data)
+
+    monkeypatch.setattr(stores, "write_whole", failing)
+    with pytest.raises(OutputError) as caught:
+        run(folder)
+    one_diagnostic(caught, f"cannot write {SHARD} in {folder}/: {reason}", remedy, "what is complete stays there")
+    assert [shard.file for shard in read_manifest(store_at(str(folder))).shards] == ["part-000000.parquet"]
+    monkeypatch.undo()
+    run(folder, resume=True)
+    assert digest(folder) == plain
+
+
+def test_a_store_that_is_away_for_ten_seconds(plain, tmp_path, clock):
+    since, said = [], []
+
+    def fails(call, path):
+        if path.endswith(SHARD) and not since:
+            since.append(clock[0])
+        if since and clock[0] < since[0] + 10:
+            raise OSError("AWS Error UNKNOWN (HTTP status 503) during PutObject operation: Unable to parse")
+
+    run(tmp_path, store=bucket(tmp_path, fails, said))
+    assert digest(tmp_path) == plain and 10 <= clock[0] < 20
+    assert said == [f"{SHARD} in s3://bucket/set/: the store is unavailable; trying again for up to 60 s"]
+
+
+@pytest.mark.parametrize("file", [SHARD, "manifest.json", "waiting"])
+def test_a_store_that_dies(file, plain, tmp_path, clock):
+    calls = []
+
+    def fails(call, path):
+        calls.append(call == "open_output_stream" and Path(path).name.startswith(file))
+        if sum(calls) > (2 if file == "manifest.json" else 0):
+            raise OSError("When completing: AWS Error NETWORK_CONNECTION during PutObject operation: curlCode: 7")
+
+    with pytest.raises(OutputError) as caught:
+        run(tmp_path, Local(1), bucket(tmp_path, fails))
+    one_diagnostic(caught, file, "s3://bucket/set/: the store does not answer, tried", "see whether the store is up")
+    before = read_manifest(store_at(str(tmp_path)))
+    for shard in before.shards:
+        assert digest(tmp_path)[shard.file] == plain[shard.file]
+    run(tmp_path, store=bucket(tmp_path, lambda call, path: None), resume=True)
+    assert digest(tmp_path) == plain

@@ -27,7 +27,7 @@ STEP = 0.05  # metres between pieces of furniture that no region places
 
 @dataclass(frozen=True, slots=True)
 class Ref:
-    """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `thing` if it is an object."""
+    """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `kind` tells which."""
 
     argument: str
     surfaces: tuple[str, ...]

@@ -24,7 +24,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True)
 class Furniture:
-    """`body`: length along x, width along y and height, or None where the boards are all there is. A site is a board, or
+    """`body`: length along x, width along y and height, or None if there are only boards. A site is a board, or
     None for the top of the body. The first site is meant by the name of the furniture alone."""
 
     body: tuple[float, float, float] | None = None

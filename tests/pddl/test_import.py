@@ -41,7 +41,7 @@ def test_kitchen(tmp_path: Path, carrier: str) -> None:
     spec = check_text(made.text, "task.spec")
     assert spec.labels == ("start", "goal")
     assert [line.partition(": ")[2] for line in made.lost] == ["(Turnon flat_stove_1)"]
-    assert "# without geometry, line 13: (Turnon flat_stove_1)" in made.text
+    assert "# without geometry, line 12: (Turnon flat_stove_1)" in made.text
     assert ("<= 0.03 m" in made.text) == (carrier == "plate_1")
 
 

@@ -23,7 +23,7 @@ def import_(
 
     \b
       scenegen import task.bddl --out task.spec
-      scenegen import problem.pddl --domain domain.pddl --map map.toml --out problem.spec
+      scenegen import p.pddl --domain d.pddl --map m.toml --out p.spec
       scenegen sample task.spec --phi goal=-0.3:0 -n 50 --out starts.json
 
     The goal becomes the label `goal`; where the things that it moves start is the label `start`. What has no geometry,

@@ -1,7 +1,7 @@
 """A problem -> the text of a spec, formatted.
 
-What the goal moves can be anywhere on the ground, where the goal has it, or on what it starts on; where it starts is the
-label `start`. Everything else stays where it starts.
+What the goal moves can be anywhere on the ground, where the goal has it, or on what it starts on; where it starts is
+the label `start`. Everything else stays where it starts.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""S-expressions -> a problem: what it declares, as frozen dataclasses. Formulas stay expressions until they are lowered.
+"""S-expressions -> a problem: what it declares, as frozen dataclasses. Formulas stay expressions until lowered.
 
 Understood are PDDL's problems and domains (types, constants, predicates), LIBERO's regions, fixtures and language, and
 BEHAVIOR's lists of typed objects.

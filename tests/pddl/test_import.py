@@ -49,7 +49,7 @@ def test_kitchen(tmp_path: Path, carrier: str) -> None:
     ("formula", "part"),
     [
         ("(forall (?c - cup.n.01) (ontop ?c ?table.n.02_1))", "restsOn(cup_2, table_1_board)"),
-        ("(exists (?c - cup.n.01) (under ?c table.n.02_1))", "| (underneath(cup_2, table_1_board))"),
+        ("(exists (?c - cup.n.01) (under ?c table.n.02_1))", "| underneath(cup_2, table_1_board)"),
         ("(forn (1) (?c - cup.n.01) (ontop ?c table.n.02_1))", "!(restsOn"),
         ("(forpairs (?c - cup.n.01) (?t - table.n.02) (ontop ?c ?t))", "|"),
         ("(and (nextto cup.n.01_1 cup.n.01_2) (not (touching cup.n.01_1 cup.n.01_2)))", "gap(cup_1, cup_2) <= 15 cm"),

@@ -5,7 +5,7 @@ scenes that are wanted; and the CPU time of the server and of the browser until 
 changes less. Then a handle is moved twice, by a step to lower phi and to `just solved`: milliseconds until every shown
 scene lies in the new range, how many are shown then, and until all wanted scenes are there again. Last, how many
 pictures a second a drag of one of 40 objects has. Needs the extra `browser` and Chromium. Name specs to measure only
-these.
+these; `--first` measures only the first scenes, and does not wait for the others.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FORTY = (
     "task: leftOf(block[1], block[2])\n"
 )
 # from inside the page: when the first new result was drawn, and when the one that is wanted was
-WAIT = """async () => {
+WAIT = """async (all) => {
   const next = () => new Promise(requestAnimationFrame);
   const soon = () => new Promise((then) => setTimeout(then, 8)); // waiting for pictures would make the browser busy
   let frames = window.table.frames;
@@ -41,14 +41,16 @@ WAIT = """async () => {
   };
   const before = window.before;
   const late = setTimeout(() => { window.before = window.late = "late"; }, 60000);
-  while (!window.late && !(window.scenegen.result && window.scenegen.result !== before)) {
+  const there = () =>
+    window.scenegen.spec !== window.old && window.scenegen.result && window.scenegen.result !== before;
+  while (!window.late && !there()) {
     frames = window.table.frames;
     await soon();
   }
   const early = window.scenegen.preview, found = window.scenegen.result;
   clearTimeout(late);
   const first = await drawn();
-  if (!early) return [first, first];
+  if (!early || !all) return [first, early ? null : first];
   while (window.scenegen.preview || window.scenegen.result === found) {
     frames = window.table.frames;
     await soon();
@@ -118,7 +120,7 @@ def main() -> None:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.goto(link)
             until(page, "window.scenegen && window.scenegen.result && !window.scenegen.busy")
-            measure(page, sys.argv[1:])
+            measure(page, [one for one in sys.argv[1:] if one != "--first"], "--first" in sys.argv)
             browser.close()
         finally:
             server.terminate()
@@ -160,11 +162,14 @@ def until(page: Any, what: str, seconds: float = 120.0) -> None:
 def write(page: Any, text: str) -> None:
     page.click(".cm-content")
     page.keyboard.press("Control+a")
-    page.evaluate("window.before = window.scenegen.result; window.began = () => window.scenegen.typed")
+    page.evaluate(
+        "[window.before, window.old] = [window.scenegen.result, window.scenegen.spec];"
+        "window.began = () => window.scenegen.typed"
+    )
     page.keyboard.insert_text(text)
 
 
-def measure(page: Any, only: list[str]) -> None:
+def measure(page: Any, only: list[str], quick: bool) -> None:
     from scenegen.resources import shipped_specs
 
     table: list[list[float]] = []
@@ -178,8 +183,12 @@ def measure(page: Any, only: list[str]) -> None:
             continue
         spent = cpu("scenegen"), cpu("chrom")
         write(page, path.read_text(encoding="utf-8"))
-        first, whole = page.evaluate(WAIT)
-        row = [first, cpu("scenegen") - spent[0], cpu("chrom") - spent[1], whole]
+        first, whole = page.evaluate(WAIT, not quick)
+        row = [first, cpu("scenegen") - spent[0], cpu("chrom") - spent[1], whole or math.nan]
+        if quick:
+            table.append([*row, *[math.nan] * 8])
+            print(line(name, table[-1]), flush=True)
+            continue
         until(page, "!window.scenegen.busy")
         until(page, "window.scenegen.rested", 15.0)
         for move in ("step", "just solved"):
@@ -188,11 +197,14 @@ def measure(page: Any, only: list[str]) -> None:
         table.append(row)
         print(line(name, row), flush=True)
     for what, of in (("median", statistics.median), ("worst", max)):
-        print(line(what, [of([one for one in column if one == one]) for column in zip(*table, strict=True)]))
+        known = [[one for one in column if one == one] for column in zip(*table, strict=True)]
+        print(line(what, [of(column) if column else math.nan for column in known]))
     print("first scenes within 1 s:", sum(row[0] <= 1000 for row in table), "of", len(table))
+    if quick:
+        return
     print("handle inside within 300 ms:", sum(max(row[4], row[8]) <= 300 for row in table), "of", len(table))
     write(page, FORTY)
-    page.evaluate(WAIT)
+    page.evaluate(WAIT, True)
     until(page, "!window.scenegen.busy")
     time.sleep(1.0)
     place = page.evaluate("window.table.where('block[1]')")

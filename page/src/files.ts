@@ -2,7 +2,7 @@
 import { editor, replaceText } from "./editor/editor";
 import { table } from "./panels/Stage";
 import { http } from "./server";
-import { edited, message, poses, request, result, saved, selected, shown, text, view } from "./state";
+import { edited, message, on, poses, request, result, saved, selected, shown, text, view } from "./state";
 import { check } from "./store";
 
 export interface Listing {
@@ -63,8 +63,9 @@ export async function download(format: string): Promise<void> {
   if (!found) return;
   // What is on the page: a scene that was moved by hand goes as it stands.
   const all = shown.value.map((k) => (edited.value && k === selected.value ? poses.value : found.poses[k]));
+  const surfaces = found.on && shown.value.map((k) => (edited.value && k === selected.value ? on.value : found.on![k]));
   const sampler = edited.value ? { ...found.sampler, edited: selected.value + 1 } : found.sampler;
-  const body = { format, text: text.value, path: saved.value.path, poses: all, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
+  const body = { format, text: text.value, path: saved.value.path, poses: all, on: surfaces, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
   try {
     const answer = await http("/api/download", { method: "POST", body: JSON.stringify(body) });
     const name = answer.headers.get("content-disposition")?.match(/filename="?([^";]+)"?/)?.[1] ?? `scenes.${format}`;

@@ -1,7 +1,7 @@
 // Objects that are moved by hand, and how a motion is played back.
 import { batch } from "@preact/signals";
 import { askOne } from "./server";
-import { about, alone, edited, message, moment, motion, poses, replaying, request, result, selected, spec, type Motion } from "./state";
+import { about, alone, edited, message, chooser, moment, motion, on, poses, replaying, request, result, selected, spec, type Motion } from "./state";
 import { explain } from "./store";
 import type { Pose, Report } from "./types";
 
@@ -40,8 +40,22 @@ export function hold(name: string): void {
   const fix = { ...request.value.fix };
   if (name in fix) delete fix[name];
   else fix[name] = poses.value[index];
-  message.value = name in fix ? `${name} is held` : `${name} is free`;
+  const choice = now.objects[index].surfaces.length > 1 ? "; its surface is still chosen" : "";
+  message.value = name in fix ? `${name} is held${choice}` : `${name} is free`;
   request.value = { ...request.value, fix };
+}
+
+/** Put an object with several surfaces onto another one: the next, or the one with this number, from 1. */
+export function putOn(name: string, number?: number): void {
+  const now = spec.value;
+  const column = now ? chooser(now, name) : -1;
+  if (!now || alone || column < 0 || !on.value) return;
+  const { surfaces } = now.objects.find((one) => one.name === name)!;
+  const next = number ?? (on.value[column] % surfaces.length) + 1;
+  on.value = on.value.map((one, at) => (at === column ? next : one));
+  edited.value = true;
+  message.value = `${name} stands on ${surfaces[next - 1]}`;
+  explain();
 }
 
 // ---- motions
@@ -81,7 +95,7 @@ async function scoreMotion(mine: Motion): Promise<void> {
   if (index < 0) return;
   const frames = mine.path.map((pose) => poses.value.map((one, at) => (at === index ? pose : one)));
   try {
-    const found = await askOne<Report>("evaluate", { ...about(), poses: frames, why: false });
+    const found = await askOne<Report>("evaluate", { ...about(), poses: frames, on: on.value && frames.map(() => on.value), why: false });
     if (motion.value === mine) motion.value = { ...mine, phi: found.phi };
   } catch {
     /* a newer question took its place; the plot is drawn with the next motion */

@@ -4,7 +4,7 @@ import { closeReader } from "./panels/Reader";
 import { closeCode, explained, reading } from "./reader";
 import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
 import { table } from "./panels/Stage";
-import { hold, moved, place, play } from "./hands";
+import { hold, moved, place, play, putOn } from "./hands";
 import { band, justSolved } from "./rare";
 import { alone, heat, help, layout, names, pane, poses, selected, spec, tab, thing, view } from "./state";
 import { next, sample, select, step } from "./store";
@@ -25,6 +25,7 @@ export const KEYS: [string, string][] = [
   ["← → ↑ ↓", "move it by 1 cm; with Shift 5 cm, with Alt 1 mm"],
   [", .", "turn it by 5°; with Alt 1°"],
   ["h", "hold it, or let it go"],
+  ["u", "put it onto the next of its surfaces"],
   ["z", "put the scene back as it was sampled"],
   ["p", "play the last motion"],
   ["v", "3D or from above"],
@@ -72,6 +73,7 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   s: () => cycle(1),
   S: () => cycle(-1),
   h: () => void (thing.value && hold(thing.value)),
+  u: () => void (thing.value && putOn(thing.value)),
   z: () => select(selected.value, true),
   p: () => play(),
   v: () => void (view.value = view.value === "3d" ? "top" : "3d"),

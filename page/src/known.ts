@@ -1,18 +1,20 @@
 // Scenes that are known already: those of earlier requests, and some that are spread over all of phi. Where a range is
 // moved, those that lie in it are shown at once, until the wanted ones are there.
 import { askOne } from "./server";
-import { about, alone, rarity, rested, request, result, spec } from "./state";
+import { about, alone, coming, preparing, rarity, rested, request, result, spec } from "./state";
 import type { Ends, Request, Result } from "./types";
 
 interface Known {
   poses: Result["poses"][number];
   bases: number[];
+  on: number[] | null;
   phi: Record<string, number>;
   require: number | null;
 }
 
 const MOST = 1200;
 const SPREAD = 24; // scenes over the phi of one label
+const DRAWN = 160; // scenes whose pictures are drawn ahead
 
 let about_ = ""; // what the scenes are of
 let known: Known[] = [];
@@ -35,6 +37,7 @@ export function learn(found: Result): void {
   const more = found.poses.map((poses, k) => ({
     poses,
     bases: found.bases[k],
+    on: found.on?.[k] ?? null,
     phi: Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]])),
     require: found.require ? found.require[k] : null,
   }));
@@ -55,6 +58,7 @@ export function inside(wanted: Request): Result {
   return {
     poses: some.map((one) => one.poses),
     bases: some.map((one) => one.bases),
+    on: some.length && some[0].on ? some.map((one) => one.on!) : null,
     phi: Object.fromEntries(labels.map((name) => [name, some.map((one) => one.phi[name])])),
     require: some.length && some[0].require !== null ? some.map((one) => one.require!) : null,
     sampler: {},
@@ -66,7 +70,12 @@ export function inside(wanted: Request): Result {
 
 /** Ask for scenes over all of the phi that each label can have, while nothing else is to do. */
 export async function spread(): Promise<void> {
+  const mine = about_;
   await spreadNow();
+  if (mine === about_ && known.length) {
+    preparing.value = true;
+    coming.value = known.slice(0, DRAWN);
+  }
   rested.value = true;
 }
 

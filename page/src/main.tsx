@@ -16,7 +16,7 @@ import { Where } from "./panels/Where";
 import { Why } from "./panels/Why";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
-import { alone, boot, edited, help, label, layout, meshes, pane, poses, problems, request, result, spec, tab } from "./state";
+import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, problems, request, result, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
@@ -139,10 +139,11 @@ function begin(): void {
   if (comeBack) {
     const wanted = comeBack;
     const stop = effect(() => {
-      if (result.value && poses.value.length === wanted.length)
+      if (result.value && poses.value.length === wanted.poses.length)
         queueMicrotask(() => {
           stop();
-          poses.value = wanted;
+          poses.value = wanted.poses;
+          on.value = wanted.on ?? on.value;
           edited.value = true;
           explain();
         });

@@ -1,5 +1,5 @@
 // The state of the page in a link, behind the #: it never leaves this machine by itself.
-import { boot, edited, label, layout, poses, request, saved, selected, tab, text, thing, view } from "./state";
+import { boot, edited, label, layout, on, poses, request, saved, selected, tab, text, thing, view } from "./state";
 import type { Pose, Request } from "./types";
 import { token } from "./server";
 
@@ -16,6 +16,7 @@ interface State {
   layout: "one" | "many";
   tab: "request" | "why" | "where" | "motion";
   poses?: Pose[];
+  on?: number[] | null;
 }
 
 export function state(): State {
@@ -32,7 +33,7 @@ export function state(): State {
     view: view.value,
     layout: layout.value,
     tab: tab.value,
-    ...(edited.value ? { poses: poses.value } : {}),
+    ...(edited.value ? { poses: poses.value, on: on.value } : {}),
   };
 }
 
@@ -53,7 +54,7 @@ export function link(): string {
 }
 
 /** The state of a link, taken over before anything is shown; the poses of a moved scene come back once it is there. */
-export function takeOver(found: Partial<State>, withText: boolean): Pose[] | null {
+export function takeOver(found: Partial<State>, withText: boolean): { poses: Pose[]; on: number[] | null } | null {
   if (withText && typeof found.text === "string") {
     text.value = found.text;
     saved.value = { path: found.path ?? null, sha: found.sha ?? null, name: found.name ?? "spec", text: boot.text === found.text ? found.text : null };
@@ -66,5 +67,5 @@ export function takeOver(found: Partial<State>, withText: boolean): Pose[] | nul
   if (found.view === "3d" || found.view === "top") view.value = found.view;
   if (found.layout === "one" || found.layout === "many") layout.value = found.layout;
   if (found.tab && ["request", "why", "where", "motion"].includes(found.tab)) tab.value = found.tab;
-  return Array.isArray(found.poses) ? found.poses : null;
+  return Array.isArray(found.poses) ? { poses: found.poses, on: Array.isArray(found.on) ? found.on : null } : null;
 }

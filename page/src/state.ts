@@ -23,6 +23,7 @@ export const message = signal(""); // said to everybody, screen readers included
 export const selected = signal(0);
 export const poses = signal<Pose[]>([]);
 export const bases = signal<number[]>([]);
+export const on = signal<number[] | null>(null); // on which of their surfaces objects stand, as Report has it
 export const edited = signal(false);
 export const report = signal<Report | null>(null);
 export const label = signal(""); // the label that the page explains
@@ -31,6 +32,8 @@ export const pointed = signal<number | null>(null); // the line of the tree unde
 export const rarity = signal<Record<string, Rarity>>({});
 export const measuring = signal(false);
 export const rested = signal(false); // nothing more is asked for until somebody does something
+export const coming = signal<{ poses: Pose[]; bases: number[] }[]>([]); // scenes that a handle may show next
+export const preparing = signal(false); // their pictures are being drawn
 export const explaining = signal(false); // phi of the scene as it stands is under way
 export const meshes = signal<Record<string, PackedMesh>>({});
 export const view = signal<"3d" | "top">("3d");
@@ -71,6 +74,11 @@ export const shown = computed(() => {
 });
 export const decides = computed<Decides | null>(() => report.value?.decides?.[label.value] ?? null);
 
+/** Which of the numbers in `on` is that of an object; -1 where it has one surface or none. */
+export function chooser(now: Spec, name: string): number {
+  return now.objects.filter((one) => one.surfaces.length > 1).findIndex((one) => one.name === name);
+}
+
 /** The text that a job is about. */
 export function about(): { text: string; path: string | null } {
   return { text: text.value, path: saved.value.path };
@@ -81,13 +89,15 @@ effect(() => {
   (window as any).scenegen = {
     ...(window as any).scenegen,
     poses: poses.value,
+    on: on.value,
+    bases: bases.value,
     report: report.value,
     result: result.value,
     request: request.value,
     spec: spec.value,
     busy: busy.value,
     preview: preview.value,
-    rested: rested.value,
+    rested: rested.value && !preparing.value,
     explaining: explaining.value,
   };
 });

@@ -3,7 +3,7 @@ import { batch } from "@preact/signals";
 import { inside, learn, spread } from "./known";
 import { kept, measure } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing } from "./state";
+import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing } from "./state";
 import type { Ends, PackedMesh, Report, Request, Result, Spec } from "./types";
 
 // ---- the text
@@ -65,6 +65,7 @@ function take(found: Spec): void {
     if (!sameObjects(before, found)) {
       result.value = null;
       poses.value = [];
+      on.value = null;
       report.value = null;
       motion.value = null;
     }
@@ -80,7 +81,8 @@ function take(found: Spec): void {
 }
 
 export function sameObjects(one: Spec | null, other: Spec | null): boolean {
-  return !!one && !!other && one.objects.map((o) => o.name).join("\n") === other.objects.map((o) => o.name).join("\n");
+  const facts = (spec: Spec) => JSON.stringify(spec.objects.map(({ name, surfaces }) => [name, surfaces.length > 1 ? surfaces : []]));
+  return !!one && !!other && facts(one) === facts(other);
 }
 
 async function fetchMeshes(found: Spec): Promise<void> {
@@ -98,7 +100,7 @@ async function fetchMeshes(found: Spec): Promise<void> {
 // ---- scenes
 
 let samples = 0;
-const EARLY = 30; // ms after which a first look is asked for, too: most small specs have their scenes by then
+const EARLY = 5; // ms after which a first look is asked for, too
 const FEW = 4; // objects from which on it is worth it
 
 export async function sample(): Promise<void> {
@@ -155,7 +157,7 @@ export function show(found: Result, early: boolean): void {
     preview.value = early;
     select(Math.min(selected.value, found.poses.length - 1), true);
     if (!early) {
-      const some = found.warnings.length ? `; ${found.warnings.join("; ")}` : "";
+      const some = found.warnings.map((one) => `; ${one.title}`).join("");
       message.value = `${found.poses.length} scenes${some}`;
     }
   });
@@ -177,6 +179,7 @@ export function select(index: number, again = false): void {
     selected.value = index;
     poses.value = found.poses[index];
     bases.value = found.bases[index];
+    on.value = found.on?.[index] ?? null;
     edited.value = false;
     replaying.value = false;
     const phi = Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, [values[index]]]));
@@ -234,7 +237,7 @@ async function explainNow(): Promise<void> {
   explaining.value = true;
   const mine = poses.value;
   try {
-    const found = await askOne<Report>("evaluate", { ...about(), poses: [mine], why: true });
+    const found = await askOne<Report>("evaluate", { ...about(), poses: [mine], on: on.value && [on.value], why: true });
     batch(() => {
       if (poses.value.length !== mine.length) return;
       report.value = found;

@@ -17,6 +17,7 @@ export interface Thing {
   says: string;
   mesh: string;
   fixed: Pose | null;
+  surfaces: string[]; // what it is declared to stand on: one of these in each scene
 }
 
 export interface Region {
@@ -24,6 +25,8 @@ export interface Region {
   footprint: Footprint;
   pose: Pose;
   color: [number, number, number];
+  height: number; // of a board; 0 where the region lies on the table
+  board: [number, number, number];
 }
 
 export interface Line {
@@ -72,6 +75,7 @@ export interface Report {
   phi: Record<string, number[]>;
   require: number[] | null;
   bases: number[][];
+  on?: number[][] | null; // for each object with several surfaces the number of its surface, from 1
   values?: (number | null)[];
   decides?: Record<string, Decides>;
   overlaps?: [string, string][];
@@ -80,7 +84,7 @@ export interface Report {
 export interface Result extends Report {
   poses: Pose[][];
   sampler: Record<string, unknown>;
-  warnings: string[];
+  warnings: { code: string; title: string }[];
   notes: string[];
   took: number;
 }

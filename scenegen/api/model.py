@@ -29,11 +29,7 @@ class Model:
         # the canonical text has no comments, so the title comes from the card
         self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
         self._refuse_contradictions()
-        if self.spec.workspace.own:  # the card has the table alone
-            from scenegen.models.codec import Codec
-
-            self.trained = replace(trained, codec=Codec(self.spec.workspace, len(self.spec.objects)))
-        self.trained = self.trained.corrected(self.spec.checked)
+        self.trained = trained.corrected(self.spec.checked)
 
     def __repr__(self) -> str:
         card = self.trained.card
@@ -45,6 +41,7 @@ class Model:
         card, area = self.trained.card, self.spec.workspace
         pairs = {
             "objects": (tuple(card.objects), self.spec.objects),
+            "layout": (card.sizes.objects, len(self.spec.checked.core.objects)),
             "labels": (tuple(label.name for label in card.labels), self.spec.labels),
             "workspace": (card.area, Workspace(area.x, area.y)),
         }

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from scenegen.api.model import Model
-from scenegen.api.spec import Spec, check_spec, refuse_boards, refuse_choices
+from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     LABEL_NOT_NAMED,
@@ -86,9 +86,6 @@ def check_request(source: Spec | Model, request: SampleRequest) -> SampleRequest
     if raw and request.settle:
         raise RequestError(RAW_SETTLED())
     if request.settle:
-        spec = source.spec if isinstance(source, Model) else source
-        refuse_choices(spec, "settling")
-        refuse_boards(spec.checked.regions)
         need("pybullet", "to settle scenes")
     return replace(request, n=n, seed=seed, method=method)
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.assets import Shape
-from scenegen.errors import DataError, Diagnostic
-from scenegen.errors.files import NO_SURFACE_GIVEN
+from scenegen.errors import Diagnostic
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import BLOCK, Block
+from scenegen.lang.levels import chosen
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import X, as_rows, row_count, row_of
+from scenegen.pose import as_rows, row_count
 from scenegen.scene.data import (
     RAISED,
     VERSION,
@@ -34,7 +34,7 @@ from scenegen.scene.data import (
 )
 from scenegen.scene.standing import pose_of
 from scenegen.scene.workspace import turned
-from scenegen.training.datasets.arrange import arranged, check_held, order_of
+from scenegen.training.datasets.arrange import arranged, check_held, order_of, with_switches
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
@@ -161,30 +161,7 @@ def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
     stored = as_rows(scenes.poses)
     rows = turned(arranged(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
-    return with_switches(spec, rows, scenes)
-
-
-def with_switches(spec: CheckedSpec, rows: Array, scenes: SceneArrays) -> Array:
-    """Rows (3N, n) and below them those of the switches of the spec's choices. Raises DataError for scenes that do not
-    say what an object stands on, or name a surface that the spec does not have."""
-    if not spec.choices:
-        return rows
-    found = np.zeros((row_count(len(spec.core.objects)), rows.shape[1]))
-    found[: len(rows)] = rows
-    choosers = {one.name: number for number, one in enumerate(scenes.header.choosers)}
-    for which, choice in spec.choices.items():
-        name = spec.objects[which]
-        if scenes.on is None or name not in choosers:
-            raise DataError(NO_SURFACE_GIVEN(name=name))
-        support = scenes.header.choosers[choosers[name]].support
-        assert support is not None
-        middles = dict(zip((one.name for one in choice.options), choice.middles, strict=True))
-        values = np.array([middles.get(one.on, np.nan) for one in support.any])
-        chosen = values[scenes.on[:, choosers[name]].astype(np.intp) - 1]
-        if np.isnan(chosen).any():
-            raise DataError(NO_SURFACE_GIVEN(name=name))
-        found[row_of(choice.switch, X)] = chosen
-    return found
+    return with_switches(spec, scenes.header, rows, scenes.on)
 
 
 def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
@@ -192,8 +169,5 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
     if not spec.choices:
         return rows
     count = row_count(len(spec.objects))
-    on = [
-        np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right") + 1.0
-        for choice in spec.choices.values()
-    ]
+    on = [chosen(choice, rows) + 1.0 for choice in spec.choices.values()]
     return np.concatenate([rows[:count], on])

@@ -16,7 +16,6 @@ import numpy.typing as npt
 from scenegen.api.scenes import SceneSet
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.settled import SettledScenes, Summary
-from scenegen.api.spec import refuse_boards
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
 from scenegen.export.setting import world_of
@@ -58,10 +57,10 @@ def settle(
     from the plan, and phi there. Scenes in which an object moves more than `max_shift` metres or turns by more than
     `max_turn` degrees are marked, not left out.
 
-    Objects collide with their own convex pieces, on an infinite table; those that the spec holds in place cannot move.
-    The results do not depend on `workers`, by default one per core. Raises RequestError where the simulator is not
-    installed, for no scenes, and for limits that are not positive numbers, DataError for scenes that cannot be
-    simulated.
+    Objects collide with their own convex pieces, on an infinite table with the spec's boards; those that the spec holds
+    in place cannot move. The results do not depend on `workers`, by default one per core. Raises RequestError where the
+    simulator is not installed, for no scenes, and for limits that are not positive numbers, DataError for scenes that
+    cannot be simulated.
     """
     if not isinstance(scenes, SceneSet):
         raise RequestError(WRONG_VALUE(argument="scenes", value=repr(scenes), wanted="a SceneSet"))
@@ -121,7 +120,6 @@ def settle_file(
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
     check_simulator(simulator)
-    refuse_boards(scenes.regions)
     spec = check_text(scenes.spec.source, "the spec of the scenes")
     return SettledHeader(
         spec=scenes.spec,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, RequestError, SpecError
 from scenegen.errors.language import PHI_TOO_LARGE
-from scenegen.errors.requests import BOARDS_NOT_SETTLED, CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT
+from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
@@ -17,11 +17,7 @@ from scenegen.scene.workspace import Workspace
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from scenegen.lang.spec import Region
     from scenegen.robustness import Robustness
-    from scenegen.scene.data import RegionData
 
 MAX_BYTES = 64_000_000
 
@@ -110,13 +106,6 @@ def refuse_choices(spec: Spec, what: str) -> None:
     surface chosen."""
     for which in spec.checked.choices:
         raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
-
-
-def refuse_boards(regions: Iterable[Region | RegionData]) -> None:
-    """Raises RequestError if one of the regions is at a height: settling has no boards."""
-    for region in regions:
-        if region.height:
-            raise RequestError(BOARDS_NOT_SETTLED(name=region.name))
 
 
 def check_spec(spec: object, what: str = "a Spec") -> None:

@@ -6,13 +6,13 @@ import numpy as np
 
 from scenegen.api.approach import approach
 from scenegen.api.labels import chosen_label
-from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of
-from scenegen.api.spec import Spec, parse, refuse_choices
+from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of, stored_rows
+from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.lang.core import REQUIRE, gated, part
 from scenegen.lang.interpret import phi as score
-from scenegen.pose import as_poses, span_of
+from scenegen.pose import as_poses, row_count, span_of
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import RequestData
 
@@ -28,14 +28,13 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
 
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
     Objects are moved by Newton steps along the gradient of phi, each scene from the one before it, up to what the set
-    reaches at most, or to `DONE`; what the spec requires holds on the way. `label` is by default the first one. Fewer
-    than `frames` scenes come back where some phi cannot be had. Raises RequestError for an unknown label and for a set
-    without scenes.
+    reaches at most, or to `DONE`; what the spec requires holds on the way, and what stands on one of several
+    surfaces stays there. `label` is by default the first one. Fewer than `frames` scenes come back where some phi
+    cannot be had. Raises RequestError for an unknown label and for a set without scenes.
     """
     if not len(scenes):
         raise RequestError(NO_SCENES())
     spec = parse(scenes.header.spec.source, "the spec of these scenes")
-    refuse_choices(spec, "a sweep")
     chosen = chosen_label(spec.labels, label)
     core = gated(spec.checked.core)
     start = _start(spec, rows_of(spec.checked, scenes), chosen)
@@ -48,15 +47,17 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     header = make_header(
         spec.checked, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
     )
-    poses = np.ascontiguousarray(as_poses(rows))
+    placed = row_count(len(spec.objects))
+    poses = np.ascontiguousarray(as_poses(rows[:placed]))
+    on = stored_rows(spec.checked, rows)[placed:].T if spec.checked.choices else None
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
-    return SceneArrays(poses, values, header), chosen
+    return SceneArrays(poses, values, header, on=on), chosen
 
 
 def _start(spec: Spec, rows: Array, label: str) -> Array:
     """(3N, 1): a hard scene."""
     core = gated(spec.checked.core)
-    low, high = spec.workspace.box(len(spec.objects))
+    low, high = spec.workspace.box(len(core.objects))
     drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
     for index, pose in spec.checked.fixed.items():
         drawn[span_of(index, len(pose))] = np.array(pose)[:, None]
@@ -80,6 +81,7 @@ def _walk(spec: Spec, start: Array, label: str, targets: Array) -> list[Array]:
     free = np.ones(len(start), dtype=bool)
     for index in spec.checked.fixed:
         free[span_of(index)] = False
+    free[row_count(len(spec.objects)) :] = False  # what stands on one of several surfaces stays there
     found: list[Array] = []
     row = start[:, 0]
     for target in map(float, targets):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.api.model import Model
-from scenegen.api.spec import Spec, check_spec, refuse_choices
+from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic
 from scenegen.needs import need
 from scenegen.validation import as_path, as_seconds
@@ -58,7 +58,6 @@ def train(
     from scenegen.training.datasets.registry import is_file
 
     check_spec(spec)
-    refuse_choices(spec, "training")
     path = as_path("out", out)
     config = make_config(model, recipe, **options)
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)

@@ -305,15 +305,9 @@ UNSETTLED = Kind(
     "other `require noCollision() & stable()`, leaves such scenes out from the start",
     severity="warning",
 )
-BOARDS_NOT_SETTLED = Kind(
-    "boards-not-settled",
-    "scenes with boards cannot be settled",
-    "`{name}` is a region at a height",
-    "use a shelf unit or a cabinet in the place of `{name}`, or load the exported MJCF, which has the boards",
-)
 CHOICES_NOT_HERE = Kind(
     "choices-not-here",
     "{what} cannot do with specs in which an object stands on one of several surfaces",
-    "`{name}` is declared with `on any of`",
+    "`{name}` is declared with `on any of`, and poses alone do not say on what it stands",
     "let `{name}` stand on one surface",
 )

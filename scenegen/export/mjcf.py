@@ -68,15 +68,22 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
 
 
 def bench(world: World) -> bytes:
-    """What collides and nothing else, in one model without files: the bodies at the origin, on an infinite table. The
-    contacts are those of the other files; a state that diverges is left as it is."""
+    """What collides and nothing else, in one model without files: the bodies at the origin, on an infinite table with
+    the spec's boards. The contacts are those of the other files; a state that diverges is left as it is."""
     root = ElementTree.Element("mujoco", model="scenegen")
     node(root, "compiler", angle="radian")
     node(node(root, "option", **OPTIONS), "flag", multiccd="enable", autoreset="disable")
     _defaults(root)
-    _hulls(node(root, "asset"), world)
+    assets = node(root, "asset")
+    _hulls(assets, world)
+    for number, patch in enumerate(world.patches, start=1):
+        if patch.solid:
+            _sheet(assets, number, patch)
     parent = node(root, "worldbody")
     node(parent, "geom", name=world.free_name("table"), type="plane", size="0 0 1", friction=f"{SLIPPERY}")
+    for number, patch in enumerate(world.patches, start=1):
+        if patch.solid:
+            _board(parent, number, patch)
     for body in world.bodies:
         _pieces(_solid(parent, body), body)
     return document(root)
@@ -112,9 +119,13 @@ def _assets(root: Element, world: World) -> None:
             node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", **_shell(part))
     _hulls(assets, world)
     for number, patch in enumerate(world.patches, start=1):
-        mesh = patch.mesh()
-        faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
-        node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, **_shell(mesh))
+        _sheet(assets, number, patch)
+
+
+def _sheet(assets: Element, number: int, patch: Patch) -> None:
+    mesh = patch.mesh()
+    faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
+    node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, **_shell(mesh))
 
 
 def _hulls(assets: Element, world: World) -> None:

@@ -19,6 +19,7 @@ from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, World, pi
 from scenegen.export.xml import check_names, printable
 from scenegen.formats.blocks import Block
 from scenegen.lang.check import check_text
+from scenegen.lang.spec import Region
 from scenegen.pose import as_poses, flat, row_count
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import Rectangle, clipped, signed_area
@@ -94,18 +95,30 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
     return forms
 
 
+def boards_of(regions: Sequence[Region]) -> tuple[Patch, ...]:
+    """The boards of a spec: its regions at heights."""
+    boards = []
+    for region in regions:
+        if region.height:
+            corners = tuple(_corners(region.footprint, region.pose))
+            boards.append(Patch(corners, LINEN, min(BOARD, region.height), region.height))
+    return tuple(boards)
+
+
+def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
+    x, y, theta = pose
+    cos, sin = math.cos(theta), math.sin(theta)
+    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in _outline(footprint)]
+
+
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
     """The regions as sheets, clipped at the table."""
     patches: list[Patch] = []
     used: list[RGB] = []
     for region in regions:
         used.append(stable(region.name, used))
-        cos, sin = math.cos(region.pose.theta), math.sin(region.pose.theta)
-        corners = [
-            (region.pose.x + cos * u - sin * v, region.pose.y + sin * u + cos * v)
-            for u, v in _outline(footprint_of(region.footprint))
-        ]
-        lying = clipped(corners, table)
+        pose = (region.pose.x, region.pose.y, region.pose.theta)
+        lying = clipped(_corners(footprint_of(region.footprint), pose), table)
         if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
             color, top = mix(used[-1], LINEN, 0.35), region.height
             sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))

@@ -97,6 +97,11 @@ class World:
         """Every form once, in the order of the bodies."""
         return tuple({body.form.name: body.form for body in self.bodies}.values())
 
+    @property
+    def boards(self) -> tuple[Patch, ...]:
+        """The regions at heights, on which bodies stand."""
+        return tuple(patch for patch in self.patches if patch.solid)
+
     def free_name(self, wish: str) -> str:
         """A name that no object has: `wish`, if necessary with underscores."""
         taken = {body.name for body in self.bodies}

@@ -113,7 +113,7 @@ class ModelCard(_Strict):
         if len(set(labels)) != len(labels) or len(set(self.objects)) != len(self.objects):
             raise ValueError("a name occurs twice")
         layout = self.layout
-        if layout is not None and (layout.objects, layout.labels) != (len(self.objects), len(labels)):
+        if layout is not None and (layout.objects < len(self.objects) or layout.labels != len(labels)):
             raise ValueError("the layout is of another number of objects or labels")
         if any(label.lowest > label.highest for label in self.labels):
             raise ValueError("a label's range is reversed")

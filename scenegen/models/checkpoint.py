@@ -57,7 +57,7 @@ def load_model(
         first = error.diagnostics[0].but(path=path)
         raise DataError(first) from error
     model.to(torch.device(device)).eval()
-    return TrainedModel(model, Codec(card.area, len(card.objects)), card)
+    return TrainedModel(model, Codec(card.area, card.sizes.objects), card)
 
 
 def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:

@@ -16,11 +16,13 @@ from scenegen.robustness import Robustness
 class SpecLoss:
     """phi of every label and the value of the atom that ought to decide it, for unit coordinates x (B, 3N).
 
-    `table` (K, L) names the deciding atoms of each branch (scenegen.models.branches). One pass over the core formula
-    gives both; gradients are those of hard min and max, exact away from ties.
+    `table` (K, W) names the deciding atoms of each branch, and after them the surfaces of choices
+    (scenegen.models.branches). One pass over the core formula gives both; gradients are those of hard min and max,
+    exact away from ties.
     """
 
     def __init__(self, core: Core, table: Tensor, codec: Codec) -> None:
+        table = table[:, : len(core.labels)]  # choices of surfaces are no atoms
         atoms = sorted({int(node) for node in table.flatten() if node != OTHER})
         labels = {**core.labels, **{f"#{node}": node for node in atoms}}
         self._robustness = Robustness(dataclasses.replace(core, labels=labels))

@@ -18,7 +18,7 @@ from torch import Tensor
 from scenegen.lang.core import REQUIRE, Apply, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.layout import depends_on
-from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, object_count, owner, row_of
+from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
 from scenegen.robustness import Robustness
 
 MOVES = 24  # of a scene, at most
@@ -43,7 +43,9 @@ class Stir:
         self._turns[along(THETA)] = True
         self._rows = torch.tensor([row for row in depends_on(spec.core) if float(self._size[row]) > 0.0])
         where = [owner(row) for row in self._rows.tolist() if axis_of(row) in PLACE]
-        self._free = torch.tensor(sorted(set(where)), dtype=torch.int64)  # objects whose place matters
+        # objects whose place matters; the number of a switch is moved by itself alone
+        self._free = torch.tensor([one for one in sorted(set(where)) if one < len(spec.objects)], dtype=torch.int64)
+        self._objects = len(spec.objects)
         self._moves = [self._one, self._around, self._one, self._some, self._one, self._swap]
         if len(self._free) < 2:
             self._moves = [self._one]
@@ -93,7 +95,7 @@ class Stir:
         """One object, turned about another by a random angle, or mirrored there at x, y or a diagonal."""
         random = torch.rand(4, rows.shape[1], generator=generator)
         place = _place(_pick(self._free, random[0]))
-        centre = rows.gather(0, _place(_pick(torch.arange(object_count(len(rows))), random[1])))
+        centre = rows.gather(0, _place(_pick(torch.arange(self._objects), random[1])))
         offset = rows.gather(0, place) - centre
         mirror = random[2] < 0.5
         angle = torch.where(mirror, (random[3] * 4.0).floor() * (0.5 * math.pi), random[3] * TWO_PI)

@@ -82,11 +82,13 @@ class TrainedModel:
         return phi.index_fill(0, torch.tensor(free, dtype=torch.int64), torch.nan)
 
     def corrected(self, spec: CheckedSpec) -> TrainedModel:
-        """With the correction that belongs to the model, where one does; `spec` is the one it was trained on."""
+        """With the boxes of the spec that it was trained on (the card has the table alone), and with the correction
+        that belongs to the model, where one does."""
+        placed = replace(self, codec=Codec(spec.workspace, self.codec.objects))
         if not self.card.corrected:
-            return self
+            return placed
         spans = torch.tensor([high - low for low, high in self.label_ranges.values()])
-        return replace(self, correction=Correction(spec, spans))
+        return replace(placed, correction=Correction(spec, spans))
 
     @property
     def network(self) -> TrainedModel:

@@ -66,6 +66,13 @@ def whole_of(body: world.Body) -> Body:
     return Body(pieces, (x, y, z), 0.0, 0.0 if body.fixed else body.mass, (xx, yy, zz), body.friction)
 
 
+def board_of(board: world.Patch, friction: float) -> Body:
+    """A board, which cannot be moved: its place is the origin of the world."""
+    mesh = board.mesh()
+    x, y, z = ((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0).tolist()
+    return Body((mesh.moved(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
+
+
 @contextmanager
 def piece_files(bodies: Sequence[Body]) -> Iterator[tuple[tuple[str | Brick, ...], ...]]:
     """The pieces of bodies, by body: boxes by middle and sizes, others as paths of STL files, which exist as long as

@@ -32,8 +32,8 @@ class World:
     """Drops scenes of some bodies on an infinite table. Holds a connection to pybullet: use it as a context manager.
 
     `files` has of each body's pieces the STL file, or middle and sizes of a box, in its frame of inertia; without them
-    each body is its only piece, by its corners. `friction` is that of the table, `step` the length of a step in
-    seconds.
+    each body is its only piece, by its corners. The last `boards` of the bodies are boards: parts of the table, at the
+    origin in every scene. `friction` is that of the table, `step` the length of a step in seconds.
     """
 
     def __init__(
@@ -43,12 +43,14 @@ class World:
         *,
         friction: float,
         step: float = STEP,
+        boards: int = 0,
     ) -> None:
-        self._bodies, self._files, self._friction = bodies, files, friction
+        self._bodies, self._files, self._friction, self._boards = bodies, files, friction, boards
         self._steps = round(1.0 / LOOKS / step)
         self._step = step
         self._vertices = [body.corners.tolist() for body in bodies] if files is None else []
         self._client = pybullet.connect(pybullet.DIRECT)
+        self._plane = TABLE  # its number
 
     def __enter__(self) -> World:
         return self
@@ -83,7 +85,7 @@ class World:
         contacts = self._contacts(numbers)
         for _ in range(math.ceil(seconds * LOOKS - 1e-9)):
             pybullet.stepSimulation(physicsClientId=self._client)
-        found = [self._frame(number, body) for number, body in zip(numbers, self._bodies, strict=True)]
+        found = [self._frame(number, body) for number, body in zip(numbers, self._bodies, strict=False)]
         return np.array(found), contacts
 
     def _set_up(self, places: Floats) -> list[int]:
@@ -98,16 +100,18 @@ class World:
             deterministicOverlappingPairs=1,
             physicsClientId=client,
         )
-        self._add(pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client), 0.0, self._friction)
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+        self._plane = self._add(plane, 0.0, self._friction)
         numbers = []
-        for which, (body, (x, y, theta, height)) in enumerate(zip(self._bodies, places.tolist(), strict=True)):
+        everything = [*places.tolist(), *[[0.0] * 4] * self._boards]
+        for which, (body, (x, y, theta, height)) in enumerate(zip(self._bodies, everything, strict=True)):
             cos, sin = math.cos(theta), math.sin(theta)
             u, v, w = body.center
             z = height + w + MARGIN
             half = (theta + body.turn) / 2.0
             at, turn = (x + cos * u - sin * v, y + sin * u + cos * v, z), (0.0, 0.0, math.sin(half), math.cos(half))
             numbers.append(self._add(self._form(which), body.mass, body.friction, at, turn, body.inertia))
-        return numbers
+        return numbers[: len(places)]
 
     def _form(self, which: int) -> int:
         """The collision shape of a body."""
@@ -175,11 +179,11 @@ class World:
         client = self._client
         pybullet.performCollisionDetection(physicsClientId=client)
         which = {number: index for index, number in enumerate(numbers)}
-        points = [
-            (which.get(point[1], TABLE), which.get(point[2], TABLE), point[8])
-            for point in pybullet.getContactPoints(physicsClientId=client)
-        ]
-        return gathered((a, b, apart + (MARGIN if TABLE in (a, b) else 2.0 * MARGIN)) for a, b, apart in points)
+        points = []
+        for point in pybullet.getContactPoints(physicsClientId=client):
+            rounded = MARGIN if self._plane in point[1:3] else 2.0 * MARGIN
+            points.append((which.get(point[1], TABLE), which.get(point[2], TABLE), point[8] + rounded))
+        return gathered(points)
 
     def _where(self, number: int) -> Where:
         found: Where = pybullet.getBasePositionAndOrientation(number, physicsClientId=self._client)

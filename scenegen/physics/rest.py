@@ -1,7 +1,7 @@
 """Where the objects of scenes come to rest, in PyBullet or MuJoCo, on several processes.
 
 The objects are those of files for simulators (`export.world`): convex pieces, mass, friction. They start where the
-scene has them, on an infinite table, under gravity. Fixed objects cannot be moved.
+scene has them, on an infinite table with the spec's boards, under gravity. Fixed objects cannot be moved.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scenegen.export import mjcf, sdf
 from scenegen.export.world import World
 from scenegen.needs import need
 from scenegen.physics.attitude import Floats, standing, turn_between
-from scenegen.physics.bodies import Body, Brick, piece_files, whole_of
+from scenegen.physics.bodies import Body, Brick, board_of, piece_files, whole_of
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
 
@@ -76,11 +76,12 @@ class InPybullet:
 
     bodies: Sequence[Body]
     files: Sequence[Sequence[str | Brick]]
+    boards: int
 
     def world(self) -> Dropping:
         from scenegen.physics.drop import World
 
-        return World(self.bodies, self.files, friction=sdf.ROUGH, step=FINE)
+        return World(self.bodies, self.files, friction=sdf.ROUGH, step=FINE, boards=self.boards)
 
 
 class Rest:
@@ -115,8 +116,9 @@ class Resting:
         if simulator == "mujoco":
             made = InMujoco(mjcf.bench(world).decode())
         else:
-            bodies = [whole_of(body) for body in world.bodies]
-            made = InPybullet(bodies, self._opened.enter_context(piece_files(bodies)))
+            bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
+            files = self._opened.enter_context(piece_files(bodies))
+            made = InPybullet(bodies, files, len(world.boards))
         self._pool: Pool[Floats, Rested] = Pool(
             Rest(made, seconds), workers, what="a process that simulates scenes", unit="round"
         )

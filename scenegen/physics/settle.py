@@ -26,8 +26,9 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNSETTLED
 from scenegen.export import sdf
 from scenegen.export.setting import bodies_of
+from scenegen.export.world import Patch
 from scenegen.needs import need
-from scenegen.physics.bodies import FRICTION, Body, Brick, piece_files, prism_of, whole_of
+from scenegen.physics.bodies import FRICTION, Body, Brick, board_of, piece_files, prism_of, whole_of
 from scenegen.physics.motion import within
 from scenegen.pose import flat
 from scenegen.processes.pool import Pool
@@ -68,15 +69,21 @@ class Drop:
     """Scenes (scenes, objects, 4): x, y, theta, height -> the motions (scenes, objects, 2) that `drop.World` measures.
     pybullet is imported with the first scene, in the worker."""
 
-    def __init__(self, bodies: Sequence[Body], files: Sequence[Sequence[str | Brick]] | None, friction: float) -> None:
-        self.bodies, self.files, self.friction = bodies, files, friction
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        files: Sequence[Sequence[str | Brick]] | None,
+        friction: float,
+        boards: int = 0,
+    ) -> None:
+        self.bodies, self.files, self.friction, self.boards = bodies, files, friction, boards
         self._world: World | None = None  # of the process that drops
 
     def __call__(self, places: Floats) -> Floats:
         if self._world is None:
             from scenegen.physics.drop import World
 
-            self._world = World(self.bodies, self.files, friction=self.friction)
+            self._world = World(self.bodies, self.files, friction=self.friction, boards=self.boards)
         return np.stack([self._world.drop(scene) for scene in places])
 
 
@@ -85,9 +92,9 @@ class Settler:
     use it as a context manager. Results do not depend on the number of processes, nor on which scenes are dropped
     together.
 
-    `fixed` are the indices of the objects that cannot be moved, `heights` what a spec declares of each object's height,
-    if it does. `workers` is by default one per core. Raises RequestError for fewer than 1, and if pybullet is not
-    installed.
+    `fixed` are the indices of the objects that cannot be moved. `declared`: a spec declares what things stand on, and
+    `settle` is told how high they are. `boards` are those of the spec. `workers` is by default one per core. Raises
+    RequestError for fewer than 1, and if pybullet is not installed.
     """
 
     def __init__(
@@ -95,20 +102,24 @@ class Settler:
         shapes: Sequence[Shape],
         *,
         fixed: Collection[int] = (),
-        heights: Sequence[float] | None = None,
+        declared: bool = False,
+        boards: Sequence[Patch] = (),
         workers: int | None = None,
     ) -> None:
         if workers is not None and workers < 1:
             raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
         need("pybullet", "to settle scenes")
-        self._shapes, self._heights = shapes, heights
+        self._shapes = shapes
         self._opened = ExitStack()
-        if heights is None:
-            drop = Drop([prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)], None, ROUGH)
+        if not declared:
+            bodies = [prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)]
+            bodies += [board_of(board, ROUGH) for board in boards]
+            drop = Drop(bodies, None, ROUGH, len(boards))
         else:
             names = [f"{which}" for which in range(len(shapes))]
             bodies = [whole_of(one) for one in bodies_of(names, shapes, {f"{which}" for which in fixed})]
-            drop = Drop(bodies, self._opened.enter_context(piece_files(bodies)), sdf.ROUGH)
+            bodies += [board_of(board, sdf.ROUGH) for board in boards]
+            drop = Drop(bodies, self._opened.enter_context(piece_files(bodies)), sdf.ROUGH, len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
             drop, workers or cores(), what="a process that drops scenes", unit="round"
         )
@@ -124,10 +135,11 @@ class Settler:
         self._pool.close()
         self._opened.close()
 
-    def settle(self, poses: Floats, stop: Stop = NEVER) -> Settled:
-        """The motions of scenes (scenes, objects, 3). Raises ScenegenError if a process fails, and what `stop` raises;
+    def settle(self, poses: Floats, heights: Floats | None = None, stop: Stop = NEVER) -> Settled:
+        """The motions of scenes (scenes, objects, 3); `heights` (scenes, objects) are what a spec declares of them, if
+        it does. Raises ScenegenError if a process fails, and what `stop` raises;
         it is called after each round, and an exception ends all processes."""
-        heights = base_heights(self._shapes, poses, solid=True, declared=self._heights)
+        heights = base_heights(self._shapes, poses, solid=True, declared=heights)
         places = np.concatenate([flat(poses), heights[..., None]], axis=2)
         motions = np.empty((*poses.shape[:2], 2))
         rounds = [slice(start, start + ROUND) for start in range(0, len(poses), ROUND)]
@@ -143,11 +155,10 @@ def settle_scenes(
     poses: Floats,
     *,
     fixed: Collection[int] = (),
-    heights: Sequence[float] | None = None,
     workers: int | None = None,
 ) -> Settled:
     """The motions of scenes (scenes, objects, 3) of objects of these shapes; see `Settler`."""
-    with Settler(shapes, fixed=fixed, heights=heights, workers=workers) as settler:
+    with Settler(shapes, fixed=fixed, workers=workers) as settler:
         return settler.settle(poses)
 
 

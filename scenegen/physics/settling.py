@@ -15,9 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import NEVER, Stop
+from scenegen.export.setting import boards_of
 from scenegen.formats.blocks import BLOCK
+from scenegen.lang.levels import levels
 from scenegen.physics.settle import Refusals, Settler
-from scenegen.pose import as_poses
+from scenegen.pose import as_poses, row_count
 from scenegen.sampling.digest import digest
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 
@@ -122,7 +124,9 @@ class Settling(Plan):
         full = self._full(k)
         first = [np.flatnonzero(found.cell == cell)[: self._at_once] for cell in self.reached if cell not in full]
         taken = np.sort(np.concatenate([np.empty(0, dtype=np.intp), *first]))
-        settled = self._settler().settle(as_poses(found.rows[:, taken]), self.stop)
+        spec, rows = self.problem.spec, found.rows[:, taken]
+        poses = as_poses(rows[: row_count(len(spec.objects))])
+        settled = self._settler().settle(poses, levels(spec, rows), self.stop)
         kept = taken[settled.kept]
         if self.wanted <= BLOCK:
             self._memory.kept[k] = np.bincount(found.cell[kept], minlength=max(self.reached) + 1)
@@ -142,7 +146,8 @@ class Settling(Plan):
             memory.settler = Settler(
                 spec.shapes,
                 fixed=tuple(spec.fixed),
-                heights=[0.0 if one is None else one for one in spec.heights] if spec.supports else None,
+                declared=spec.declares_heights,
+                boards=boards_of(spec.regions),
                 workers=self.workers,
             )
         return memory.settler

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.contract import contract, start
+from scenegen.bounds.contract import ROUNDS, contract, start
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.tape import Tape, make_tape
@@ -110,17 +110,19 @@ class Problem:
         return piece_size(len(self.spec.objects))
 
 
-def make_problem(spec: CheckedSpec, request: SampleRequest, budget: Budget | None = None) -> Problem:
-    """Check a request against its spec. Raises RequestError, also if contraction proves the whole range empty, and if
-    the time of `budget` is long up before that is known."""
+def make_problem(
+    spec: CheckedSpec, request: SampleRequest, budget: Budget | None = None, *, rounds: int = ROUNDS
+) -> Problem:
+    """Check a request against its spec. Raises RequestError, also if contraction in so many rounds proves the whole
+    range empty, and if the time of `budget` is long up before that is known."""
     effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
     try:
-        return _make(spec, request, effort)
+        return _make(spec, request, effort, rounds)
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
 
 
-def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort) -> Problem:
+def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int) -> Problem:
     lowest, highest, fixed = hold_fixed(spec, request.fix)
     core = gated(spec.core)
     low, high = label_bounds(spec.core, lowest, highest, effort)
@@ -131,7 +133,7 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort) -> Problem:
     cells = cut(checked, tuple(core.labels))
     if core is not spec.core:
         cells.low[-1] = 0.0
-    possible = _possible(core, tape, cells, lowest, highest, effort)
+    possible = _possible(core, tape, cells, lowest, highest, effort, rounds)
     problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings)
     if not possible:
         raise RequestError(impossible(problem, effort))
@@ -208,7 +210,9 @@ def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
     return wanted
 
 
-def _possible(core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort) -> frozenset[int]:
+def _possible(
+    core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = ROUNDS
+) -> frozenset[int]:
     """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone."""
     if len(tape.nodes) * cells.count > LARGE:
         least, most = label_bounds(core, lowest, highest, effort)
@@ -217,5 +221,5 @@ def _possible(core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Arra
     wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
     shape = (len(lowest), cells.count)
     lo, hi = start(tape, wanted, *(np.broadcast_to(ends[:, None], shape) for ends in (lowest, highest)))
-    alive = contract(tape.nodes, lo, hi, batches=tape.batches, effort=effort)
+    alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     return frozenset(map(int, np.flatnonzero(alive)))

@@ -13,15 +13,13 @@ import torch
 from torch import Tensor
 
 from scenegen.formats.registry import format_of
-from scenegen.lang.core import Core
 from scenegen.lang.spec import CheckedSpec
-from scenegen.models.branches import MOST, OTHER, survey
+from scenegen.models.branches import MOST, OTHER, survey, ways_of
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
 from scenegen.models.registry import model_class
 from scenegen.pose import row_count
 from scenegen.robustness import Robustness
-from scenegen.robustness.deciding import deciding
 from scenegen.training.config import TrainConfig
 from scenegen.training.datasets.dataset import Dataset
 from scenegen.training.datasets.gathering import Gathering
@@ -36,7 +34,7 @@ WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
 
 class Feed(ABC):
     """`scenes` train; `fitting` are those that the model takes ranges from, `held` those it never trains on, both as
-    examples on the CPU; `table` (K, L) names the deciding atoms of each branch; `sha256` is of all scenes."""
+    examples on the CPU; `table` (K, L) says what each branch is; `sha256` is of all scenes."""
 
     scenes: int
     fitting: Examples
@@ -72,11 +70,11 @@ class Memory(Feed):
     def __init__(self, spec: CheckedSpec, config: TrainConfig, data: Dataset, held: int) -> None:
         super().__init__(config)
         self.sha256 = data.sha256
-        codec = Codec(spec.workspace, len(spec.objects))
+        codec = Codec(spec.workspace, len(spec.core.objects))
         training, out = split(data, held)
         branch, self.table = None, _one_branch(spec)
         if model_class(config.model, config.recipe).branched:
-            branch, self.table = survey(spec.core, training.rows)
+            branch, self.table = survey(spec, training.rows)
         self.scenes = len(training)
         self.fitting, self.held = _plain(codec, training, branch), _plain(codec, out)
         self._examples = self.fitting.to(self.device)
@@ -92,14 +90,14 @@ class Windows(Feed):
         super().__init__(config)
         self.sha256, self.scenes = data.sha256, data.scenes
         self._data = data
-        self._codec = Codec(spec.workspace, len(spec.objects))
+        self._codec = Codec(spec.workspace, len(spec.core.objects))
         self._robustness = Robustness(spec.core)
         self._branched = model_class(config.model, config.recipe).branched
-        self._core = spec.core
+        self._spec = spec
         self.table = ranked(data.ways) if self._branched else _one_branch(spec)
         self.fitting = self._examples(data.chosen.rows)
         self.held = _plain(self._codec, data.held)
-        many = WINDOW // (row_count(len(spec.objects)) + len(spec.labels)) // self.size
+        many = WINDOW // (row_count(len(spec.core.objects)) + len(spec.labels)) // self.size
         self._batches = max(1, many)  # of a window
 
     def batches(self, epoch: int, step: int) -> Iterator[Examples]:
@@ -112,7 +110,7 @@ class Windows(Feed):
     def _examples(self, rows: Tensor) -> Examples:
         branch = torch.zeros(rows.shape[1], dtype=torch.int64)
         if self._branched:
-            branch = sorted_into(self._core, rows, self.table)
+            branch = sorted_into(self._spec, rows, self.table)
         return Examples(self._codec.encode(rows), self._robustness.rows(rows).T.contiguous(), branch)
 
 
@@ -143,9 +141,9 @@ def ranked(ways: Mapping[tuple[int, ...], int]) -> Tensor:
     return table if len(table) <= MOST else torch.cat([table[: MOST - 1], torch.full_like(table[:1], OTHER)])
 
 
-def sorted_into(core: Core, rows: Tensor, table: Tensor) -> Tensor:
+def sorted_into(spec: CheckedSpec, rows: Tensor, table: Tensor) -> Tensor:
     """The branch of each scene of (3N, m) storage, (m,) int64; the last where the table does not name it."""
-    nodes = deciding(core, rows)
+    nodes = ways_of(spec, rows)
     branch = torch.full((rows.shape[1],), len(table) - 1)
     for index, way in enumerate(table):
         branch[(nodes == way[:, None]).all(dim=0)] = index

@@ -47,7 +47,7 @@ class Session:
         self.feed = feed
         self.device = torch.device(config.device)
         self.noise = stream(config.seed, Stream.NOISE, device=self.device)
-        self.spec_loss = SpecLoss(spec.core, feed.table, Codec(spec.workspace, len(spec.objects)))
+        self.spec_loss = SpecLoss(spec.core, feed.table, Codec(spec.workspace, len(spec.core.objects)))
         self.model = new_model(spec, config, len(feed.table))
         self.steps = feed.steps
         self.epoch = self.step = 0
@@ -209,7 +209,7 @@ def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> Scen
     """The model, without weights. Raises RequestError for settings it does not have."""
     hyper = parse_hyper(config.model, config.hyper, config.recipe)
     kind = model_class(config.model, config.recipe)
-    plain = Layout(objects=len(spec.objects), labels=len(spec.labels))
+    plain = Layout(objects=len(spec.core.objects), labels=len(spec.labels))
     return kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
 
 

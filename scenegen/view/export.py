@@ -42,7 +42,7 @@ def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "")
     spec = parse(opened.text, opened.name) if opened.scenes else Spec(check_file(path, opened.text.encode(), root))
     rare = rarity(spec)
     if opened.scenes is not None:
-        scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"])
+        scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
     else:
         scenes = _sampled(spec, rare, n, seed)
     data = opened.data() | {
@@ -84,7 +84,8 @@ def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
         phi = {first.label: ends} if low < high else {}
         parts.append(sample(spec, phi, rest, seed=seed, workers=1, keep_partial=True))
     poses = np.concatenate([one.poses for one in parts])
-    return scene_set(spec, poses, {"method": "exact", "seed": seed})
+    on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
+    return scene_set(spec, poses, {"method": "exact", "seed": seed}, on)
 
 
 def _scenes(spec: Spec, scenes: SceneSet) -> dict[str, Any]:

@@ -7,15 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from scenegen.api.model import load_model
+from scenegen.api.scene_arrays import rows_of, stored_rows
 from scenegen.api.scenes import read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
 from scenegen.formats.registry import FORMATS
+from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
 from scenegen.view.folder import Folder, Refused, digest
-from scenegen.view.jobs.evaluate import told
+from scenegen.view.jobs.evaluate import scene_set, told
 from scenegen.view.limits import MAX_POSES, MAX_SCENES
 
 STARTER = "first"  # the shipped spec that is shown where nothing was named
@@ -86,6 +88,10 @@ def _scenes(file: Path) -> Opened:
     text = found.header.spec.source
     spec = parse(text, file.name)
     some = found[:most]
+    rows = rows_of(spec.checked, some)  # in the order of the spec, whatever the file's is
+    count = row_count(len(spec.objects))
+    on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
+    some = scene_set(spec, as_poses(rows[:count]), None, on)
     scenes = {
         **told(spec, some, False),
         "poses": some.poses.tolist(),

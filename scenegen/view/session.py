@@ -38,6 +38,7 @@ class Message(BaseModel):
     line: int = Field(0, ge=0, le=10_000_000)
     character: int = Field(0, ge=0, le=10_000_000)
     poses: list[Any] = Field(default=[], max_length=MAX_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
     why: bool = False
     want: list[str] = Field(default=[], max_length=2000)
     request: dict[str, Any] = Field(default={}, max_length=20)

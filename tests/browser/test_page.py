@@ -136,6 +136,34 @@ def test_things_stand_at_the_heights_of_the_spec(serve, tab, tmp_path):
     assert {one.state("$.report.bases[0][1]")} == heights
 
 
+def test_a_moved_object_keeps_its_surface_until_another_is_chosen(serve, tab, tmp_path):
+    text = (
+        "region board[2] = rect(0, 0.6, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\n"
+        "require noCollision()\ntask: z(can) >= 10 cm & leftOf(can, mug)\n"
+    )
+    (tmp_path / "boards.spec").write_text(text)
+    one = tab(serve("boards.spec").link)
+    one.ready()
+    (on,) = one.state("$.on")
+    assert one.page.evaluate("window.table.boards.children.map((one) => Math.round(1000 * one.position.z))") == [
+        290,
+        590,
+    ]
+    one.page.keyboard.press("Escape")
+    for key in ("s", "ArrowRight"):
+        one.page.keyboard.press(key)
+    settled(one)
+    assert one.state("$.on") == [on] and one.state("$.bases[0]") == {1: 0.3, 2: 0.6}[on]
+    one.page.keyboard.press("u")
+    one.until(f"$.on[0] === {3 - on} && $.bases[0] === {[0.6, 0.3][on - 1]}")
+    settled(one)
+    assert one.page.input_value(".standing select") == str(3 - on)
+    path = download(one, "json", tmp_path)
+    back = scenegen.read_scenes(path)
+    assert back.on[0].tolist() == [3 - on] and back.poses[0].tolist() == one.state("$.poses")
+    assert scenegen_eval(tmp_path / "boards.spec", path)[0]["task"] == one.state("$.report.phi.task[0]")
+
+
 def test_every_shown_phi_lies_between_the_handles(served, tab):
     one = tab(served.link)
     one.ready()

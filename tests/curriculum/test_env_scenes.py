@@ -138,6 +138,7 @@ def test_the_scenes_of_a_file(tmp_path):
     assert all(-0.3 <= info["phi"]["task"] <= -0.2 for info in infos)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [LEFT, TWO], ids=["one label", "two labels"])
 def test_the_scenes_of_a_model(text, tmp_path):
     """With two labels to satisfy, the goal is a third one, which the model does not know."""
@@ -178,7 +179,7 @@ def test_tasks_in_several_labels_take_few_draws():
         _, info = env.reset(options={"phi": box, "nearest": True})
         phi = np.array([info["phi"]["near"], info["phi"]["side"]])
         away.append(np.maximum(np.maximum(corner - phi, phi - corner - 0.2 * (high - low)), 0.0).max())
-    assert env._feed._draws.total() <= 6
+    assert env._feed._draws.total() <= 20  # 300 without a supply; about 6, more where time is short
     assert np.mean(np.array(away) == 0.0) > 0.6  # the others are out of reach, or in the next cell
 
 

@@ -26,7 +26,7 @@ def examples_of(spec, count, seed):
     """Uniform scenes, their labels and branches, and what judges a model's own scenes."""
     data = uniform(spec, count, torch.Generator().manual_seed(seed))
     codec = Codec(spec.workspace, len(spec.objects))
-    branch, table = survey(spec.core, data.rows)
+    branch, table = survey(spec, data.rows)
     return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch), SpecLoss(spec.core, table, codec), table
 
 

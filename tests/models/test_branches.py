@@ -38,7 +38,7 @@ def test_the_deciding_atom_is_the_oracles(name):
 @pytest.mark.parametrize("name", SPECS)
 def test_a_branch_names_the_atoms_that_decide(name):
     spec, rows = spec_and_rows(name, 2000)
-    branch, table = survey(spec.core, rows)
+    branch, table = survey(spec, rows)
     counts = torch.bincount(branch, minlength=len(table))
     assert branch.shape == (2000,) and table.shape[1] == len(spec.labels) and len(table) <= MOST
     if OTHER not in table:
@@ -55,7 +55,7 @@ def test_rare_branches_share_one():
     names = [f"o{index}" for index in range(MOST + 20)]
     spec = check_text(f"object {', '.join(names)}\ntask: " + " & ".join(f"x({name}) <= 0.5" for name in names), "many")
     rows = draw(*spec.box(), 5000, torch.Generator().manual_seed(0))
-    branch, table = survey(spec.core, rows)
+    branch, table = survey(spec, rows)
     assert len(table) == MOST and (table[-1] == OTHER).all() and (table[:-1] != OTHER).all()
     rest = branch == MOST - 1
     assert 0 < int(rest.sum()) < 5000 and torch.equal(table[branch][~rest].T, deciding(spec.core, rows)[:, ~rest])
@@ -68,7 +68,7 @@ def test_gradients_reach_the_branchs_atom_only():
     spec = check_text("object a, b\ntask: x(a) <= 0.5 & x(b) <= 0.5", "two")
     codec = Codec(spec.workspace, 2)
     rows = draw(*spec.box(), 100, torch.Generator().manual_seed(0))
-    branch, table = survey(spec.core, rows)
+    branch, table = survey(spec, rows)
     x = codec.encode(rows.float()).requires_grad_(True)
     _, atoms = SpecLoss(spec.core, table, codec)(x, 1 - branch)  # the atom that does not decide
     (gradient,) = torch.autograd.grad(atoms.sum(), x)

@@ -43,7 +43,7 @@ def learnt(request, spec):
     """The first losses, the last ones (means over some steps), and 2,000 scenes at WANTED in storage."""
     data = balanced(spec, 20_000, torch.Generator().manual_seed(0))
     codec = Codec(spec.workspace, len(spec.objects))
-    branch, table = survey(spec.core, data.rows)
+    branch, table = survey(spec, data.rows)
     examples = Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch)
     kind = model_class(request.param)
     hyper = parse_hyper(request.param, {**SMALL, **EXTRA[request.param]})

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 import scenegen
 from scenegen.api.settle import settle_file
 from scenegen.errors import RequestError
-from scenegen.export import mjcf
+from scenegen.export import mjcf, sdf
 from scenegen.export.setting import world_of
 from scenegen.physics.attitude import standing, turn_between, upright
-from scenegen.physics.bodies import piece_files, whole_of
+from scenegen.physics.bodies import board_of, piece_files, whole_of
 from scenegen.physics.contact import TABLE, Contact, gathered
 from scenegen.physics.rest import SIMULATORS, InMujoco, InPybullet, Rest
 from tests.export.worlds import scenes_of, tower
@@ -43,9 +43,9 @@ def rested(scenes, simulator, seconds):
     places = world.poses[..., [0, 1, 3, 2]]
     if simulator == "mujoco":
         return Rest(InMujoco(mjcf.bench(world).decode()), seconds)(places)
-    bodies = [whole_of(body) for body in world.bodies]
+    bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
     with piece_files(bodies) as files:
-        return Rest(InPybullet(bodies, files), seconds)(places)
+        return Rest(InPybullet(bodies, files, len(world.boards)), seconds)(places)
 
 
 def test_what_stands_in_and_on_things_rests(simulator):
@@ -56,6 +56,24 @@ def test_what_stands_in_and_on_things_rests(simulator):
     names = tower().objects
     pairs = {(names[touch.a] if touch.a != TABLE else "", names[touch.b]) for touch in found.contacts[0]}
     assert {("plate", "mug"), ("block[1]", "block[2]"), ("", "plate")} <= pairs and ("", "mug") not in pairs
+
+
+BOARDS = """region low = rect(0.2, 0.2, 0.6, 0.5) at 30 cm
+region high = circle((0.8, 0.3), 0.1) at 50 cm
+object can[2] on any of [low, high, workspace]
+task: closeTo(can[1], can[2], 2 m)
+"""
+
+
+def test_what_stands_on_boards_rests(simulator):
+    """A can on a rectangular board and one on a round board: neither falls, and the boards count as the table."""
+    spec = scenegen.parse(BOARDS)
+    scenes = scenegen.sample(spec, None, 12, seed=2, fix={"can[1]": (0.4, 0.3), "can[2]": (0.8, 0.3)}, workers=1)
+    assert {(1.0, 2.0), (1.0, 3.0), (3.0, 2.0)} <= {(a, b) for a, b in scenes.on.tolist()}
+    found = rested(scenes, simulator, 0.3)
+    assert found.planned[..., 2].max() == 0.5 and found.shift.max() < 5e-4 and found.turn.max() < 0.5
+    pairs = {(touch.a, touch.b) for one in found.contacts for touch in one}
+    assert pairs == {(TABLE, 0), (TABLE, 1)}
 
 
 def test_depths_before_and_shifts_after_are_those_of_the_boxes(simulator):

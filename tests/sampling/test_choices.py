@@ -7,10 +7,14 @@ import pytest
 from scipy import stats
 
 import scenegen
+from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import evaluate
 from scenegen.api.sweep import sweep
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
+from scenegen.lang.levels import levels
+from scenegen.pose import row_count
+from scenegen.training.datasets.scenefile import whole_file
 
 SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
 object tray, can[2] on any of [tray, mat, workspace]{}
@@ -38,6 +42,7 @@ def by_hand(spec, count, by_area, rng):
     return np.stack(on)[:, near][:, :count], np.stack(places)[:, near][:, :count]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", ["", " by area"])
 def test_choices_are_the_truth(words):
     compare(words, "rejection", 1000)
@@ -105,15 +110,47 @@ def test_a_fixed_object_keeps_its_choice(scenes):
 
 
 def test_what_has_no_place_for_a_choice_says_so(scenes):
+    spec, _ = scenes
+    with pytest.raises(RequestError) as refused:
+        spec.robustness()
+    assert refused.value.diagnostics[0].code == "choices-not-here"
+
+
+def test_a_sweep_leaves_everything_on_its_surface(scenes):
     spec, found = scenes
-    for call in (
-        spec.robustness,
-        lambda: scenegen.train(spec, out="choice.safetensors"),
-        lambda: sweep(found, None, 4),
-    ):
-        with pytest.raises(RequestError) as refused:
-            call()
-        assert refused.value.diagnostics[0].code == "choices-not-here"
+    swept, label = sweep(found, "task", 4)
+    assert label == "task" and len(swept) > 1 and (swept.on == swept.on[0]).all()
+    values = evaluate(spec.checked, swept)
+    assert all((values[name] == swept.phi[name]).all() for name in spec.labels)
+    assert (np.diff(swept.phi["task"]) > 0.0).all()
+
+
+def test_heights_follow_the_switches(scenes):
+    spec, found = scenes
+    assert levels(spec.checked, rows_of(spec.checked, found)) == pytest.approx(found.poses7()[..., 2])
+
+
+def test_training_scenes_of_a_file_have_the_choice(scenes, tmp_path):
+    spec, found = scenes
+    data = whole_file(spec.checked, found.save(tmp_path / "scenes.parquet"), None)
+    assert data.rows.shape == (row_count(len(spec.checked.core.objects)), len(found))
+    assert data.phi[0].numpy() == pytest.approx(found.phi["task"], abs=1e-5)
+    assert data.phi[1].numpy() == pytest.approx(found.phi["high"], abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_model_makes_the_choice(tmp_path):
+    """Each scene is verified; the shares of the surfaces are about those of exact scenes."""
+    spec, phi = scenegen.parse(SPEC.format("")), {"task": (0.0, 0.3)}
+    data = scenegen.sample(spec, {"task": (-0.3, 0.4)}, 12_000, seed=5, workers=1).save(tmp_path / "d.parquet")
+    model = scenegen.train(spec, out=tmp_path / "m.safetensors", epochs=15, data=str(data))
+    assert model.trained.model.layout.branches == 9
+    made = scenegen.sample(model, phi, 600, seed=1, workers=1)
+    true = scenegen.sample(spec, phi, 600, seed=2, workers=1)
+    assert all((evaluate(spec.checked, made)[name] == made.phi[name]).all() for name in spec.labels)
+    assert made.phi["task"].min() >= 0.0 and made.phi["task"].max() <= 0.3
+    shares = [np.bincount((3 * one.on[:, 0] + one.on[:, 1] - 4).astype(int), minlength=9) / 600 for one in (made, true)]
+    assert abs(shares[0] - shares[1]).sum() / 2.0 < 0.25  # by chance 0.06
 
 
 def test_environments_see_the_choice(scenes):

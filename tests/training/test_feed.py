@@ -95,13 +95,13 @@ def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
 
 def test_branches_are_those_of_a_survey(file, exp1, small, monkeypatch):
     rows = uniform(exp1, 500, torch.Generator().manual_seed(3)).rows
-    branch, names = survey(exp1.core, rows)
+    branch, names = survey(exp1, rows)
     ways = {tuple(way): int((branch == index).sum()) for index, way in enumerate(names.tolist())}
     assert torch.equal(ranked(ways), names)
-    assert torch.equal(sorted_into(exp1.core, rows, names), branch)
+    assert torch.equal(sorted_into(exp1, rows, names), branch)
     monkeypatch.setattr(feeds, "MOST", 1)
     assert ranked(ways).tolist() == [[-1, -1]]
-    assert torch.equal(sorted_into(exp1.core, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
+    assert torch.equal(sorted_into(exp1, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
     monkeypatch.undo()
 
 
@@ -112,6 +112,7 @@ def test_the_first_scenes_alone(file, exp1, small):
         make_feed(exp1, config(file, scenes=951))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("windows", "step"), [(True, 2), (True, 27), (True, 33), (False, 33)])
 def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_path, monkeypatch, request):
     if windows:

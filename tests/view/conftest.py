@@ -94,7 +94,7 @@ def start(folder: Path) -> Running:
     config = serve.config_of(app)
     server = uvicorn.Server(config)
     threading.Thread(target=lambda: asyncio.run(server.serve(sockets=[listener])), daemon=True).start()
-    until = time.monotonic() + 20
+    until = time.monotonic() + 120  # a busy machine takes its time
     while not server.started and time.monotonic() < until:
         time.sleep(0.01)
     assert server.started

@@ -17,9 +17,16 @@ from scenegen.view.limits import MAX_TEXT
 
 from ..laws import FULL, in_full_again
 
-COUNT = 300 if FULL else 112  # eight of each kind
+COUNT = 300 if FULL else 120  # eight of each kind
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
 HUGE = json.dumps({"path": "x.spec", "text": "#" * (MAX_TEXT + 1), "was": None}).encode()
+SHELVES = (
+    "region board[2] = rect(0, 0, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+)
+SURFACES = [
+    json.dumps({"format": "json", "text": SHELVES, "poses": [[[0.5, 0.5, 0]] * 2], "on": on}).encode()
+    for on in (7, "x", [[0]], [[3]], [[1e999]], [[[1]]], [[1]] * 401, [{"a": [1]}], [None])
+]
 
 
 def request(
@@ -56,6 +63,7 @@ def attack(port: int, number: int):
     kinds = [
         lambda: talk(port, request("PUT", "/api/file", b'{"path": ', host=host)),
         lambda: talk(port, request("POST", "/api/download", b"[" * 9000, host=host)),
+        lambda: talk(port, request("POST", "/api/download", SURFACES[number % len(SURFACES)], host=host)),
         lambda: talk(port, request("PUT", "/api/file", HUGE, host=host)),
         lambda: talk(port, request("GET", f"/api/file?path={'../' * (number % 9 + 1)}etc/passwd", host=host)),
         lambda: talk(port, request("GET", "/static/%2e%2e/%2e%2e/app.py", host=host)),

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import base64
 import json
+import os
+import sys
+import threading
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +17,20 @@ import pytest
 import scenegen
 from scenegen.cli.eval import as_json
 from scenegen.errors import DataError, RequestError, SpecError
+from scenegen.errors.page import TOO_MANY_SHOWN
 from scenegen.resources import shipped_specs
-from scenegen.view.jobs import JOBS, TABLE
+from scenegen.view.jobs import JOBS, TABLE, calm
 from scenegen.view.limits import SECONDS
 from scenegen.view.wire import dumps
 
 TEXT = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate) & closeTo(mug, plate, 30 cm)\n"
+
+
+SHELVES = (
+    "region board[2] = rect(0, 0.6, 1, 1) at 30 cm, 60 cm\n"
+    "object can on any of board, cup on any of [board[1], workspace], mug\n"
+    "require noCollision()\ntask: atLevel(can, cup)\n"
+)
 
 
 def do(job, tmp_path, **fields):
@@ -111,6 +123,69 @@ def test_the_first_look_is_in_range_and_keeps_what_is_held(tmp_path, job, most):
 def test_the_first_look_gives_way_quietly(tmp_path):
     text = "object a, b\ntask: leftOf(a, b)\nrequire rightOf(a, b)\n"
     assert list(do("first", tmp_path, text=text, request={"phi": {"task": [0, None]}})) == [None]
+
+
+def test_what_stands_on_one_of_several_surfaces_keeps_its_own(tmp_path):
+    described, _ = do("check", tmp_path, text=SHELVES)
+    spec = described["spec"]
+    assert [one["surfaces"] for one in spec["objects"]] == [["board[1]", "board[2]"], ["board[1]", "workspace"], []]
+    assert [one["height"] for one in spec["regions"]] == [0.3, 0.6] and spec["tall"] > 0.6
+    (found,) = do("sample", tmp_path, text=SHELVES, request={"phi": {"task": [0, None]}, "n": 6, "seed": 1})
+    there = scenegen.sample(scenegen.parse(SHELVES), {"task": (0, None)}, 6, seed=1)
+    assert found["on"] == there.on.astype(int).tolist() and found["bases"] == there.poses7()[..., 2].tolist()
+    (first,) = do("first", tmp_path, text=SHELVES, request={"phi": {"task": [0, None]}, "n": 6})
+    assert all({1: 0.3, 2: 0.6}[on[0]] == bases[0] for on, bases in zip(first["on"], first["bases"], strict=True))
+    told = {"text": SHELVES, "poses": found["poses"], "on": found["on"]}
+    (again,) = do("evaluate", tmp_path, why=True, **told)
+    assert again["phi"] == found["phi"] and again["on"] == found["on"]
+    other = [[3 - one[0], one[1]] for one in found["on"]]  # the can on the other board: nothing else moves
+    (moved,) = do("evaluate", tmp_path, **{**told, "on": other})
+    assert [one[0] for one in moved["bases"]] == [{1: 0.3, 2: 0.6}[one[0]] for one in other]
+    assert [one[1:] for one in moved["bases"]] == [one[1:] for one in found["bases"]]
+    (name,) = do("download", tmp_path, format="parquet", into=str(tmp_path), **{**told, "on": other})
+    back = scenegen.read_scenes(tmp_path / name)
+    assert back.on.tolist() == other and back.phi["task"].tolist() == moved["phi"]["task"]
+
+
+@pytest.mark.parametrize(
+    "on", [None, [], [[1]], [[1, 3]], [[0, 1]], [[1.5, 1]], [["1", "x"]], [[1, 1], [1, 1]], [{}], 7]
+)
+def test_surfaces_that_are_none_are_refused(tmp_path, on):
+    poses = [[[0.5, 0.5, 0.0]] * 3]
+    with pytest.raises(DataError, match="surfaces"):
+        do("evaluate", tmp_path, text=SHELVES, poses=poses, on=on)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", shipped_specs())
+def test_every_shipped_spec_works_on_the_page(tmp_path, name):
+    text = shipped_specs()[name].read_text()
+    spec = do("check", tmp_path, text=text)[0]["spec"]
+    request = {"phi": {one["name"]: [0, None] for one in spec["labels"]}, "n": 8}
+    (first,) = do("first", tmp_path, text=text, request=request)
+    (found,) = do("sample", tmp_path, text=text, request=request)
+    assert len(first["poses"]) >= 2 and len(found["poses"]) == 8
+    for some in (first, found):
+        (told,) = do("evaluate", tmp_path, text=text, poses=some["poses"], on=some["on"], why=True)
+        assert told["phi"] == some["phi"] and all(phi >= 0 for values in told["phi"].values() for phi in values)
+        assert told["bases"] == some["bases"] and all(base >= 0 for base in told["bases"][0])
+
+
+def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
+    some = replace(scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2),))
+    monkeypatch.setattr(scenegen, "sample", lambda *_, **__: some)
+    (found,) = do("sample", tmp_path, request={"n": 2})
+    assert found["warnings"] == [{"code": TOO_MANY_SHOWN.code, "title": some.warnings[0].title}]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux alone")
+def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
+    before = os.getpriority(os.PRIO_PROCESS, 0)  # other tests may have changed it
+    monkeypatch.setattr(calm, "_own", lambda: before)
+    niced = calm.calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
+    assert niced == min(before + 2, 19) and os.getpriority(os.PRIO_PROCESS, 0) == before
+    with pytest.raises(ZeroDivisionError):
+        calm.calmly(lambda: 1 // 0)
 
 
 def test_meshes_unpack_to_the_size_of_their_object(tmp_path):

@@ -93,13 +93,25 @@ def test_downloads_come_from_the_server(running, page):
     "message",
     ["", "{", "[]", "3", '{"id": 1}', '{"id": -1, "job": "check"}', '{"id": 1, "job": "download"}', '{"stop": "x"}',
      '{"id": 1, "job": "check", "root": "/"}', '{"id": 1, "job": "check", "text": 3}', "[" * 100_000,
-     '{"id": 1, "job": "check", "path": "../x.spec"}', '{"id": 1, "job": "check", "line": 1e99}'],
+     '{"id": 1, "job": "check", "path": "../x.spec"}', '{"id": 1, "job": "check", "line": 1e99}',
+     '{"id": 1, "job": "evaluate", "on": 7}', '{"id": 1, "job": "evaluate", "on": [' + "1," * 400 + "1]}"],
 )  # fmt: skip
 def test_messages_that_are_none_do_no_harm(page, message):
     page.socket.send(message)
     assert "failed" in json.loads(page.socket.recv(timeout=10))
     page._number = 10
     assert page.ask("check", text=TEXT)[0]["part"]["spec"]
+
+
+def test_surfaces_that_are_none_are_refused(page):
+    text = (
+        "region board[2] = rect(0, 0, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\ntask: leftOf(can, mug)\n"
+    )
+    told = {"text": text, "poses": [[[0.5, 0.5, 0.0]] * 2]}
+    for on in (None, [], [7], [[0]], [[3]], [["x"]], [[None]], [[[1]]], [[1, 1]], [{"a": 1}]):
+        (answer,) = page.ask("evaluate", on=on, **told)
+        assert answer["refused"]["code"] == "no-message" and "surfaces" in answer["refused"]["text"]
+    assert page.ask("evaluate", on=[[2]], **told)[0]["part"]["bases"] == [[0.6, 0.0]]
 
 
 def test_bytes_and_large_texts_are_refused(page):

@@ -2,7 +2,7 @@
 import { effect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Thumbs, type Wanted } from "../scene/thumbs";
-import { label, layout, meshes, preview, result, selected, shown, spec, view } from "../state";
+import { coming, label, layout, meshes, preparing, preview, result, selected, shown, spec, view } from "../state";
 import { select, step } from "../store";
 import { theme } from "../theme";
 import type { Pose } from "../types";
@@ -44,6 +44,13 @@ export function Grid() {
       });
     });
   }, []);
+  useEffect(() =>
+    effect(() => {
+      const some = coming.value;
+      const canvas = root.current?.querySelector("canvas");
+      if (some.length && canvas) thumbs.prepare(some, canvas.width, canvas.height, () => (preparing.value = false));
+      else preparing.value = false;
+    }), []);
   const now = spec.value, found = result.value;
   const all = shown.value;
   const keys = (event: KeyboardEvent) => {

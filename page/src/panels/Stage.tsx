@@ -2,8 +2,8 @@
 import { effect } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { Table3d, type Tag } from "../scene/table3d";
-import { hold, moved, place } from "../hands";
-import { alone, bases, busy, decides, edited, heat, label, meshes, names, poses, preview, problems, refusal, report, request, scenes, selected, shown, spec, stale, thing, view } from "../state";
+import { hold, moved, place, putOn } from "../hands";
+import { alone, bases, busy, chooser, decides, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view } from "../state";
 import { sample, select, step } from "../store";
 import { Code } from "./Explain";
 import { degrees, signed } from "../words";
@@ -18,6 +18,7 @@ export function Stage() {
       <Phi />
       <Tools />
       <Chosen />
+      <Warnings />
       <Trouble />
       {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
     </section>
@@ -129,6 +130,7 @@ function Chosen() {
     <div class="chosen-thing">
       <b>{one.name}</b>
       <span class="pose">{x.toFixed(3)}, {y.toFixed(3)} m · {degrees(theta)}</span>
+      <Standing name={one.name} surfaces={one.surfaces} column={chooser(now, one.name)} />
       {one.fixed ? <span class="quiet">held by the spec</span> : alone ? null : (
         <>
           <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title="keep it there when sampling (h)">{kept ? "Held" : "Hold"}</button>
@@ -137,6 +139,30 @@ function Chosen() {
       )}
       {edited.value ? <button class="tool" onClick={() => select(selected.value, true)} title="as it was sampled (z)">Put back</button> : null}
     </div>
+  );
+}
+
+/** What the chosen object stands on. Where that is one of several surfaces, moving it keeps it there, and it can be put
+ * onto another one. */
+function Standing({ name, surfaces, column }: { name: string; surfaces: string[]; column: number }) {
+  const mine = on.value?.[column];
+  if (!surfaces.length || (column >= 0 && mine === undefined)) return null;
+  if (column < 0 || alone) return <span class="quiet">on {surfaces[column < 0 ? 0 : mine! - 1]}</span>;
+  return (
+    <label class="standing" title="the surface that it stands on, also while it is moved (u: the next)">
+      on <select value={mine} onChange={(event) => putOn(name, Number(event.currentTarget.value))}>{surfaces.map((one, k) => <option key={one} value={k + 1}>{one}</option>)}</select>
+    </label>
+  );
+}
+
+/** What is worth knowing of the scenes, such as that there are fewer than wanted. */
+function Warnings() {
+  const found = result.value?.warnings ?? [];
+  if (!found.length || preview.value || busy.value === "sample") return null;
+  return (
+    <ul class="warnings" aria-label="warnings">
+      {found.map(({ code, title }) => <li key={code + title}>{title} <Code code={code} /></li>)}
+    </ul>
   );
 }
 

@@ -70,7 +70,7 @@ function Status() {
     words = `${shown.value.length} scene${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
   }
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
-  return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
+  return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
 }
 
 function close(then: () => void): () => void {

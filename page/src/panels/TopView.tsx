@@ -1,9 +1,10 @@
 // The scene from above: names, headings, dimension lines, and hands on the objects.
 import { useRef } from "preact/hooks";
 import { hold, moved, place } from "../hands";
-import { alone, decides, heat, names, poses, request, result, shown, spec, thing } from "../state";
-import { EDGES, TINTS } from "../scene/top2d";
+import { alone, bases, decides, heat, names, poses, request, result, shown, spec, thing } from "../state";
+import { EDGES, lowestFirst, TINTS } from "../scene/top2d";
 import type { Footprint, Mark, Pose, Spec } from "../types";
+import { number } from "../words";
 
 function path(footprint: Footprint): string {
   if (footprint.kind === "circle") {
@@ -53,6 +54,18 @@ function Text({ x, y, size, kind, children }: { x: number; y: number; size: numb
       {children}
     </text>
   );
+}
+
+/** The names of regions where they are written: one above the other stand side by side, with their heights. */
+function named(now: Spec): { x: number; y: number; text: string }[] {
+  const found = new Map<string, { x: number; y: number; text: string }>();
+  for (const { name, pose, height } of now.regions) {
+    const key = `${pose[0]} ${pose[1]}`, words = height ? `${name} at ${number(100 * height)} cm` : name;
+    const one = found.get(key);
+    if (one) one.text += `, ${words}`;
+    else found.set(key, { x: pose[0], y: pose[1], text: words });
+  }
+  return [...found.values()];
 }
 
 function Heat({ now }: { now: Spec }) {
@@ -118,16 +131,12 @@ export function TopView() {
       <g class="metres" transform="scale(1 -1)">
         <rect class="paper" x={x[0]} y={y[0]} width={x[1] - x[0]} height={y[1] - y[0]} />
         <g class="grid" stroke-width={0.5 * line}>{grid}</g>
-        {now.regions.map((one) => (
-          <g key={one.name}>
-            <path d={path(one.footprint)} transform={at(one.pose)} class="zone" stroke-width={line} />
-            <Text x={one.pose[0]} y={one.pose[1] - 0.0} size={0.024 * side} kind="zone-name">{one.name}</Text>
-          </g>
-        ))}
+        {now.regions.map((one) => <path key={one.name} d={path(one.footprint)} transform={at(one.pose)} class="zone" stroke-width={line} stroke-dasharray={one.height ? `${6 * line} ${3 * line}` : undefined} />)}
+        {named(now).map(({ x, y, text }) => <Text key={text} x={x} y={y} size={0.024 * side} kind="zone-name">{text}</Text>)}
         <rect class="frame" x={x[0]} y={y[0]} width={x[1] - x[0]} height={y[1] - y[0]} stroke-width={line} />
         <Heat now={now} />
-        {now.objects.map((one, k) => {
-          const pose = poses.value[k];
+        {lowestFirst(bases.value, now.objects.length).map((k) => {
+          const one = now.objects[k], pose = poses.value[k];
           if (!pose) return null;
           const chosen = thing.value === one.name;
           const r = radius(one.footprint);

@@ -1,6 +1,6 @@
 // Meshes as the server packs them, as geometries; a plain block until they are there.
 import { BufferAttribute, BufferGeometry, ExtrudeGeometry, CylinderGeometry, Shape } from "three";
-import type { PackedMesh, Thing } from "../types";
+import type { Footprint, PackedMesh, Thing } from "../types";
 
 const made = new Map<string, BufferGeometry>();
 
@@ -41,15 +41,17 @@ function unpacked(packed: PackedMesh): BufferGeometry {
   return geometry;
 }
 
+/** An upright prism over a footprint, from 0 to a height. */
+export function prism(footprint: Footprint, height: number): BufferGeometry {
+  if (footprint.kind === "circle")
+    return new CylinderGeometry(footprint.radius!, footprint.radius!, height, 48).rotateX(Math.PI / 2).translate(0, 0, height / 2);
+  const shape = new Shape();
+  footprint.corners!.forEach(([x, y], at) => (at ? shape.lineTo(x, y) : shape.moveTo(x, y)));
+  return new ExtrudeGeometry(shape, { depth: height, bevelEnabled: false });
+}
+
 function block(thing: Thing): BufferGeometry {
-  let geometry: BufferGeometry;
-  if (thing.footprint.kind === "circle") {
-    geometry = new CylinderGeometry(thing.footprint.radius!, thing.footprint.radius!, thing.height, 32).rotateX(Math.PI / 2).translate(0, 0, thing.height / 2);
-  } else {
-    const shape = new Shape();
-    thing.footprint.corners!.forEach(([x, y], at) => (at ? shape.lineTo(x, y) : shape.moveTo(x, y)));
-    geometry = new ExtrudeGeometry(shape, { depth: thing.height, bevelEnabled: false });
-  }
+  const geometry = prism(thing.footprint, thing.height);
   const count = geometry.getAttribute("position").count;
   const color = new Float32Array(3 * count);
   for (let at = 0; at < count; at++) color.set(thing.color.map((one) => one ** 2.2), 3 * at);

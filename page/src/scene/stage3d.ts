@@ -1,14 +1,17 @@
 // A table with objects in three dimensions: what the large view and the small pictures share.
 import { AmbientLight, BoxGeometry, Color, DirectionalLight, Group, HemisphereLight, Mesh, MeshLambertMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer, type Texture } from "three";
 import type { PackedMesh, Pose, Spec } from "../types";
-import { geometryOf } from "./meshes";
+import { geometryOf, prism } from "./meshes";
 import { woodTexture } from "./wood";
+
+const BOARD = 0.01; // metres: how thick a board is, as in pictures of `scenegen render`
 
 export class Stage3d {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(32, 4 / 3, 0.02, 50);
   readonly renderer: WebGLRenderer;
   readonly objects = new Group();
+  readonly boards = new Group();
   readonly sun = new DirectionalLight(0xfff1dd, 2.3);
   readonly center = new Vector3();
   side = 1;
@@ -32,7 +35,7 @@ export class Stage3d {
     this.sun.shadow.radius = 4;
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.normalBias = 0.004;
-    this.scene.add(sky, new AmbientLight(0xffffff, 0.35), this.sun, this.sun.target, this.objects);
+    this.scene.add(sky, new AmbientLight(0xffffff, 0.35), this.sun, this.sun.target, this.boards, this.objects);
   }
 
   background(color: string | null): void {
@@ -59,6 +62,7 @@ export class Stage3d {
       this.table.position.set((x0 + x1) / 2, (y0 + y1) / 2, -spec.thickness / 2);
       this.table.receiveShadow = true;
       this.scene.add(this.table);
+      this.setBoards(spec);
       const reach = 0.95 * Math.max(x1 - x0, y1 - y0);
       this.sun.target.position.copy(this.center);
       this.sun.position.copy(this.center).add(new Vector3(-0.55, -0.35, 1.35).multiplyScalar(1.6 * this.side));
@@ -75,6 +79,25 @@ export class Stage3d {
       this.objects.add(mesh);
     }
     this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  /** Regions at a height are boards, whose tops are there. */
+  private setBoards(spec: Spec): void {
+    for (const one of this.boards.children) {
+      (one as Mesh).geometry.dispose();
+      ((one as Mesh).material as MeshLambertMaterial).dispose();
+    }
+    this.boards.clear();
+    for (const region of spec.regions) {
+      if (!region.height) continue;
+      const thick = Math.min(BOARD, region.height);
+      const board = new Mesh(prism(region.footprint, thick), new MeshLambertMaterial({ color: new Color().setRGB(...region.board, SRGBColorSpace) }));
+      board.position.set(region.pose[0], region.pose[1], region.height - thick);
+      board.rotation.z = region.pose[2];
+      board.castShadow = true;
+      board.receiveShadow = true;
+      this.boards.add(board);
+    }
   }
 
   setPoses(poses: Pose[], bases: number[]): void {

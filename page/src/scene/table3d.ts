@@ -178,9 +178,8 @@ export class Table3d extends Stage3d {
 
   private under(): string | null {
     if (this.ring.visible && this.knob.visible && this.ray.intersectObject(this.knob).length) return this.knob.name;
-    // A generous ball around a thin object, where nothing is hit exactly.
-    const hit = this.ray.intersectObjects(this.objects.children, false)[0];
-    return hit?.object.name ?? null;
+    const hit = this.ray.intersectObjects([...this.objects.children, ...this.boards.children], false)[0];
+    return hit?.object.name || null; // boards have no name: what they hide cannot be gripped
   }
 
   private onPlane(plane: Plane): Vector3 | null {

@@ -13,10 +13,14 @@ export interface Wanted {
 const SLICE = 20; // ms of drawing at a time
 const KEPT = 300; // pictures
 
+type Scene = Pick<Wanted, "poses" | "bases">;
+const idle: (then: () => void) => void = "requestIdleCallback" in window ? (then) => requestIdleCallback(then, { timeout: 500 }) : (then) => setTimeout(then, 30);
+
 export class Thumbs {
   private stage: Stage3d | null = null;
   private waiting: Wanted[] = [];
   private drawing = false;
+  private later: Scene[] = []; // what may be wanted soon
   private spec: Spec | null = null;
   private framed: Spec | null = null;
   private kept = new Map<Pose[], HTMLCanvasElement>(); // pictures of scenes that may be shown again
@@ -26,7 +30,10 @@ export class Thumbs {
   setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
     this.spec = spec;
     const look = `${spec.sha256} ${this.flat} ${document.documentElement.dataset.theme} ${spec.objects.map((one) => (one.mesh in packed ? 1 : 0)).join("")}`;
-    if (look !== this.look) this.kept.clear();
+    if (look !== this.look) {
+      this.kept.clear();
+      this.later = [];
+    }
     this.look = look;
     if (!this.flat) this.three()?.setSpec(spec, packed);
   }
@@ -62,6 +69,25 @@ export class Thumbs {
     return true;
   }
 
+  /** Draw pictures that may be wanted soon, one at a time, while there is nothing else to do; `done` in the end. */
+  prepare(scenes: Scene[], width: number, height: number, done: () => void): void {
+    this.later = scenes.filter(({ poses }) => !this.kept.has(poses));
+    const mine = this.later;
+    const next = () => {
+      if (this.later !== mine) return done(); // others took their place
+      const one = this.drawing ? undefined : mine.shift();
+      if (one) {
+        const canvas = document.createElement("canvas");
+        canvas.width = width;
+        canvas.height = height;
+        this.one({ canvas, ...one });
+      }
+      if (mine.length) idle(next);
+      else done();
+    };
+    idle(next);
+  }
+
   private keep(canvas: HTMLCanvasElement, poses: Pose[]): void {
     const copy = document.createElement("canvas");
     copy.width = canvas.width;
@@ -84,7 +110,7 @@ export class Thumbs {
     if (!context || !this.spec) return;
     const stage = this.flat ? null : this.stage;
     if (!stage?.spec) {
-      drawTop(context, this.spec, poses);
+      drawTop(context, this.spec, poses, bases);
       this.keep(canvas, poses);
       wanted.done?.();
       return;

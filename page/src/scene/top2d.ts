@@ -21,7 +21,12 @@ function outline(context: CanvasRenderingContext2D, footprint: Footprint, [x, y,
 const LIGHT = { paper: "#fbfaf6", zone: "#efece0", edge: "#b4b4b0", alpha: 1 };
 const DARK = { paper: "#20242a", zone: "#2a3037", edge: "#515964", alpha: 0.3 };
 
-export function drawTop(context: CanvasRenderingContext2D, spec: Spec, poses: Pose[]): void {
+/** The objects' numbers in the order in which they are drawn from above: what stands lowest first. */
+export function lowestFirst(bases: number[], count: number): number[] {
+  return Array.from({ length: count }, (_, k) => k).sort((a, b) => (bases[a] ?? 0) - (bases[b] ?? 0) || a - b);
+}
+
+export function drawTop(context: CanvasRenderingContext2D, spec: Spec, poses: Pose[], bases: number[]): void {
   const look = document.documentElement.dataset.theme === "dark" ? DARK : LIGHT;
   const { width, height } = context.canvas;
   const [x0, y0, x1, y1] = spec.table;
@@ -40,9 +45,9 @@ export function drawTop(context: CanvasRenderingContext2D, spec: Spec, poses: Po
   }
   context.strokeStyle = look.edge;
   context.strokeRect(x[0], y[0], x[1] - x[0], y[1] - y[0]);
-  spec.objects.forEach((thing, at) => {
-    const pose = poses[at];
-    if (!pose) return;
+  for (const at of lowestFirst(bases, spec.objects.length)) {
+    const thing = spec.objects[at], pose = poses[at];
+    if (!pose) continue;
     outline(context, thing.footprint, pose);
     context.fillStyle = TINTS[at % TINTS.length];
     context.globalAlpha = look.alpha;
@@ -51,5 +56,5 @@ export function drawTop(context: CanvasRenderingContext2D, spec: Spec, poses: Po
     context.strokeStyle = EDGES[at % EDGES.length];
     context.lineWidth = 1.5 / scale;
     context.stroke();
-  });
+  }
 }

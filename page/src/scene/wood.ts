@@ -95,6 +95,7 @@ function plainWood(spec: Spec, size: number): HTMLCanvasElement {
 function drawRegions(context: CanvasRenderingContext2D, spec: Spec, width: number, height: number): void {
   const [x0, y0, x1, y1] = spec.table;
   for (const region of spec.regions) {
+    if (region.height) continue; // a board, which is a body of its own
     context.save();
     context.setTransform(width / (x1 - x0), 0, 0, -height / (y1 - y0), (-x0 * width) / (x1 - x0), (y1 * height) / (y1 - y0));
     context.translate(region.pose[0], region.pose[1]);

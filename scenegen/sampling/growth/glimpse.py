@@ -1,7 +1,8 @@
 """A few scenes of a request, soon: something to look at while a plan is made.
 
-One small population is grown for each of them, without the moves that make its scenes differ and without any account of
-how they are distributed. They are in range, and no more than that.
+One small population is grown for each of them, in a box that is contracted once, without the moves that make its scenes
+differ and without any account of how they are distributed. They are in range, and no more than that. Where none of the
+populations lives, larger ones are tried, with all that growth has.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.pose import BELOW_TURN, THETA, along
-from scenegen.sampling.growth.grow import Stuck, explore
+from scenegen.sampling.growth.grow import HITS, Stuck, explore
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.plan import GROWTH
 from scenegen.sampling.growth.tally import Tally
@@ -22,6 +23,8 @@ from scenegen.sampling.problem import Budget, Problem
 Array = npt.NDArray[np.float64]
 
 SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
+QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
+ROUNDS = 1  # of contraction
 ASIDE = (GROWTH, 0, 1)  # the stream of its random numbers: no plan reads it
 
 
@@ -36,7 +39,7 @@ def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] =
 
 
 def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
-    machine = make_machine(problem)
+    machine = make_machine(problem, rounds=ROUNDS)
     machine.deadline = budget.ends
     possible = sorted(problem.possible)
     cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
@@ -44,7 +47,9 @@ def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int])
     rows = np.empty((len(problem.lowest), 0))
     for size in sizes:
         island = np.repeat(np.arange(count), size)
-        grown, _ = explore(machine, cells[island], island, rng, Tally())
+        quick = size < sizes[-1]
+        hits = QUICK if quick else HITS
+        grown, _ = explore(machine, cells[island], island, rng, Tally(), hits=hits, moves=not quick)
         if not isinstance(grown, Stuck):
             _, first = np.unique(grown.particles.island, return_index=True)
             rows = grown.particles.scenes[:, first].copy()

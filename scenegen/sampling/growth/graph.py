@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.contract import contract, start
+from scenegen.bounds.contract import ROUNDS, contract, start
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.lang.core import REQUIRE, Apply, Const, Coord, Core, Junction, Node
 from scenegen.pose import FLAT, PLACE, owner, row_of
@@ -97,9 +97,9 @@ class Graph:
         return frozenset(owner(row) for row in self.rows)
 
 
-def make_graph(problem: Problem) -> Graph:
-    """The factor graph of a request."""
-    builder = _Builder(problem)
+def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
+    """The factor graph of a request, its box contracted in so many rounds."""
+    builder = _Builder(problem, rounds)
     clauses: list[Clause] = []
     pairs: list[Pair] = []
     choices: list[Choice] = []
@@ -145,8 +145,8 @@ def components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
 
 
 class _Builder:
-    def __init__(self, problem: Problem) -> None:
-        self._problem, self._core = problem, problem.core
+    def __init__(self, problem: Problem, rounds: int = ROUNDS) -> None:
+        self._problem, self._core, self._rounds = problem, problem.core, rounds
         free = problem.lowest < problem.highest
         self._reads: list[int] = []  # bit r of entry i: node i reads row r, and row r is free
         for node in self._core.nodes:
@@ -261,7 +261,7 @@ class _Builder:
         lo, hi = start(problem.tape, wanted, *box)
         nodes, number = problem.tape.restrict([problem.tape.where[node] for ends in wanted for node in ends])
         old = sorted(number, key=lambda index: number[index])
-        alive = contract(nodes, lo[old], hi[old])
+        alive = contract(nodes, lo[old], hi[old], self._rounds)
         return [way for way, possible in zip(ways, alive, strict=True) if possible]
 
     def box(self, clauses: Sequence[Clause]) -> tuple[Array, Array]:
@@ -275,7 +275,7 @@ class _Builder:
         nodes, number = tape.restrict([*(tape.where[one.node] for one in clauses), *tape.rows.values()])
         old = sorted(number, key=lambda index: number[index])
         lo, hi = lo[old], hi[old]
-        alive = contract(nodes, lo, hi)
+        alive = contract(nodes, lo, hi, self._rounds)
         for row, node in tape.rows.items():
             lowest[row] = np.where(alive, lo[number[node]], lowest[row])
             highest[row] = np.where(alive, hi[number[node]], highest[row])

@@ -73,15 +73,19 @@ def explore(
     island: Index,
     rng: np.random.Generator,
     tally: Tally,
+    *,
+    hits: float = HITS,
+    moves: bool = True,
 ) -> tuple[Grown | Stuck, list[Step]]:
-    """Scenes as `grow` makes them, while the steps of a plan are found out."""
+    """Scenes as `grow` makes them, while the steps of a plan are found out. `hits` poses that meet all clauses are
+    wanted of each scene and object; without `moves`, scenes are as alike as resampling makes them."""
     steps: list[Step] = []
     settings = Settings({})
 
     def advance(particles: Particles) -> tuple[Placed, int]:
-        placed = _with_enough_tries(particles)
+        placed = _with_enough_tries(particles, hits)
         steps.append(Step(placed.tries // particles.count, 0))
-        return placed, -1
+        return placed, -1 if moves else 0
 
     particles = Particles.start(machine, cell, island, rng)
     return _grow(particles, settings, advance, tally, steps), steps
@@ -92,13 +96,13 @@ def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[Placed, int]:
     return place(particles, step.tries), step.sweeps
 
 
-def _with_enough_tries(particles: Particles) -> Placed:
+def _with_enough_tries(particles: Particles, hits: float) -> Placed:
     stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MOST_POSES // particles.count)
     held, chances = list(particles.held), particles.chances.copy()
     while True:
         placed = place(particles, tries, planning=True)
         rate = placed.hits / placed.tries
-        enough = int(np.ceil(HITS / rate)) if rate > 0.0 else 16 * tries
+        enough = int(np.ceil(hits / rate)) if rate > 0.0 else 16 * tries
         if enough <= 2 * tries or tries >= most:
             return placed
         tries = min(most, max(2, enough))

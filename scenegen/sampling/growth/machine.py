@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.contract import ROUNDS
 from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.pose import TWO_PI, axis_of, is_angle
 from scenegen.sampling.growth.graph import Graph, make_graph
@@ -99,11 +100,11 @@ class Machine:
         return self.evaluators[key]
 
 
-def make_machine(problem: Problem, last: Collection[int] = ()) -> Machine:
+def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS) -> Machine:
     """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
-    after all others."""
+    after all others. `rounds` are those of contraction."""
     problem = strengthened(problem)
-    graph = make_graph(problem)
+    graph = make_graph(problem, rounds)
     order, parent = insertion_order(graph, last)
     at = {thing: place for place, thing in enumerate(order)}
     groups: dict[int, list[int]] = {thing: [thing] for thing in order}

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import DataError, quoted
-from scenegen.errors.files import HELD_ELSEWHERE, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
+from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import PLACE, along, rows_of, span_of
+from scenegen.pose import PLACE, X, along, row_count, row_of, rows_of, span_of
 from scenegen.primitives import NUMPY
+from scenegen.scene.data import SceneFile
 
 Array = npt.NDArray[np.float64]
 
@@ -40,6 +41,36 @@ def arranged(rows: Array, order: Sequence[int]) -> Array:
     if list(order) == sorted(order):
         return rows
     return rows[[row for place in order for row in rows_of(place)]]
+
+
+def as_core(spec: CheckedSpec, header: SceneFile, rows: Array, order: Sequence[int]) -> Array:
+    """The rows of a block of a file as the core has them: objects in another order, then switches. Raises DataError."""
+    count = row_count(len(header.objects))
+    return with_switches(spec, header, arranged(rows[:count], order), rows[count:].T)
+
+
+def with_switches(spec: CheckedSpec, header: SceneFile, rows: Array, on: Array | None) -> Array:
+    """Rows (3N, n) and below them those of the switches of the spec's choices; `on` (n, M) says on which of its
+    surfaces each of the header's choosers stands, counted from 1. Raises DataError where that is not said of
+    an object, or it stands on a surface that the spec does not have."""
+    if not spec.choices:
+        return rows
+    found = np.zeros((row_count(len(spec.core.objects)), rows.shape[1]))
+    found[: len(rows)] = rows
+    choosers = {one.name: number for number, one in enumerate(header.choosers)}
+    for which, choice in spec.choices.items():
+        name = spec.objects[which]
+        if on is None or name not in choosers:
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        support = header.choosers[choosers[name]].support
+        assert support is not None
+        middles = dict(zip((one.name for one in choice.options), choice.middles, strict=True))
+        values = np.array([middles.get(one.on, np.nan) for one in support.any])
+        numbers = values[on[:, choosers[name]].astype(np.intp) - 1]
+        if np.isnan(numbers).any():
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        found[row_of(choice.switch, X)] = numbers
+    return found
 
 
 def check_held(spec: CheckedSpec, rows: Array, before: int = 0) -> None:

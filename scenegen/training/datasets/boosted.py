@@ -74,7 +74,7 @@ def _satisfied(phi: Tensor) -> Tensor:
 def _search(spec: CheckedSpec, draws: int, generator: torch.Generator, gathering: Gathering) -> Tensor:
     """The satisfying scenes (3N, H) of the first chunk of uniform scenes that holds any; H = 0 where none does."""
     robustness = Robustness(spec.core)
-    hits = torch.empty(row_count(len(spec.objects)), 0)
+    hits = torch.empty(row_count(len(spec.core.objects)), 0)
     for start in range(0, draws, _CHUNK):
         rows = base_draw(spec, min(_CHUNK, draws - start), generator)
         hits = rows[:, _satisfied(robustness.rows(rows))]
@@ -88,7 +88,7 @@ def _perturb(
     spec: CheckedSpec, hits: Tensor, count: int, noise: float, generator: torch.Generator, gathering: Gathering
 ) -> Tensor:
     """`count` perturbed hits (3N, count) that satisfy every label and what is required, and lie in the workspace."""
-    robustness, codec = Robustness(gated(spec.core)), Codec(spec.workspace, len(spec.objects))
+    robustness, codec = Robustness(gated(spec.core)), Codec(spec.workspace, len(spec.core.objects))
     source = codec.encode(hits)
     position = torch.ones(source.shape[1], dtype=torch.bool)
     position[along(THETA)] = False

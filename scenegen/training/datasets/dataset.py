@@ -25,6 +25,8 @@ PATIENCE = 1_000_000  # uniform scenes without which, on average, one that meets
 class Dataset:
     """M scenes: `rows` (3N, M) float32, metres and radians, in the workspace; `phi` (L, M) float32, a row per label.
 
+    The rows are those of the core: after the objects come the switches of choices.
+
     `balanced` (M,) int64 says which labels decided how often such scenes occur: the index of one label, EVERY, or NONE,
     where the scenes follow the base distribution (None: all do). Among scenes with the same phi of these labels, others
     are free as in the base distribution; where these labels are left out, they are not.
@@ -67,7 +69,7 @@ def base_draw(
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)
     spec_loss = Robustness(gated(spec.core))
-    kept, found, tried = [torch.empty(row_count(len(spec.objects)), 0)], 0, 0
+    kept, found, tried = [torch.empty(row_count(len(spec.core.objects)), 0)], 0, 0
     while found < scenes:
         if tried >= PATIENCE and found * PATIENCE < tried:
             raise RequestError(REQUIREMENT_TOO_RARE(found=found, tried=tried))
@@ -80,8 +82,8 @@ def base_draw(
 
 
 def _free_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
-    unit = torch.rand(scenes, row_count(len(spec.objects)), generator=generator)
-    return held_in_place(spec, Codec(spec.workspace, len(spec.objects)).decode(unit))
+    unit = torch.rand(scenes, row_count(len(spec.core.objects)), generator=generator)
+    return held_in_place(spec, Codec(spec.workspace, len(spec.core.objects)).decode(unit))
 
 
 def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:

@@ -20,7 +20,8 @@ from scenegen.formats.blocks import Block
 from scenegen.formats.registry import read_scenes
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import row_count
-from scenegen.training.datasets.arrange import arranged, check_scenes, order_of
+from scenegen.scene.data import SceneFile
+from scenegen.training.datasets.arrange import as_core, check_scenes, order_of
 from scenegen.training.datasets.dataset import Dataset, labelled
 
 WHOLE = 1 << 26  # coordinates and labels of scenes that are held in memory at once: 268 MB as float32
@@ -28,7 +29,7 @@ WHOLE = 1 << 26  # coordinates and labels of scenes that are held in memory at o
 
 def fits(spec: CheckedSpec, scenes: int) -> bool:
     """Whether that many scenes are held in memory. It depends on the spec alone, not on the machine."""
-    return scenes * (row_count(len(spec.objects)) + len(spec.labels)) <= WHOLE
+    return scenes * (row_count(len(spec.core.objects)) + len(spec.labels)) <= WHOLE
 
 
 def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
@@ -38,11 +39,12 @@ def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
     file that is no scene file by its name, or too long for memory.
     """
     reading = read_scenes(path)
-    order = order_of(spec, [one.name for one in reading.header.objects])
+    header = reading.header
+    order = order_of(spec, [one.name for one in header.objects])
     found: list[Tensor] = []
     count = 0
     for block in limited(reading.blocks, scenes):
-        found.append(storage(spec, block, order, count))
+        found.append(storage(spec, header, block, order, count))
         count += block.count
         if not fits(spec, count):
             raise RequestError(TOO_MANY_TO_TRAIN(path=path))
@@ -63,9 +65,10 @@ def limited(blocks: Iterator[Block], scenes: int | None) -> Iterator[Block]:
         left = None if left is None else left - block.count
 
 
-def storage(spec: CheckedSpec, block: Block, order: list[int], before: int) -> Tensor:
-    """A block's scenes as (3N, m) float32 in the spec's order of objects, checked. Raises DataError."""
-    rows = arranged(block.rows, order)
+def storage(spec: CheckedSpec, header: SceneFile, block: Block, order: list[int], before: int) -> Tensor:
+    """A block's scenes as (3N, m) float32 in the spec's order of objects, then the switches of choices, checked. Raises
+    DataError."""
+    rows = as_core(spec, header, block.rows, order)
     check_scenes(spec, rows, before)
     return torch.from_numpy(rows).to(torch.float32)
 

@@ -23,9 +23,10 @@ from scenegen.errors.models import DATA_CHANGED
 from scenegen.formats.blocks import Block, regrouped
 from scenegen.formats.registry import format_of, read_scenes
 from scenegen.lang.spec import CheckedSpec
+from scenegen.models.branches import ways_of
 from scenegen.pose import row_count
-from scenegen.robustness.deciding import deciding
-from scenegen.training.datasets.arrange import arranged, order_of
+from scenegen.scene.data import SceneFile
+from scenegen.training.datasets.arrange import as_core, order_of
 from scenegen.training.datasets.dataset import Dataset, labelled
 from scenegen.training.datasets.gathering import Gathering
 from scenegen.training.datasets.scenefile import check_count, storage
@@ -39,7 +40,7 @@ Way = tuple[int, ...]
 @dataclass(frozen=True, slots=True)
 class Streamed:
     """What one pass over the file found. `scenes` of them train; `chosen` are some of these, `held` are not among
-    them; `ways` counts the deciding atoms (one a label, as nodes of the core) of those that train."""
+    them; `ways` counts what makes their branches (scenegen.models.branches) of those that train."""
 
     spec: CheckedSpec
     path: Path
@@ -48,6 +49,7 @@ class Streamed:
     held: Dataset
     ways: Mapping[Way, int]
     sha256: str
+    _header: SceneFile
     _order: tuple[int, ...]
     _starts: tuple[int, ...]
     _out: Tensor
@@ -66,7 +68,7 @@ class Streamed:
     def _training(self, block: Block, group: int) -> Block:
         start, stop = self._starts[group : group + 2]
         keep = ~_inside(self._out, start, stop).numpy()
-        rows = arranged(block.rows[:, : stop - start], self._order)
+        rows = as_core(self.spec, self._header, block.rows[:, : stop - start], self._order)
         return Block(rows[:, keep], np.empty((0, int(keep.sum()))))
 
 
@@ -76,7 +78,8 @@ def look_through(
     """The first pass over the first `scenes` scenes of a file (None: all) whose row groups have these sizes. Raises
     DataError where they are not of the spec's objects, or break it."""
     stamp = _stamp(path)
-    order = order_of(spec, [one.name for one in read_scenes(path).header.objects])
+    header = read_scenes(path).header
+    order = order_of(spec, [one.name for one in header.objects])
     check_count(path, sum(sizes), scenes)
     total = sum(sizes) if scenes is None else scenes
     starts = [0]
@@ -84,7 +87,7 @@ def look_through(
         if starts[-1] < total:
             starts.append(min(total, starts[-1] + size))
     out = held_places(total, held_count(total))
-    every = -(-total * (row_count(len(spec.objects)) + len(spec.labels)) // CHOSEN)
+    every = -(-total * (row_count(len(spec.core.objects)) + len(spec.labels)) // CHOSEN)
     digest, ways = hashlib.sha256(), Counter[Way]()
     held: list[Dataset] = []
     chosen: list[Dataset] = []
@@ -93,14 +96,14 @@ def look_through(
     gathering.begin(f"reading {path}", total)
     for index, block in zip(groups, _read(path, groups), strict=True):
         start, stop = starts[index], starts[index + 1]
-        data = labelled(spec, storage(spec, block.part(0, stop - start), order, start))
+        data = labelled(spec, storage(spec, header, block.part(0, stop - start), order, start))
         digest.update(bytes.fromhex(data.sha256))
         away = _inside(out, start, stop)
         held.append(data.take(away))
         mine = data.take(~away)
         chosen.append(mine.take(slice(0, None, every)))
         extremes = _extremes(mine if extremes is None else joined([extremes, mine]))
-        ways.update(_count(deciding(spec.core, mine.rows)))
+        ways.update(_count(ways_of(spec, mine.rows)))
         gathering.reach(stop)
     assert extremes is not None
     return Streamed(
@@ -111,6 +114,7 @@ def look_through(
         joined(held),
         ways,
         digest.hexdigest(),
+        header,
         tuple(order),
         tuple(starts),
         out,

@@ -10,6 +10,7 @@ from scenegen.errors import SpecError
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lsp.answers import Question, answer
 from scenegen.view.jobs.assist import page_of
+from scenegen.view.jobs.calm import calmly
 from scenegen.view.jobs.describe import describe
 
 
@@ -24,4 +25,5 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
         except SpecError:  # phi beyond what computers can hold: a problem that the list tells
             described = None
     yield {"spec": described}
-    yield {"problems": answer(page, Question("diagnostics"))}
+    # what clashes takes as long to find out as scenes, which somebody waits for
+    yield {"problems": calmly(lambda: answer(page, Question("diagnostics")))}

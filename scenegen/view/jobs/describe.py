@@ -8,20 +8,24 @@ from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from scenegen.api.outline import Outline
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
+from scenegen.assets.palette import mix
 from scenegen.lang.core import REQUIRE
 from scenegen.primitives import Box, Circle, Footprint
 from scenegen.primitives.outline import corners
-from scenegen.scene.data import RequestData
-from scenegen.scene.stage import TALLEST, TALLEST_DECLARED, Stage, Thing, stage_of
+from scenegen.scene.data import RAISED, ObjectData, RequestData, SceneFile, carried_first
+from scenegen.scene.stage import TALLEST, TALLEST_DECLARED, WOOD, Stage, Thing, stage_of
 from scenegen.view.jobs.tree import Trees
 
 
 def describe(spec: Spec) -> dict[str, Any]:
     """Objects, regions and labels of a spec, and its formulas as trees."""
     checked = spec.checked
+    header = header_of(spec)
     stage = stage_of_spec(spec)
     trees = trees_of(spec)
     bounds = spec.bounds()
@@ -32,7 +36,7 @@ def describe(spec: Spec) -> dict[str, Any]:
         "workspace": {"x": list(checked.workspace.x), "y": list(checked.workspace.y)},
         "table": list(stage.table),
         "thickness": stage.thickness,
-        "tall": _tall(stage),
+        "tall": _tall(header, stage),
         "objects": [
             {
                 "name": name,
@@ -43,6 +47,7 @@ def describe(spec: Spec) -> dict[str, Any]:
                 "says": thing.label,
                 "mesh": mesh_key(thing),
                 "fixed": list(checked.fixed[index]) if index in checked.fixed else None,
+                "surfaces": surfaces_of(header.objects[index]),
             }
             for index, (name, shape, thing) in enumerate(zip(spec.objects, checked.shapes, stage.things, strict=True))
         ],
@@ -52,6 +57,8 @@ def describe(spec: Spec) -> dict[str, Any]:
                 "footprint": footprint_data(patch.footprint),
                 "pose": list(patch.pose),
                 "color": list(patch.color),
+                "height": patch.height,
+                "board": list(mix(patch.color, WOOD, 0.5)),
             }
             for region, patch in zip(checked.regions, stage.patches, strict=True)
         ],
@@ -61,17 +68,40 @@ def describe(spec: Spec) -> dict[str, Any]:
     }
 
 
-def _tall(stage: Stage) -> float:
-    """How high a picture has to reach above the table, in metres."""
-    declared = stage.declared or (0.0,) * len(stage.things)
-    tops = (base + thing.shape.height for base, thing in zip(declared, stage.things, strict=True))
-    return min(max(tops, default=0.0), (TALLEST_DECLARED if stage.declared else TALLEST) * stage.side)
+def surfaces_of(item: ObjectData) -> list[str]:
+    """What an object is declared to stand on: one of these in each scene. Nothing where that follows from its pose,
+    "workspace" for the table where it is one of several."""
+    if item.support is None:
+        return []
+    if item.support.z is None:
+        return [one.on or "workspace" for one in item.support.any]
+    return [item.support.on] if item.support.on else []
+
+
+def _tall(header: SceneFile, stage: Stage) -> float:
+    """How high a picture has to reach above the table in any scene, in metres: over boards, and what stands highest."""
+    known = np.array([0.0 if one.support is None else one.support.z or 0.0 for one in header.objects])
+    place = {one.name: number for number, one in enumerate(header.objects)}
+    for which in carried_first(header.objects):
+        support = header.objects[which].support
+        assert support is not None
+        known[which] = max(one.rise + (known[place[one.carrier]] if one.carrier else 0.0) for one in support.any)
+    tops = [base + thing.shape.height for base, thing in zip(known.tolist(), stage.things, strict=True)]
+    boards = [patch.height for patch in stage.patches]
+    raised = header.version == RAISED or any(boards)
+    return min(max([*tops, *boards], default=0.0), (TALLEST_DECLARED if raised else TALLEST) * stage.side)
+
+
+@lru_cache(maxsize=2)
+def header_of(spec: Spec) -> SceneFile:
+    """A scene file of a spec without any scene."""
+    return make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
 
 
 @lru_cache(maxsize=2)
 def stage_of_spec(spec: Spec) -> Stage:
     """The table of a spec without any scene on it."""
-    return stage_of(make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat")))
+    return stage_of(header_of(spec))
 
 
 @lru_cache(maxsize=2)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import tempfile
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from scenegen.api.scenes import SceneSet
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
 from scenegen.scene.data import RequestData
@@ -29,12 +29,12 @@ def download(message: dict[str, Any]) -> Iterator[Any]:
     spec = spec_of(message)
     request = request_of(message, spec)
     sampler = message.get("sampler")
-    scenes = scene_set(spec, message["poses"], sampler if isinstance(sampler, dict) else None)
+    scenes = scene_set(spec, message["poses"], sampler if isinstance(sampler, dict) else None, message.get("on"))
     if not len(scenes):
         raise RequestError(NO_SCENES())
     ends = {name: (low, high) for name, (low, high) in request["phi"].items()}
     data = RequestData(phi=ends, n=max(1, request["n"]), spread=request["spread"])
-    scenes = SceneSet(scenes.poses, scenes.phi, scenes.header.model_copy(update={"request": data}))
+    scenes = replace(scenes, header=scenes.header.model_copy(update={"request": data}))
     into = Path(message["into"])
     if wanted in FILES:
         yield scenes.save(into / f"scenes.{wanted}").name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -22,7 +23,8 @@ from scenegen.lang.core import REQUIRE, Atom
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
 from scenegen.primitives import NUMPY
-from scenegen.scene.data import RequestData
+from scenegen.scene.data import RequestData, SceneFile
+from scenegen.scene.standing import heights_of
 from scenegen.view.jobs.describe import stage_of_spec, trees_of
 from scenegen.view.jobs.source import spec_of
 from scenegen.view.jobs.tree import own
@@ -32,15 +34,17 @@ Array = npt.NDArray[np.float64]
 
 
 def evaluate(message: dict[str, Any]) -> Iterator[Any]:
-    """phi of each scene in `poses`, (n, N, 3), by the reader that `scenegen eval` uses; with `why` also the value of
-    every line of the trees and the atom that decides each label, of the first scene."""
+    """phi of each scene in `poses`, (n, N, 3), by the reader that `scenegen eval` uses; `on` (n, M) says on which of
+    their surfaces objects stand. With `why` also the value of every line of the trees and the atom that decides each
+    label, of the first scene."""
     spec = spec_of(message)
-    scenes = scene_set(spec, message["poses"])
+    scenes = scene_set(spec, message["poses"], on=message.get("on"))
     yield told(spec, scenes, bool(message.get("why")))
 
 
-def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = None) -> SceneSet:
-    """Poses as they come from a page. Raises DataError for what are no poses of the spec's objects."""
+def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = None, on: object = None) -> SceneSet:
+    """Poses as they come from a page, and where there are choices the surfaces: (n, M) numbers, counted from 1. Raises
+    DataError for what are no poses of the spec's objects, or no surfaces of its choices."""
     try:
         array = np.array(poses, dtype=np.float64)
     except (TypeError, ValueError):
@@ -51,23 +55,45 @@ def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = Non
     if array.shape[0] * count > MAX_POSES:
         raise DataError(NO_MESSAGE(reason="too many scenes at a time"))
     header = make_header(spec.checked, sampler or {}, RequestData(phi={}, n=max(1, len(array)), spread="flat"))
-    scenes = SceneSet(array, {}, header)
-    return SceneSet(array, score(spec.checked, scenes), header)
+    scenes = SceneSet(array, {}, header, on=_surfaces(header, len(array), on))
+    return replace(scenes, phi=score(spec.checked, scenes))
+
+
+def _surfaces(header: SceneFile, count: int, on: object) -> Array | None:
+    """The surfaces of `count` scenes, (n, M); None where a spec has no choices. Raises DataError."""
+    choosers = header.choosers
+    if not choosers:
+        return None
+    try:
+        found = np.array(on, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    most = [len(one.support.any) for one in choosers if one.support is not None]
+    fits = found.shape == (count, len(choosers)) and bool(((found >= 1) & (found <= most) & (found % 1 == 0)).all())
+    if not fits:
+        raise DataError(NO_MESSAGE(reason=f"no surfaces for the {len(choosers)} objects that stand on one of several"))
+    return found
 
 
 def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
     """What the page shows of scenes."""
-    stage = stage_of_spec(spec)
-    shapes = [thing.shape for thing in stage.things]
     required = requirement(spec.checked, scenes)
     found: dict[str, Any] = {
         "phi": {name: values.tolist() for name, values in scenes.phi.items()},
         "require": None if required is None else required.tolist(),
-        "bases": base_heights(shapes, scenes.poses, declared=stage.declared).tolist(),
+        "bases": bases_of(spec, scenes).tolist(),
+        "on": None if scenes.on is None else scenes.on.astype(int).tolist(),
     }
     if why:
         found |= reasons(spec, scenes)
     return found
+
+
+def bases_of(spec: Spec, scenes: SceneSet) -> Array:
+    """How high above the table each object stands, in metres: (n, N)."""
+    stage = stage_of_spec(spec)
+    declared = stage.declared if scenes.on is None else heights_of(scenes.header, scenes.on)
+    return base_heights([thing.shape for thing in stage.things], scenes.poses, declared=declared)
 
 
 def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
@@ -77,8 +103,9 @@ def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)[:, :1]
     values = [float(np.asarray(value).reshape(-1)[0]) for value in interpret(core, list(rows), NUMPY)]
     plain = rows[:, 0].tolist()
-    stage = stage_of_spec(spec)
-    pairs = overlapping([thing.shape for thing in stage.things], scenes.poses[:1], stage.declared)[0]
+    shapes = [thing.shape for thing in stage_of_spec(spec).things]
+    declared = bases_of(spec, scenes)[:1] if spec.checked.declares_heights else None
+    pairs = overlapping(shapes, scenes.poses[:1], declared)[0]
     return {
         "values": trees.values(values),
         "decides": {label: _decides(spec, label, values, plain) for label in core.labels},

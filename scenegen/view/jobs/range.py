@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 from scenegen.api.rarity import LabelRarity, Level, rarity
+from scenegen.view.jobs.calm import give_way
 from scenegen.view.jobs.source import spec_of
-
-NICE = 5  # what a person waits for goes first
 
 
 def range_(message: dict[str, Any]) -> Iterator[Any]:
     """One part per label, in the order of the spec."""
-    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    give_way()
     spec = spec_of(message)
     for label in spec.labels:
         found = rarity(spec, label)

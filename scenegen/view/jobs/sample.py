@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -14,14 +13,15 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.view.jobs.calm import SLIGHTLY, calmly, give_way
 from scenegen.view.jobs.evaluate import told
-from scenegen.view.jobs.range import NICE
 from scenegen.view.jobs.source import spec_of
 from scenegen.view.limits import MAX_POSES, MAX_SCENES
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
 
+MANY = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
 FIRST = 4  # scenes of the first look
 SPREAD = 32  # and of those over all of a range, at most
 TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
@@ -39,9 +39,12 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     notes: list[str] = []
     began = time.perf_counter()
     seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
-    found = scenegen.sample(
-        source or spec, **wanted, timeout=seconds, keep_partial=True, workers=1, on_note=notes.append
-    )
+
+    def draw() -> SceneSet:
+        how: dict[str, Any] = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
+        return scenegen.sample(source or spec, **wanted, **how)
+
+    found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
 
 
@@ -54,7 +57,7 @@ def first(message: dict[str, Any]) -> Iterator[Any]:
 def spread(message: dict[str, Any]) -> Iterator[Any]:
     """Some scenes over all of a range, soon, so that the page has some to show wherever a handle is moved. None where
     it fails."""
-    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    give_way()
     yield _glimpse(message, SPREAD)
 
 
@@ -101,7 +104,7 @@ def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
         **told(spec, found, False),
         "poses": found.poses.tolist(),
         "sampler": found.header.sampler,
-        "warnings": [one.title for one in found.warnings],
+        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
     }
 
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from scenegen.api.spec import Spec, refuse_choices
+from scenegen.api.spec import Spec
 from scenegen.errors import DataError, ScenegenError
 from scenegen.errors.page import NO_MESSAGE
 from scenegen.lang.check import check_file
@@ -32,9 +32,7 @@ def _checked(path: Path, root: Path, text: str) -> Spec:
         data = text.encode()
     except UnicodeEncodeError:
         raise DataError(NO_MESSAGE(reason="half of a character in the text")) from None
-    spec = Spec(check_file(path, data, root))
-    refuse_choices(spec, "the page")
-    return spec
+    return Spec(check_file(path, data, root))
 
 
 @lru_cache(maxsize=2)

@@ -33,6 +33,7 @@ class DownloadRequest(BaseModel):
     text: str
     path: str | None = None
     poses: list[Any] = Field(max_length=MAX_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
     request: dict[str, Any] = Field(default={}, max_length=20)
     sampler: dict[str, Any] = Field(default={}, max_length=40)
 

@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -107,6 +107,12 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)
 	$(BIN)/python -m experiments all --out docs/experiments
+
+DATASET_SCENES ?= 1000000
+DATASET_OUT    ?= build/dataset/
+DATASET_MORE   ?= --timeout 3600
+dataset: $(STAMP) ## scenes of all shipped specs at every difficulty: DATASET_SCENES=1000000 DATASET_OUT=build/dataset/ DATASET_MORE="--engine ray"
+	$(BIN)/scenegen dataset -n $(DATASET_SCENES) --out $(patsubst %/,%,$(DATASET_OUT))/ --license mit --resume $(DATASET_MORE)
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv .venvs build dist site demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -43,6 +43,8 @@ def parser() -> argparse.ArgumentParser:
         "--seeds", type=_seeds, help="N for the seeds 0 to N - 1, or A:B for A to B - 1 (default: 3, curriculum 5)"
     )
     found.add_argument("--workers", type=int, help="processes that train (default: one per core)")
+    found.add_argument("--engine", default="local", help="what trains: local processes, or a ray cluster")
+    found.add_argument("--address", metavar="ADDR", help="the Ray cluster")
     found.add_argument("--epochs", type=int, help="passes of each training of `unseen` (default: the recipe's)")
     found.add_argument(
         "--trainings", type=int, default=1, metavar="N", help="models of each spec of `unseen` (default: 1)"
@@ -71,6 +73,8 @@ def main(words: Sequence[str] | None = None) -> int:
             epochs=options.epochs,
             trainings=options.trainings,
             kept=options.kept,
+            engine=options.engine,
+            address=options.address,
             tell=lambda text: print(text, file=sys.stderr, flush=True),
         )
     except ScenegenError as error:

@@ -80,7 +80,7 @@ def _learnt(plan: Plan) -> dict[Key, list[Record]]:
     if len(missing) < len(everything):
         plan.tell(f"{len(everything) - len(missing)} of {len(everything)} runs are there from an earlier run")
     if missing:
-        share(missing, plan, perform, "learnt", "learns")
+        share(missing, plan, perform, "learnt")
     return {key: [_whole(job) for job in row] for key, row in jobs.items()}
 
 

@@ -1,4 +1,4 @@
-"""Jobs on several processes."""
+"""Jobs on several processes, or on a cluster."""
 
 from __future__ import annotations
 
@@ -7,22 +7,29 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from experiments.plan import Plan
-from scenegen.processes.pool import Pool
+from scenegen.engine.many import each
+from scenegen.errors import ScenegenError, render_all
+from scenegen.errors.stores import SOME_FAILED
 
 Job = TypeVar("Job")
 
 
-def share(jobs: Sequence[Job], plan: Plan, perform: Callable[[Job], float], done: str, task: str) -> None:
-    """Perform jobs on the plan's processes, in this one if that is one, and report each, in order.
+def share(jobs: Sequence[Job], plan: Plan, perform: Callable[[Job], float], done: str) -> None:
+    """Perform jobs by the plan's engine, and report each, in order.
 
-    `perform` is a function of a module, and returns CPU seconds. `done` is what a job is when it is over, `task`
-    completes "a process that ...". Raises the first ScenegenError.
+    `perform` is a function of a module, and returns CPU seconds; `done` is what a job is when it is over. A job that
+    fails is reported by its name and does not stop the others; ScenegenError at the end names them once more.
     """
     began = time.monotonic()
-    workers = min(plan.workers, len(jobs))
-    with Pool(perform, workers, what=f"a process that {task}", unit="job", spare="fewer --workers") as pool:
-        found = pool.map(jobs) if workers > 1 else map(perform, jobs)
-        for over, (job, seconds) in enumerate(zip(jobs, found, strict=True), 1):
-            left = (time.monotonic() - began) / over * (len(jobs) - over) / 60.0
-            more = f"; {len(jobs) - over} to go, about {left:.0f} min" if over < len(jobs) else ""
-            plan.tell(f"{job}: {done} in {seconds:.0f} CPU seconds{more}")
+    failed: list[str] = []
+    named = [(str(job), job) for job in jobs]
+    for over, ended in enumerate(each(perform, named, plan.engine, plan.workers, plan.address), 1):
+        left = (time.monotonic() - began) / over * (len(jobs) - over) / 60.0
+        more = f"; {len(jobs) - over} to go, about {left:.0f} min" if over < len(jobs) else ""
+        if ended.errors:
+            failed.append(ended.name)
+            plan.tell(f"{ended.name} failed:\n{render_all(ended.errors, color=False)}")
+        else:
+            plan.tell(f"{ended.name}: {done} in {ended.value:.0f} CPU seconds{more}")
+    if failed:
+        raise ScenegenError(SOME_FAILED(failed=tuple(failed), count=len(jobs)))

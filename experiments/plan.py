@@ -77,6 +77,8 @@ class Plan:
     epochs: int | None = None
     trainings: int = 1
     kept: bool = False
+    engine: str = "local"
+    address: str | None = None
 
     @property
     def sizes(self) -> Sizes:

@@ -32,16 +32,19 @@ def run(
     epochs: int | None = None,
     trainings: int = 1,
     kept: bool = False,
+    engine: str = "local",
+    address: str | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Carry out an experiment, or `all`, and write the reports into the folder `out` (made if its parent is there).
 
     Models are trained with the seeds 0 to `seeds` - 1, or from the first to below the second of two numbers, by default
     those that the table says, on `workers` processes, by default one per core, unless the cache in `out` holds them.
-    `epochs`, `trainings` and `kept` (see Plan) are for random specs alone. `tell` is told what happens. Raises
-    RequestError for an unknown name, for numbers out of range, for a quick run among the reports of real ones and where
-    matplotlib, scikit-learn or torch is missing, OutputError where something cannot be written; KeyboardInterrupt with
-    words on how to go on.
+    `epochs`, `trainings` and `kept` (see Plan) are for random specs alone; `engine` and `address` say where trainings
+    run. `tell` is told what happens. A training that fails does not stop the others: ScenegenError names it at the end.
+    Raises RequestError for an unknown name, for numbers out of range, for a quick run among the reports of real ones
+    and where matplotlib, scikit-learn or torch is missing, OutputError where something cannot be written;
+    KeyboardInterrupt with words on how to go on.
     """
     entries = chosen(name)
     between = (0, seeds) if isinstance(seeds, int) else seeds
@@ -51,6 +54,10 @@ def run(
         raise RequestError(OUT_OF_RANGE(argument="trainings", value=trainings, wanted=f"from 1 to {MOST_SEEDS}"))
     if workers is not None and workers < 1:
         raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
+    if engine != "local" or address is not None:
+        from scenegen.engine.engines import check_engine
+
+        check_engine(engine, address)
     need("torch", "for experiments")
     check_libraries()
     if quick:
@@ -59,7 +66,7 @@ def run(
     ensure_folder(out)
     for which, entry in entries.items():
         named = tuple(range(*(between or (entry.first, entry.seeds))))
-        plan = Plan(out, named, quick, workers or cores(), tell, epochs, trainings, kept)
+        plan = Plan(out, named, quick, workers or cores(), tell, epochs, trainings, kept, engine, address)
         if not quick:
             tell(f"{which}: {entry.about}; about {entry.time} on two cores with {entry.seeds} seeds, less what is kept")
         began = time.monotonic()

@@ -73,7 +73,7 @@ def trained(plan: Plan, problem: Problem) -> dict[str, list[Trained]]:
     if len(missing) < len(files):
         plan.tell(f"{problem.title}: {len(files) - len(missing)} of {len(files)} models are there from an earlier run")
     if missing:
-        share(list(reversed(missing)), plan, perform, "trained", "trains models")
+        share(list(reversed(missing)), plan, perform, "trained")
     return {
         variant.name: [_whole(job) for job in jobs if job.variant == place] for place, variant in enumerate(VARIANTS)
     }

@@ -91,7 +91,7 @@ def _run(plan: Plan, jobs: list[Job]) -> list[Run]:
     if plan.kept:
         jobs = [job for job in jobs if job not in missing]
     elif missing:
-        share(missing, plan, perform, "trained and measured", "trains and measures models")
+        share(missing, plan, perform, "trained and measured")
     return [_whole(job) for job in jobs]
 
 

@@ -12,11 +12,13 @@ from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
-from scenegen.formats.blocks import Block, regrouped
+from scenegen.formats.blocks import BLOCK, Block, joined
 from scenegen.formats.opening import open_store
+from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 
 SPLIT = 12  # the stream of random numbers of splits
+MEMORY = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split
 
 
 def merge_sets(stored: Sequence[StoredSet], out: str) -> sets.Manifest:
@@ -27,6 +29,7 @@ def merge_sets(stored: Sequence[StoredSet], out: str) -> sets.Manifest:
         for what, mine, theirs in (
             ("spec", first.header.spec.sha256, other.header.spec.sha256),
             ("labels", first.labels, other.labels),
+            ("measured rarity", first.manifest.rarity, other.manifest.rarity),
         ):
             if mine != theirs:
                 raise DataError(SETS_DIFFER(one=first.location, other=other.location, what=what))
@@ -53,48 +56,93 @@ def filter_set(stored: StoredSet, ranges: Mapping[str, Range], out: str) -> sets
 
 def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: str) -> dict[str, sets.Manifest]:
     """Sets DIR/NAME/ of disjoint random parts: each scene goes into one, by its number and the seed. `shares` are of
-    all scenes, and at most 1 together; what is left over is left out. Raises RequestError for other shares."""
+    all scenes, and at most 1 together; what is left over is left out. The set is read once; with many parts their
+    shards are smaller, so that one of each fits into memory. Raises RequestError for other shares."""
     values = list(shares.values())
     if not values or min(values) <= 0.0 or sum(values) > 1.0 + 1e-12:
         raise RequestError(SHARES(shares=", ".join(f"{name}={share:g}" for name, share in shares.items())))
     ends = np.cumsum([0.0, *values])
-    made = {}
-    for number, name in enumerate(shares):
+    size = _fitting(stored.manifest.shard_size, len(stored.header.objects), len(stored.labels), len(shares))
+    parts: list[_NewSet] = []
+    for name, share in shares.items():
+        facts = {"split": _source(stored), "part": name, "share": share, "seed": seed}
+        parts.append(_NewSet(f"{out.rstrip('/')}/{name}/", stored, facts, size))
+    for index, block in enumerate(_blocks(stored)):
+        draw = np.random.default_rng(np.random.SeedSequence([seed, SPLIT, index])).random(block.count)
+        for number, part in enumerate(parts):
+            part.add(_part(block, (draw >= ends[number]) & (draw < ends[number + 1])))
+    return {name: part.finish() for name, part in zip(shares, parts, strict=True)}
 
-        def part(low: float = ends[number], high: float = ends[number + 1]) -> Iterator[Block]:
-            for index, block in enumerate(_blocks(stored)):
-                draw = np.random.default_rng(np.random.SeedSequence([seed, SPLIT, index])).random(block.count)
-                yield _part(block, (draw >= low) & (draw < high))
 
-        facts = {"split": _source(stored), "part": name, "share": shares[name], "seed": seed}
-        made[name] = write_blocks(f"{out.rstrip('/')}/{name}/", stored, part(), facts)
-    return made
+def _fitting(size: int, objects: int, labels: int, parts: int) -> int:
+    """The shard size of `size` or below with which a shard of each part fits into memory."""
+    most = MEMORY // (8 * (row_count(objects) + labels) * parts) // BLOCK * BLOCK
+    return max(BLOCK, min(size, most))
 
 
 def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance: Mapping[str, Any]) -> sets.Manifest:
     """A complete set of some scenes, with the header and shard size of another set. Raises DataError if there is no
     scene, OutputError, and RequestError for a folder that has a set already."""
-    store = open_store(out)
-    manifest = sets.Manifest(
-        request={**like.manifest.request, "from": dict(provenance)},
-        labels=list(like.labels),
-        shard_size=like.manifest.shard_size,
-        header=like.manifest.header,
-    )
-    manifest = sets.begin(store, manifest, resume=False)
-    shards: list[sets.Shard] = []
-    for block in regrouped((block for block in blocks if block.count), manifest.shard_size):
-        shards.append(sets.make_shard(store, len(shards), like.header, like.labels, block, pieces=0))
-    if not shards:
-        store.delete(sets.MANIFEST)
-        raise DataError(NOTHING_LEFT(location=like.location))
-    count = sum(shard.scenes for shard in shards)
-    manifest = manifest.model_copy(
-        update={"shards": shards, "complete": True, "request": {**manifest.request, "n": count}}
-    )
-    sets.write_manifest(store, manifest)
-    write_card(store, manifest)
-    return manifest
+    made = _NewSet(out, like, provenance, like.manifest.shard_size)
+    for block in blocks:
+        made.add(block)
+    return made.finish()
+
+
+class _NewSet:
+    """A set that grows block by block; the scenes of at most one shard are in memory. Raises what `write_blocks`
+    raises."""
+
+    def __init__(self, out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> None:
+        self._store, self._like = open_store(out), like
+        before = like.manifest
+        manifest = sets.Manifest(
+            request={**before.request, "from": dict(provenance)},
+            labels=list(like.labels),
+            shard_size=size,
+            header=before.header,
+            rarity=before.rarity,
+        )
+        self._manifest = sets.begin(self._store, manifest, resume=False)
+        self._shards: list[sets.Shard] = []
+        self._waiting: list[Block] = []
+        self._count = 0
+
+    def add(self, block: Block) -> None:
+        """More scenes; every full shard is written."""
+        size, start = self._manifest.shard_size, 0
+        while self._count + block.count - start >= size:
+            stop = start + size - self._count
+            self._waiting.append(block.part(start, stop))
+            self._write()
+            start = stop
+        if start < block.count:
+            self._waiting.append(block.part(start, block.count))
+            self._count += block.count - start
+
+    def finish(self) -> sets.Manifest:
+        """The manifest of the complete set."""
+        if self._waiting:
+            self._write()
+        if not self._shards:
+            self._store.delete(sets.MANIFEST)
+            raise DataError(NOTHING_LEFT(location=self._like.location))
+        count = sum(shard.scenes for shard in self._shards)
+        update = {"shards": self._shards, "complete": True, "request": {**self._manifest.request, "n": count}}
+        self._manifest = self._manifest.model_copy(update=update)
+        sets.write_manifest(self._store, self._manifest)
+        write_card(self._store, self._manifest)
+        return self._manifest
+
+    def _write(self) -> None:
+        first = self._waiting[0]
+        block = joined(self._waiting, len(first.rows), len(first.phi))
+        like = self._like
+        shard = sets.make_shard(
+            self._store, len(self._shards), like.header, like.labels, block, pieces=0, rarity=self._manifest.rarity
+        )
+        self._shards.append(shard)
+        self._waiting, self._count = [], 0
 
 
 def _source(stored: StoredSet) -> dict[str, Any]:

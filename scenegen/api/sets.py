@@ -119,23 +119,32 @@ def card(manifest: Manifest) -> str:
     header = manifest.header
     spec, request = header["spec"], manifest.request
     scenes = manifest.scenes
-    kilo = next(name for most, name in SIZES if scenes < most)
     phi = manifest.phi()
     rows = "\n".join(
         f"| `{label}` | {one.lowest:+.4f} | {one.mean:+.4f} | {one.highest:+.4f} |" for label, one in phi.items()
     )
     wanted = ", ".join(f"{label} = {_range(*ends)}" for label, ends in request["phi"].items()) or "any phi"
+    asked = (
+        f"Wanted: {wanted}; spread {request['spread']}; seed {request['seed']}; method {header['sampler']['method']}."
+    )
+    if manifest.rarity is not None and "parts" in request:
+        parts = ", ".join(f"{one['label']} = {_range(*one['phi'])}" for one in request["parts"])
+        asked = f"""Parts of equal size: {parts}; spread {request["spread"]} within each.
+Every shard has a request and a seed of its own in manifest.json, all from seed {request["seed"]}. `log10p.LABEL` is
+how rare phi is: log10 of the smaller of P(phi' <= phi) and P(phi' >= phi), for uniform scenes that meet what the
+spec requires."""
+        asked += "".join(f" Missing: {why}." for why in manifest.missing or ())
     objects = ", ".join(f"`{one['name']}`" for one in header["objects"])
     title = spec.get("title") or "Table-top scenes"
     return f"""---
-pretty_name: {_yaml(title)}
-license: unknown
+pretty_name: {quoted(title)}
+license: {request.get("license", "unknown")}
 tags:
 - robotics
 - scene-generation
 - scenegen
 size_categories:
-- {kilo}
+- {size_category(scenes)}
 configs:
 - config_name: default
   data_files: part-*.parquet
@@ -148,7 +157,7 @@ metres and `mug.theta` in radians for every object, and `phi.LABEL`, the satisfa
 where it holds, the lower the harder. Heights, shapes and the workspace are in the header, under the key `scenegen` of
 each file's metadata.
 
-Wanted: {wanted}; spread {request["spread"]}; seed {request["seed"]}; method {header["sampler"]["method"]}. The
+{asked} The
 same request with scenegen {request["scenegen"]} and numpy {request["numpy"]} gives the same bytes.
 
 | label | lowest phi | mean | highest |
@@ -175,9 +184,15 @@ SIZES = (
 )
 
 
+def size_category(scenes: int) -> str:
+    """The category of a number of scenes, as dataset hubs name it."""
+    return next(name for most, name in SIZES if scenes < most)
+
+
 def _range(low: float | None, high: float | None) -> str:
     return f"{'' if low is None else format(low, 'g')}:{'' if high is None else format(high, 'g')}"
 
 
-def _yaml(text: str) -> str:
+def quoted(text: str) -> str:
+    """A text as YAML."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

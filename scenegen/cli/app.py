@@ -63,6 +63,7 @@ COMMANDS: dict[str, str] = {
     "settle": "scenegen.cli.settle:settle",
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
+    "dataset": "scenegen.cli.dataset:dataset",
     "explain": "scenegen.cli.explain:explain",
     "view": "scenegen.cli.view:view",
     "lsp": "scenegen.cli.lsp:lsp",

@@ -19,6 +19,7 @@ OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the re
     "merge": ("--out",),
     "split": ("--out", "--share", "--seed"),
     "filter": ("--out", "--phi"),
+    "remake": ("--shard", "--timeout"),
 }
 BARS = " ▁▂▃▄▅▆▇█"
 FRESH = 30.0  # seconds
@@ -29,7 +30,7 @@ def data(
     sets: Annotated[
         list[str],
         typer.Argument(
-            help="A set: DIR or URL. Or an action, merge, split or filter, and its sets.",
+            help="A set: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
             metavar="[ACTION] SET",
             show_default=False,
         ),
@@ -50,6 +51,10 @@ def data(
         typer.Option("--share", help="For split: a part and its share.", metavar="NAME=SHARE", show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of a split.")] = 0,
+    shard: Annotated[
+        list[int] | None,
+        typer.Option("--shard", help="For remake: the number of a shard.", metavar="N", show_default=False),
+    ] = None,
     engine: Annotated[str, typer.Option("--engine", help="What reads the shards: local or ray.")] = "local",
     address: Annotated[
         str | None, typer.Option("--address", help="The Ray cluster.", metavar="ADDR", show_default=False)
@@ -58,7 +63,10 @@ def data(
         int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
     ] = None,
     timeout: Annotated[
-        float, typer.Option("--timeout", help="Seconds for fresh exact scenes to compare with; 0 for none.")
+        float,
+        typer.Option(
+            "--timeout", help="Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard."
+        ),
     ] = FRESH,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
 ) -> int:
@@ -71,9 +79,11 @@ def data(
       scenegen data merge a/ b/ --out both/
       scenegen data split set/ --share train=0.9 --share test=0.1 --out parts/
       scenegen data filter set/ --phi 0:0.1 --out hard/
+      scenegen data remake data/table_setting/ --shard 17
 
     The report has histograms of phi, where objects are, repeated scenes, how many of fresh exact scenes the set covers,
-    and the state of every shard. The exit status is 1 if a shard is damaged.
+    and the state of every shard. The exit status is 1 if a shard is damaged. `remake` makes a shard of a data set again
+    from its own seed, and puts it back where it is missing or damaged.
     """
     from scenegen.api.stored import open_set
     from scenegen.cli.output import complain
@@ -85,14 +95,20 @@ def data(
     if len(places) < least or (len(places) > 1 and action != "merge"):
         wanted = "two sets or more" if action == "merge" else "one set"
         raise RequestError(DATA_ARGUMENTS(action=action or "", wanted=wanted))
-    if action is not None and out is None:
+    if action == "remake" and not shard:
+        raise RequestError(DATA_ARGUMENTS(action=action, wanted="<shard=N>"))
+    if action not in (None, "remake") and out is None:
         raise RequestError(DATA_ARGUMENTS(action=action, wanted="<out>"))
-    given = {"--out": out, "--phi": phi, "--share": share, "--seed": seed, "--verify": verify, "--json": json}
+    given = {"--out": out, "--phi": phi, "--share": share, "--seed": seed, "--shard": shard}
+    given |= {"--verify": verify, "--json": json}
     given |= {"--engine": engine != "local", "--address": address, "--workers": workers, "--timeout": timeout != FRESH}
     odd = next((option for option, value in given.items() if value and option not in OPTIONS[action]), None)
     if odd is not None:
         of = [f"`{name or 'the report'}`" for name, options in OPTIONS.items() if odd in options]
         raise RequestError(OUT_OF_PLACE(option=odd, rule=f"is an option of {', '.join(of)}", remedy="leave it out"))
+    if action == "remake":
+        _remake(places[0], shard or [], None if timeout == FRESH else timeout)
+        return 0
     opened = [open_set(place) for place in places]
     if action is not None:
         assert out is not None
@@ -140,6 +156,18 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
         made = {f"{out.rstrip('/')}/{name}/": manifest for name, manifest in parts.items()}
     for place, manifest in made.items():
         print_error(f"{manifest.scenes:,} scenes in {_shards(len(manifest.shards))} in {place}")
+
+
+def _remake(place: str, shards: list[int], timeout: float | None) -> None:
+    from scenegen.api.dataset import TIMEOUT, remake
+    from scenegen.cli.output import print_error
+
+    for number in shards:
+        shard, written = remake(place, number, timeout or TIMEOUT)
+        made = shard.made
+        assert made is not None
+        state = "put back" if written else "the same bytes as there"
+        print_error(f"{shard.file}: {shard.scenes:,} scenes from seed {made.seed}, sha256 {shard.sha256[:12]}: {state}")
 
 
 def _share(text: str) -> tuple[str, float]:

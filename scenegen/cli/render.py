@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
 from scenegen.errors.program import NO_PICTURE
 from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
+    from scenegen.errors import Diagnostic
 
 
 def render(
-    scenes: Annotated[Path, typer.Argument(help="A scenes file.", metavar="SCENES", show_default=False)],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(help="A scenes file; several get a folder each in --out.", metavar="SCENES", show_default=False),
+    ],
     out: Annotated[Path, typer.Option("--out", help="The folder for the pictures.", metavar="DIR", show_default=False)],
     view: Annotated[
         list[str] | None,
@@ -66,7 +72,9 @@ def render(
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
-) -> None:
+    engine: Engine = "local",
+    address: Address = None,
+) -> int:
     """Draw every scene from above and in perspective, and a contact sheet of all with phi under each picture.
 
     \b
@@ -74,6 +82,10 @@ def render(
       scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
+      scenegen render sets/*.json --out pictures
+
+    Several files are drawn side by side, by --engine, each into a folder of its name in --out; one that fails is
+    reported by its name, the others are drawn, and the exit status is 1.
 
     Needs no display and no GPU. Pictures are numbered in scene order: scene_0001_top.png,
     scene_0001_perspective.png. cameras.json holds intrinsics and extrinsics, and what the numbers in masks stand for.
@@ -89,27 +101,56 @@ def render(
     from scenegen.api.scenes import check_count, read_scenes
 
     shape = None if size is None else parse_size(size)
-    found = read_scenes(scenes)
-    check_count(found)
     views = tuple(view) if view else ("top", "perspective")
     if figure:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
-        _figures(found, out, tuple(figure), view[0] if view else "perspective", shape, distinct, label, workers)
-        return
-    if label is not None:
+    elif label is not None:
         raise _only("--label", "goes with --figure sweep, gif or topview")
-    draw(
-        found,
-        out,
-        shape,
-        workers,
-        views=views,
-        distinct=distinct,
-        transparent=transparent,
-        depth=depth,
-        masks=masks,
-        renderer=renderer,
-    )
+    of_figures = (tuple(figure), view[0] if view else "perspective", shape, distinct, label) if figure else None
+    look: dict[str, Any] = {
+        "size": shape,
+        "views": views,
+        "distinct": distinct,
+        "transparent": transparent,
+        "depth": depth,
+        "masks": masks,
+        "renderer": renderer,
+    }
+    if len(sources) > 1:
+        from scenegen.formats.files import ensure_folder
+
+        jobs = [(name, (source, out / name)) for name, source in zip(names_of(sources), sources, strict=True)]
+        ensure_folder(out)
+        return shared_work(_Drawing(of_figures, look), jobs, engine, workers, address, "drawing")
+    refuse_engine(engine, address)
+    found = read_scenes(sources[0])
+    check_count(found)
+    if of_figures is not None:
+        _figures(found, out, *of_figures, workers)
+    else:
+        draw(found, out, workers=workers, **look)
+    return 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawing:
+    """The job of one file among several: (scenes, folder). `figures` are kinds, view, size, distinct and label."""
+
+    figures: tuple[tuple[str, ...], str, tuple[int, int] | None, bool, str | None] | None
+    look: dict[str, Any]
+
+    def __call__(self, paths: tuple[Path, Path]) -> Said:
+        from scenegen.api.scenes import check_count, read_scenes
+
+        source, out = paths
+        found = read_scenes(source)
+        check_count(found)
+        if self.figures is None:
+            drawn = found.render(out, workers=1, **self.look)
+            return Said((f"drew {len(drawn.pictures)} pictures in {out}",), _unknown(found))
+        kinds, view, size, distinct, label = self.figures
+        made = found.figures(out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=1)
+        return Said((f"drew {len(made)} figures in {out}",), _unknown(found))
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -126,9 +167,9 @@ def parse_size(text: str) -> tuple[int, int]:
 def draw(
     scenes: SceneSet,
     out: Path,
+    *,
     size: tuple[int, int] | None = None,
     workers: int | None = None,
-    *,
     views: tuple[str, ...] = ("top", "perspective"),
     distinct: bool = False,
     transparent: bool = False,
@@ -197,14 +238,19 @@ def _figures(
 
 
 def _note_unknown(scenes: SceneSet) -> None:
+    from scenegen.cli.output import note
+
+    for one in _unknown(scenes):
+        note(one)
+
+
+def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
     """A note about names that are not in the library and are drawn as blocks, with the names of the library."""
     from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
-    from scenegen.cli.output import note
 
     shown = {*ASSETS, *PLAIN} - {UNKNOWN}
     unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]
-    if unknown:
-        note(NO_PICTURE(names=unknown))
+    return (NO_PICTURE(names=unknown),) if unknown else ()
 
 
 def _refuse_with_figures(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
-from scenegen.errors.stores import FOLDER_FOR_SEVERAL, ONLY_FOR_SETS, SAME_NAME, SOME_FAILED
+from scenegen.errors.stores import ONLY_FOR_SETS
 from scenegen.formats.locations import names_set
 
 if TYPE_CHECKING:
@@ -51,31 +51,26 @@ class Storing:
 
 
 def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> int:
-    """A set for each source in the folder `out`, and the exit status: 1 if one of them failed. The time limit is that
-    of each. Raises RequestError if the sources cannot be told apart."""
-    from scenegen.cli.output import complain, print_error
-    from scenegen.errors import RequestError, ScenegenError
+    """A set for each source in the folder `out`, and the exit status: 1 if one of them failed. Each uses the whole
+    engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
+    from scenegen.cli.many import finished, folder_for, names_of
+    from scenegen.cli.output import print_error
+    from scenegen.engine.many import here
+    from scenegen.formats.files import ensure_folder
 
-    if out is None or not names_set(out):
-        raise RequestError(FOLDER_FOR_SEVERAL(count=len(sources)))
-    names = [source.stem for source in sources]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise RequestError(SAME_NAME(name=twice))
-    failed = []
+    folder = folder_for(out, len(sources), urls=True)
+
+    def sample(source: Path) -> None:
+        print_error(f"{source}:")
+        each = replace(wishes, timeout=wishes.timeout + _elapsed())
+        pictures = None if render is None else render / source.stem
+        sample_one(source, each, f"{folder}/{source.stem}/", storing, pictures)
+
+    jobs = list(zip(names_of(sources), sources, strict=True))
+    if render is not None:
+        ensure_folder(render)
     with _shared(storing, wishes):
-        for source, name in zip(sources, names, strict=True):
-            print_error(f"{source}:")
-            each = replace(wishes, timeout=wishes.timeout + _elapsed())
-            try:
-                folder = None if render is None else render / name
-                sample_one(source, each, f"{out.rstrip('/')}/{name}/", storing, folder)
-            except ScenegenError as error:
-                complain(*error.diagnostics)
-                failed.append(name)
-    if failed:
-        complain(SOME_FAILED(failed=tuple(failed), count=len(sources)))
-    return 1 if failed else 0
+        return finished(here(sample, jobs), len(jobs))
 
 
 @contextlib.contextmanager

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
 from scenegen.errors.requests import WRONG_VALUE
+from scenegen.formats.locations import names_set
 
 LENGTHS, ANGLES = ("a length with its unit, such as 2mm", "an angle with its unit, such as 2deg")
 
 
 def settle(
-    scenes: Annotated[Path, typer.Argument(help="A scenes file.", metavar="SCENES", show_default=False)],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(help="A scenes file; several with a folder for --out.", metavar="SCENES", show_default=False),
+    ],
     out: Annotated[
-        Path,
-        typer.Option("--out", help="A .json, .jsonl or .parquet file of results.", metavar="FILE", show_default=False),
+        str,
+        typer.Option(
+            "--out",
+            help="A .json, .jsonl or .parquet file of results; of several, DIR/ for files of the same names.",
+            metavar="FILE|DIR/",
+            show_default=False,
+        ),
     ],
     simulator: Annotated[
         str, typer.Option("--in", help="mujoco or pybullet.", metavar="SIMULATOR", show_default=True)
@@ -32,13 +43,16 @@ def settle(
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
     ] = None,
-) -> None:
+    engine: Engine = "local",
+    address: Address = None,
+) -> int:
     """Let scenes come to rest in a simulator, and write down where their objects are then.
 
     \b
       scenegen settle scenes.json --out settled.json
       scenegen settle scenes.parquet --in pybullet --out settled.parquet
       scenegen settle scenes.json --max-shift 5mm --max-turn 1deg --out s.jsonl
+      scenegen settle sets/*.json --out settled/
 
     The file has for each scene the place and the quaternion of every object, how far it moved (mm) and turned (degrees)
     against the plan, phi of every label at the settled poses, and which objects touched before the simulation, and how
@@ -46,19 +60,51 @@ def settle(
 
     Objects are those of `scenegen export`: convex pieces, mass and friction, on an infinite table. What the spec holds
     in place cannot move. The file appears whole or not at all, and does not depend on --workers.
+
+    Several files are settled side by side, by --engine; one that fails is reported by its name, the others are settled,
+    and the exit status is 1.
     """
     from scenegen.api.settle import settle_file
     from scenegen.cli.output import print_error, progress_bar
 
     limits = _quantity("max_shift", max_shift, LENGTHS), _quantity("max_turn", max_turn, ANGLES)
+    if len(sources) > 1 or names_set(out):
+        from scenegen.formats.files import ensure_folder
+
+        folder = Path(folder_for(out, len(sources)))
+        named = zip(names_of(sources), sources, strict=True)
+        jobs = [(name, (source, folder / source.name)) for name, source in named]
+        ensure_folder(folder)
+        job = _Settling(simulator, seconds, *limits)
+        return shared_work(job, jobs, engine, workers, address, "settling")
+    refuse_engine(engine, address)
     with progress_bar() as bar:
         task = bar.add_task("settling", total=None)
         summary = settle_file(
-            scenes, out, simulator, seconds=seconds, max_shift=limits[0], max_turn=limits[1], workers=workers,
+            sources[0], Path(out), simulator, seconds=seconds, max_shift=limits[0], max_turn=limits[1], workers=workers,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
     print_error(summary.first_line)
     print_error(f"{summary.last_line} in {out}")
+    return 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Settling:
+    """The job of one file among several: (scenes, results)."""
+
+    simulator: str
+    seconds: float
+    max_shift: float
+    max_turn: float
+
+    def __call__(self, paths: tuple[Path, Path]) -> Said:
+        from scenegen.api.settle import settle_file
+
+        summary = settle_file(
+            *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn, workers=1
+        )
+        return Said((f"{summary.last_line} in {paths[1]}",))
 
 
 def _quantity(name: str, text: str, wanted: str) -> float:

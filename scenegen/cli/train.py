@@ -11,7 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root, SpecFile
+from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.options import Root, SpecFiles
+from scenegen.formats.locations import names_set
 
 
 def _models(incomplete: str) -> list[str]:
@@ -49,8 +51,16 @@ class Clock:
 
 
 def train(
-    spec: SpecFile,
-    out: Annotated[Path, typer.Option("--out", help="The model file.", metavar="FILE", show_default=False)],
+    specs: SpecFiles,
+    out: Annotated[
+        str,
+        typer.Option(
+            "--out",
+            help="The model file; of several specs, DIR/ for a model of each name.",
+            metavar="FILE|DIR/",
+            show_default=False,
+        ),
+    ],
     model: Annotated[
         str,
         typer.Option("--model", help="flow, energy, gan or aae.", metavar="NAME", autocompletion=_models),
@@ -111,8 +121,14 @@ def train(
     card: Annotated[
         bool, typer.Option("--card/--no-card", help="Measure the model when it is done: FILE.md and FILE.png.")
     ] = True,
+    engine: Engine = "local",
+    address: Address = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", help="Models that are trained at a time; default: one per core.", show_default=False),
+    ] = None,
     root: Root = None,
-) -> None:
+) -> int:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
     \b
@@ -120,6 +136,7 @@ def train(
       scenegen train first --out m.safetensors --resume
       scenegen train my.spec --model flow --epochs 8 --out flow.safetensors
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
+      scenegen train specs/*.spec --out models/
 
     Unspecified options take the recipe's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
     result as an uninterrupted run (it reads FILE.train beside the model, which you can delete afterwards). With more
@@ -131,10 +148,10 @@ def train(
 
     Some scenes are held out from training; after each epoch the model generates scenes for their phi, and the error is
     shown. The card, FILE.md, describes the model and compares it with new exact scenes.
+
+    Several specs are trained side by side, by --engine; one that fails is reported by its name, the others are trained,
+    and the exit status is 1. With --resume complete models are left alone, and the others go on.
     """
-    from scenegen.cli.output import complain, console, detail, flag, print_error
-    from scenegen.errors import render
-    from scenegen.formats.files import check_writable
     from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
     from scenegen.validation import as_seconds
@@ -152,8 +169,26 @@ def train(
     }
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
-    until = time.monotonic() + (math.inf if timeout is None else as_seconds("timeout", timeout))
-    check_writable(out, spec)
+    seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
+    until = time.monotonic() + seconds
+    if len(specs) > 1 or names_set(out):
+        from scenegen.cli.train_runs import Training
+        from scenegen.formats.files import ensure_folder
+
+        folder = Path(folder_for(out, len(specs)))
+        named = zip(names_of(specs), specs, strict=True)
+        jobs = [(name, (spec, folder / f"{name}.safetensors")) for name, spec in named]
+        need("torch", "to train a model")
+        ensure_folder(folder)
+        job = Training(model, recipe, options, card, resume, seconds, log_dir, root)
+        return shared_work(job, jobs, engine, workers, address, "training")
+    refuse_engine(engine, address)
+    from scenegen.cli.output import complain, console, detail, flag, print_error
+    from scenegen.errors import render
+    from scenegen.formats.files import check_writable
+
+    spec, path = specs[0], Path(out)
+    check_writable(path, spec)
     need("torch", "to train a model")
     from scenegen.api.spec import load
     from scenegen.api.train import train as run
@@ -162,12 +197,14 @@ def train(
     from scenegen.training.progress import TrainingProgress
 
     if card:
-        check_card(out, spec)
+        check_card(path, spec)
     checked = load(spec, root)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(run, checked, model, recipe=recipe, out=out, resume=resume, log_dir=log_dir, timeout=timeout)
+        train_on = partial(
+            run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, timeout=timeout
+        )
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
         done = train_on(on_epoch=progress, **tell, **options)
@@ -176,9 +213,12 @@ def train(
     left = until - time.monotonic()
     if card and left > 0.0:
         try:
-            for path in write_card(done, out, left):
-                print_error(f"wrote {path}")
+            for written in write_card(done, path, left):
+                print_error(f"wrote {written}")
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
     complain(*faults(done.trained.card.quality))
-    print_error(f"{clock}; wrote {out} ({out.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16")
+    print_error(
+        f"{clock}; wrote {out} ({path.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16"
+    )
+    return 0

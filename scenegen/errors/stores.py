@@ -48,9 +48,18 @@ CLUSTER_FAILED = Kind(
     help="complete shards stay where they are; go on with <resume> when the cluster runs again",
 )
 FOLDER_FOR_SEVERAL = Kind(
-    "folder-for-several", "{count} specs need a folder for their sets", help="give <out=DIR/>, or one spec at a time"
+    "folder-for-several",
+    "{count} inputs need a folder for what is made of them",
+    help="end <out> with a slash: <out=DIR/>; or give one at a time",
 )
-SAME_NAME = Kind("same-name", "two of the files are called `{name}`", help="sample them one after the other")
+ONLY_FOR_SEVERAL = Kind(
+    "only-for-several",
+    "{argument:argument} is for several inputs, which are jobs of their own",
+    help="leave it out: the processes of this machine share the work on one",
+)
+SAME_NAME = Kind(
+    "same-name", "two of the inputs are called `{name}`", help="give them one at a time, or rename one of the files"
+)
 SOME_FAILED = Kind(
     "some-failed", "{failed:list} failed; the others of {count} are done", help="see what is said of each above"
 )
@@ -70,4 +79,17 @@ FAULTY_SHARDS = Kind(
     "faulty-shards",
     "{count} of {total} shards are damaged: {file}: {reason}",
     help="make the set again in another folder; its request is in manifest.json",
+)
+NO_PART = Kind(
+    "no-part", "there are no scenes for a data set: {missing:list}", help="`scenegen range SPEC` shows what phi can be"
+)
+NO_SEED = Kind(
+    "no-seed",
+    "the shards of {location} follow from one request, each from those before it",
+    help="make the set again in another folder; its request is in manifest.json",
+)
+REMADE_DIFFERS = Kind(
+    "remade-differs",
+    "{file} of {location} comes out with other bytes than its manifest says; nothing was written",
+    help="use the versions of then: scenegen {scenegen}, numpy {numpy}, and the same pyarrow",
 )

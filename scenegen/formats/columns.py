@@ -10,6 +10,7 @@ from scenegen.pose import NAMES
 from scenegen.scene.data import SceneFile
 
 PHI = "phi."
+RARITY = "log10p."  # after phi, in data sets: how rare each scene's phi is
 
 
 def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:

@@ -9,7 +9,7 @@ Every page has a checksum, which is checked when it is read.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -19,8 +19,8 @@ import pyarrow.parquet as pq
 
 from scenegen.errors import DataError
 from scenegen.errors.files import COLUMN_NOT_A_NUMBER, COLUMN_TYPE, DAMAGED_PARQUET, LARGE_ROW_GROUP, WRONG_COLUMNS
-from scenegen.formats.blocks import BLOCK, MOST, Block, Reading, check_numbers, regrouped
-from scenegen.formats.columns import PHI, columns
+from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_numbers, regrouped
+from scenegen.formats.columns import PHI, RARITY, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
@@ -31,16 +31,26 @@ LARGEST = 1 << 30  # bytes of a row group, unpacked
 _SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
 
 
-def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
-    """Scenes block by block. Raises OutputError if an object `phi` and a label `x` would share a column."""
+def write(
+    sink: IO[bytes],
+    header: SceneFile,
+    labels: Sequence[str],
+    blocks: Iterable[Block],
+    rarity: Callable[[Array], Array] | None = None,
+) -> None:
+    """Scenes block by block. `rarity` makes of phi (L, m) the columns `log10p.task`, ..., (L, m), after those of phi;
+    readers here leave these out. Raises OutputError if an object `phi` and a label `x` would share a column."""
     names = columns(header, labels)
+    if rarity is not None:
+        names += [f"{RARITY}{label}" for label in labels]
     fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
     schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
     with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
         for block in regrouped(blocks):
             check_numbers(block)
-            arrays = [pa.array(row) for row in (*block.rows, *block.phi)]
+            more = () if rarity is None else rarity(block.phi)
+            arrays = [pa.array(row) for row in (*block.rows, *block.phi, *more)]
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
 
 
@@ -77,7 +87,7 @@ def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterat
             sizes = [parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups)]
         for index in groups:
             with _damage(path):
-                table = parquet.read_row_group(index, use_threads=False)
+                table = parquet.read_row_group(index, columns=_read(parquet), use_threads=False)
             yield _block(path, table, header.coordinates, sum(sizes[:index]))
 
 
@@ -105,6 +115,10 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     wanted = columns(header, ())
     names = list(schema.names)
     phi = names[len(wanted) :]
+    rare = [name for name in phi if name.startswith(RARITY)]
+    phi = phi[: len(phi) - len(rare)]
+    if rare and [name.removeprefix(RARITY) for name in rare] != [name.removeprefix(PHI) for name in phi]:
+        phi = names[len(wanted) :]
     odd = [name for name in phi if not name.startswith(PHI)]
     if names[: len(wanted)] != wanted or odd:
         lack = next((name for name in wanted if name not in names), None)
@@ -115,9 +129,14 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     return tuple(name.removeprefix(PHI) for name in phi)
 
 
+def _read(parquet: pq.ParquetFile) -> list[str]:
+    """The columns that are read: all but those that follow from phi."""
+    return [name for name in parquet.schema_arrow.names if not name.startswith(RARITY)]
+
+
 def _blocks(path: Path, parquet: pq.ParquetFile, coordinates: int, closing: contextlib.ExitStack) -> Iterator[Block]:
     with closing:
-        batches = parquet.iter_batches(BLOCK, use_threads=False)
+        batches = parquet.iter_batches(BLOCK, columns=_read(parquet), use_threads=False)
         done = 0
         while True:
             with _damage(path):

@@ -30,6 +30,7 @@ from scenegen.errors.stores import (
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
 from scenegen.formats.header import load_header
+from scenegen.formats.made import Made, Rareness
 from scenegen.formats.stores import Store
 from scenegen.pose import row_count
 from scenegen.scene.data import SceneFile
@@ -54,7 +55,8 @@ class PhiOf(_Strict):
 
 
 class Shard(_Strict):
-    """A file of a set. `pieces` are all that were drawn for it and the shards before it."""
+    """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,
+    if it has one."""
 
     file: str
     scenes: int
@@ -62,6 +64,7 @@ class Shard(_Strict):
     sha256: str
     pieces: int
     phi: dict[str, PhiOf]
+    made: Made | None = None
 
 
 class Checkpoint(_Strict):
@@ -72,7 +75,9 @@ class Checkpoint(_Strict):
 
 
 class Manifest(_Strict):
-    """All about a set but its scenes. `header` is that of every shard, `sampler` the account of the whole run."""
+    """All about a set but its scenes. `header` is that of every shard, `sampler` the account of the whole run.
+
+    Of data sets, `rarity` is how rare phi is, by label, and `missing` says what was left out, and why."""
 
     format: Literal["scenegen/set"] = "scenegen/set"
     version: Literal[1] = 1
@@ -84,6 +89,8 @@ class Manifest(_Strict):
     sampler: dict[str, Any] = {}
     header: dict[str, Any]
     checkpoint: Checkpoint | None = None
+    rarity: dict[str, Rareness] | None = None
+    missing: list[str] | None = None
 
     @property
     def scenes(self) -> int:
@@ -116,20 +123,57 @@ def shard_size(size: int | None, objects: int, labels: int) -> int:
 
 
 def make_shard(
-    store: Store, number: int, header: SceneFile, labels: Sequence[str], block: Block, *, pieces: int
+    store: Store,
+    number: int,
+    header: SceneFile,
+    labels: Sequence[str],
+    block: Block,
+    *,
+    pieces: int,
+    rarity: Mapping[str, Rareness] | None = None,
+    made: Made | None = None,
 ) -> Shard:
-    """Write a shard; the same scenes give the same bytes. Raises OutputError."""
+    """Write a shard; the same scenes give the same bytes. With `rarity` it says of each scene how rare its phi is.
+    Raises OutputError."""
+    shard, data = pack_shard(number, header, labels, block, pieces=pieces, rarity=rarity, made=made)
+    store.write(shard.file, data)
+    return shard
+
+
+def pack_shard(
+    number: int,
+    header: SceneFile,
+    labels: Sequence[str],
+    block: Block,
+    *,
+    pieces: int,
+    rarity: Mapping[str, Rareness] | None = None,
+    made: Made | None = None,
+) -> tuple[Shard, memoryview]:
+    """A shard and its bytes, not written."""
     sink = io.BytesIO()
-    parquet.write(sink, header, labels, [block])
+
+    def rare(phi: Array) -> Array:
+        assert rarity is not None
+        return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
+
+    parquet.write(sink, header, labels, [block], None if rarity is None else rare)
     data = sink.getbuffer()
-    name = f"part-{number:06d}.parquet"
-    store.write(name, data)
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, block.phi, strict=True)
     }
     digest = hashlib.sha256(data).hexdigest()
-    return Shard(file=name, scenes=block.count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi)
+    name = shard_name(number)
+    shard = Shard(
+        file=name, scenes=block.count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made
+    )  # fmt: skip
+    return shard, data
+
+
+def shard_name(number: int) -> str:
+    """The file of a shard, counted from 0."""
+    return f"part-{number:06d}.parquet"
 
 
 def waiting_name(number: int) -> str:

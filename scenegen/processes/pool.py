@@ -39,7 +39,7 @@ def check_workers(workers: object) -> int:
     return count
 
 
-def run_pieces(job: Callable[[int], T], pieces: Iterable[int], workers: int = 1) -> Generator[T, None, None]:
+def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1) -> Generator[T, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
@@ -54,14 +54,14 @@ def run_pieces(job: Callable[[int], T], pieces: Iterable[int], workers: int = 1)
     return _here(job, pieces) if workers == 1 else _once(job, pieces, workers)
 
 
-def _here(job: Callable[[int], T], pieces: Iterable[int]) -> Generator[T, None, None]:
+def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
     for piece in pieces:
         with one_thread():
             result = job(piece)
         yield result
 
 
-def _once(job: Callable[[int], T], pieces: Iterable[int], workers: int) -> Generator[T, None, None]:
+def _once(job: Callable[[Item], T], pieces: Iterable[Item], workers: int) -> Generator[T, None, None]:
     with Pool(job, workers) as pool:
         yield from pool.map(pieces)
 

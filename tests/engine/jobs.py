@@ -91,3 +91,18 @@ class Any_:  # noqa: N801
     def __call__(self, piece):
         grid = np.arange(60.0).reshape(5, 12)
         return [(grid[:, ::2], grid.T, np.empty((3, 0))), {"n": np.arange(5) > 2}, None, b"x" * 100][piece]
+
+
+@dataclass(frozen=True)
+class Picky:
+    """Squares of numbers; refuses `bad`, and ends its process at `deadly`."""
+
+    bad: int = -1
+    deadly: int = -1
+
+    def __call__(self, number):
+        if number == self.deadly:
+            os._exit(3)
+        if number == self.bad:
+            raise RequestError(Kind("no-good", "no good")())
+        return number * number

@@ -1,0 +1,76 @@
+"""`scenegen train` of several specs: each training is a job of its own."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenegen.cli.many import Said
+
+if TYPE_CHECKING:
+    from scenegen.api.spec import Spec
+    from scenegen.errors import Diagnostic
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """The job of one spec among several: (spec file, model file). `options` are those of `api.train.train`; `seconds`
+    is the time limit of each, infinite for none. With `resume` a model that is complete is left alone, a training that
+    was broken off goes on, and one that had not begun begins. Raises what `api.train.train` raises."""
+
+    model: str
+    recipe: str
+    options: dict[str, Any]
+    card: bool
+    resume: bool
+    seconds: float
+    log_dir: Path | None
+    root: Path | None
+
+    def __call__(self, paths: tuple[Path, Path]) -> Said:
+        from scenegen.api.spec import load
+        from scenegen.api.train import train
+        from scenegen.evaluation.card import card_paths, check_card, write_card
+        from scenegen.evaluation.faults import faults
+        from scenegen.formats.files import check_writable
+        from scenegen.training.state import state_path
+
+        source, out = paths
+        began = time.monotonic()
+        spec = load(source, self.root)
+        check_writable(out, source)
+        if self.card:
+            check_card(out, source)
+        begun = self.resume and state_path(out).exists()
+        if begun and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
+            return Said((f"complete already: {out}",))
+        notes: list[Diagnostic] = []
+        run = partial(train, spec, self.model, recipe=self.recipe, out=out, resume=begun, on_note=notes.append)
+        log_dir = None if self.log_dir is None else self.log_dir / source.stem
+        limit = None if math.isinf(self.seconds) else self.seconds
+        done = run(log_dir=log_dir, timeout=limit, **self.options)
+        left = self.seconds - (time.monotonic() - began)
+        if self.card and left > 0.0:
+            write_card(done, out, left)
+        took = f"{time.monotonic() - began:.0f} s"
+        size = out.stat().st_size / 1e6
+        return Said((f"wrote {out} ({size:.2f} MB) in {took}",), (*notes, *faults(done.trained.card.quality)))
+
+    def _complete(self, spec: Spec, out: Path) -> bool:
+        """Whether a file is the model of this training after all its epochs."""
+        from scenegen.errors import DataError
+        from scenegen.models.checkpoint import load_model
+        from scenegen.training.config import make_config
+        from scenegen.training.state import load_state, state_path
+
+        config = make_config(self.model, self.recipe, **self.options)
+        if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
+            return False
+        try:
+            return load_model(out, spec.checked).card.epochs_done == config.epochs
+        except DataError:
+            return False

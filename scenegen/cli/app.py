@@ -50,6 +50,7 @@ of one will do, as in `scenegen check table_setting`.
 COMMANDS: dict[str, str] = {
     "new": "scenegen.cli.new:new",
     "specs": "scenegen.cli.specs:specs",
+    "import": "scenegen.cli.import_:import_",
     "check": "scenegen.cli.check:check",
     "fmt": "scenegen.cli.fmt:fmt",
     "range": "scenegen.cli.range:range_",

@@ -21,6 +21,7 @@ GROUPS = {
     "declarations": "Objects, regions and statements of a spec",
     "requests": "Requests",
     "files": "Files",
+    "planning": "Planning problems",
     "stores": "Sets of scenes, stores and clusters",
     "models": "Training, models, metrics",
     "learning": "Environments and curricula",

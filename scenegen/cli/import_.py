@@ -1,0 +1,46 @@
+"""`scenegen import`: PDDL and BDDL problems as specs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def import_(
+    problem: Annotated[Path, typer.Argument(help="A PDDL or BDDL problem.", metavar="PROBLEM", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", help="The spec.", metavar="SPEC", show_default=False)],
+    domain: Annotated[
+        Path | None, typer.Option("--domain", help="Its PDDL domain.", metavar="DOMAIN", show_default=False)
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option("--map", help="Sizes of objects, meanings of predicates.", metavar="TOML", show_default=False),
+    ] = None,
+) -> None:
+    """Make a spec from a planning problem: of LIBERO, of BEHAVIOR, or of any PDDL domain.
+
+    \b
+      scenegen import task.bddl --out task.spec
+      scenegen import p.pddl --domain d.pddl --map m.toml --out p.spec
+      scenegen sample task.spec --phi goal=-0.3:0 -n 50 --out starts.json
+
+    The goal becomes the label `goal`; where the things that it moves start is the label `start`. What has no geometry,
+    such as a stove that is on, is listed here and in the spec. A map has [objects], kinds with shapes, and
+    [predicates], names with relations.
+    """
+    import shlex
+
+    from scenegen.api.planning import import_problem
+    from scenegen.cli.output import complain, print_error, print_message
+    from scenegen.formats.files import check_writable, write_whole
+
+    inputs = [one for one in (problem, domain, table) if one is not None]
+    check_writable(out, *inputs)
+    made = import_problem(problem, domain, table)
+    write_whole(out, made.text.encode())
+    complain(*made.warnings)
+    for line in made.lost:
+        print_message(line)
+    print_error(f"wrote {out}; try: scenegen check {shlex.quote(str(out))}")

@@ -1,0 +1,41 @@
+"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+# text
+PDDL_CHARACTER = Kind("pddl-character", "{file} holds a character that no PDDL file has", "{character}")
+PDDL_BRACKETS = Kind(
+    "pddl-brackets", "the parentheses do not match", ("never closed: {opened:?}", "nothing is open here")
+)
+PDDL_TOO_DEEP = Kind("pddl-too-deep", "the parentheses are more than {limit:,} deep", "one too many")
+PDDL_NO_PROBLEM = Kind(
+    "pddl-no-problem", "{file} is not a PDDL problem: {reason}", help="it starts with `(define (problem NAME) ...)`"
+)
+PDDL_FORM = Kind("pddl-form", "this is not {wanted}", "{reason}")
+PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=NEAREST)
+PDDL_TOO_LARGE = Kind("pddl-too-large", "{what} has too many instances", help="the limit is {limit:,}")
+
+# meaning
+UNKNOWN_CATEGORY = Kind(
+    "unknown-category",
+    "no size is known for things of the kind `{name}`",
+    help='give it one in a map: [objects] {key} = "box(10 cm, 10 cm, 10 cm)"[[; nearest: {near:quoted}]]',
+)
+UNKNOWN_PREDICATE = Kind(
+    "unknown-predicate",
+    "no relation is known for the predicate `{name}`: it is left out",
+    help='map it: [predicates] {key} = "restsOn($1, $2)", or "none"[[; nearest: {near:quoted}]]',
+    severity="warning",
+)
+NO_SPATIAL_GOAL = Kind(
+    "no-spatial-goal",
+    "nothing in the goal of {file} is about places: {missing:quoted}",
+    help='map a predicate to a relation, as in [predicates] {key} = "closeTo($1, $2)"',
+)
+BAD_MAP = Kind("bad-map", "{file} is not a map of objects and predicates: {reason}")
+MAP_NAMES_NOTHING = Kind("map-names-nothing", "{file} maps `{name}`, which the problem does not have", help=NEAREST)
+IMPORT_FAILS = Kind(
+    "import-fails", "{file} makes no spec that holds: {reason}", help="give its things other sizes in a map"
+)

@@ -1,0 +1,1 @@
+"""PDDL and BDDL problems as specs, and scenes as PDDL facts."""

@@ -1,0 +1,243 @@
+"""What the things of a problem are in a spec: ground, furniture held in place, objects; and what names refer to."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+from scenegen.assets.library import ALIASES, ASSETS, Shape
+from scenegen.assets.surfaces import fits, surfaces_of
+from scenegen.errors import DataError, Diagnostic
+from scenegen.errors.names import nearest
+from scenegen.errors.planning import PDDL_UNKNOWN_NAME, UNKNOWN_CATEGORY
+from scenegen.lang.check import check_text
+from scenegen.lang.tokens import KEYWORDS
+from scenegen.pddl.mapping import Map
+from scenegen.pddl.problem import Place, Problem
+from scenegen.pddl.read import Node
+from scenegen.pddl.things import FURNITURE, GROUNDS, ROOM, THINGS, Board, Furniture, Rectangle
+from scenegen.primitives import Box, Circle
+
+BODILESS = ("agent", "robot", "gripper", "arm", "hand", "room", "location", "waypoint")  # kinds without a place here
+STEP = 0.05  # metres between pieces of furniture that no region places
+
+
+@dataclass(frozen=True, slots=True)
+class Ref:
+    """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `kind` tells which."""
+
+    argument: str
+    surfaces: tuple[str, ...]
+    kind: str  # ground, region, thing, boards
+
+
+@dataclass(slots=True)
+class Setting:
+    """The parts of a problem by what becomes of them. `shapes` are those of objects, `poses` (x, y, heading in radians)
+    of furniture; `used` the regions that the spec needs, by identifier, as text."""
+
+    problem: Problem
+    table: Map
+    ids: dict[str, str] = field(default_factory=dict)
+    grounds: set[str] = field(default_factory=set)
+    space: Rectangle = (0.0, 0.0, 1.0, 1.0)
+    shapes: dict[str, str] = field(default_factory=dict)
+    furniture: dict[str, Furniture] = field(default_factory=dict)
+    poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    without: list[str] = field(default_factory=list)  # things without a body
+    used: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, str] = field(default_factory=dict)
+
+    def classify(self) -> None:
+        """Sort the things. Raises DataError for kinds of which no size is known, all at once."""
+        problems: list[Diagnostic] = []
+        targets = {one.target for one in self.problem.regions.values() if one.ranges}
+        for name, (kind, node) in self.problem.things.items():
+            known = category(kind)
+            self._identify(name)
+            if name in targets or (not targets and known in ("floor", "ground", "lawn", "driveway")):
+                self.grounds.add(name)
+                fallback = GROUNDS["kitchen_table"] if targets else ROOM
+                self.space = GROUNDS.get(known) or GROUNDS.get(name) or fallback if targets else ROOM
+            elif name in self.table.objects or kind in self.table.objects or known in self.table.objects:
+                shape = self.table.objects.get(name) or self.table.objects.get(kind) or self.table.objects[known]
+                self.shapes[name] = shape
+                shape_from(shape)
+            elif known in BODILESS:
+                self.without.append(name)
+            elif known in THINGS:
+                self.shapes[name] = THINGS[known]
+            elif known in FURNITURE and (name in self.problem.fixtures or not targets):
+                self.furniture[name] = FURNITURE[known]
+            else:
+                asset = _asset(known) or (_asset(category(name)) or "block" if known == "object" else None)
+                if asset is None:
+                    near = [one for one in (nearest(known, {*THINGS, *FURNITURE, *ASSETS}),) if one]
+                    if not any(one.facts["name"] == kind for one in problems):
+                        key = kind if re.fullmatch(r"[\w-]+", kind) else f'"{kind}"'
+                        problems.append(UNKNOWN_CATEGORY(node.span, name=kind, key=key, near=near))
+                    continue
+                self.shapes[name] = asset
+        if problems:
+            raise DataError(*problems)
+        self._lay_out()
+
+    def _identify(self, name: str) -> None:
+        made = re.sub(r"\W", "_", re.sub(r"\.n\.\d+", "", name), flags=re.ASCII)
+        made = made if re.match(r"[A-Za-z_]", made) else f"a_{made}"
+        while made in KEYWORDS or made in ("goal", "start", "objects") or made in self.ids.values():
+            made += "_"
+        self.ids[name] = made
+
+    def _lay_out(self) -> None:
+        """Furniture that no region places stands in rows, from the lower left corner of the room."""
+        if any(one.ranges for one in self.problem.regions.values()):
+            return
+        x = y = row = 0.0
+        if self.furniture and not self.grounds:
+            self.space = ROOM
+        for name, made in self.furniture.items():
+            boards = [one.outline for one in made.sites.values() if one is not None]
+            body = made.body or (0.1, 0.1, 0.1)
+            length = max([body[0], *(one[2] - one[0] for one in boards)])
+            width = max([body[1], *(one[3] - one[1] for one in boards)])
+            if x + length > self.space[2]:
+                x, y, row = 0.0, y + row + STEP, 0.0
+            self.poses[name] = (round(x + length / 2, 4), round(y + width / 2, 4), 0.0)
+            x, row = x + length + STEP, max(row, width)
+        self.space = (*self.space[:3], max(self.space[3], y + row + 1.0))
+
+    def place(self, name: str, region: Place) -> None:
+        """Hold furniture in the middle of a region, at its middle heading."""
+        x0, y0, x1, y1 = region.ranges[0]
+        low, high = region.yaw[0] if region.yaw else (0.0, 0.0)
+        self.poses[name] = (round((x0 + x1) / 2, 4), round((y0 + y1) / 2, 4), (low + high) / 2)
+
+    def resolve(self, name: str, node: Node) -> Ref:
+        """Raises DataError for a name that is not declared, or without a place."""
+        if name in self.grounds:
+            return Ref("workspace", ("workspace",), "ground")
+        if name in self.shapes:
+            return Ref(self.ids[name], (self.ids[name],), "thing")
+        if name in self.furniture:
+            found = [self._site(name, one) for one in self.furniture[name].sites if self._usable(name, one)]
+            return Ref(self.ids[name] if self.furniture[name].body else found[0], tuple(found), "boards")
+        region = self.problem.regions.get(name)
+        if region is not None and region.ranges:
+            names = self._rectangles(name, region)
+            return Ref(names[0], names, "region")
+        for owner in sorted(self.ids, key=len, reverse=True):
+            if not name.startswith(f"{owner}_"):
+                continue
+            if owner in self.shapes:
+                return Ref(self.ids[owner], (self.ids[owner],), "thing")
+            rest = name[len(owner) + 1 :]
+            if owner in self.furniture and rest in self.furniture[owner].sites:
+                site = self._site(owner, rest)
+                return Ref(site, (site,), "region")
+        known = [*self.shapes, *self.furniture, *self.problem.regions, *self.grounds]
+        raise DataError(PDDL_UNKNOWN_NAME(node.span, what="thing or region", name=name, known=known))
+
+    def _usable(self, name: str, site: str) -> bool:
+        board = self.furniture[name].sites[site]
+        return board is None or not board.pulled
+
+    def _site(self, name: str, site: str) -> str:
+        board = self.furniture[name].sites[site]
+        if board is None:
+            return self.ids[name]
+        made = f"{self.ids[name]}_{site}" if site else f"{self.ids[name]}_board"
+        self.used[made] = f"region {made} = {_outline(board, self.poses.get(name, (0.0, 0.0, 0.0)))}"
+        return made
+
+    def fill(self) -> None:
+        """All boards of furniture, but for drawers, are there, used or not."""
+        for name, made in self.furniture.items():
+            for site in made.sites:
+                if self._usable(name, site):
+                    self._site(name, site)
+
+    def _rectangles(self, name: str, region: Place) -> tuple[str, ...]:
+        base = re.sub(r"\W", "_", name, flags=re.ASCII)
+        names = []
+        for number, (x0, y0, x1, y1) in enumerate(region.ranges, start=1):
+            made = base if len(region.ranges) == 1 else f"{base}_part{number}"
+            while made in self.ids.values():
+                made += "_"
+            left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
+            right, top = max(right, left + 0.001), max(top, bottom + 0.001)
+            self.used[made] = f"region {made} = rect({_n(left)}, {_n(bottom)}, {_n(right)}, {_n(top)})"
+            line = self.problem.source.position(region.node.span.start)[0]
+            self.notes[made] = f"line {line}: (:ranges ...) of {region.name}"
+            names.append(made)
+        return tuple(names)
+
+    def carries(self, upper: str, lower: str, *, inside: bool) -> float:
+        """How far the height of `upper` on `lower` may be off, in metres. What cannot carry it becomes solid."""
+        over, under = shape_from(self.shapes[upper]), shape_from(self.shapes[lower])
+        found = surfaces_of(under, over.footprint)
+        if inside or (found and (not found[0].walled or fits(over.footprint, found[0].outline))):
+            return 0.001 + (abs(found[0].height - surfaces_of(under)[0].height) if found else 0.0)
+        self.notes[lower] = f"solid: {self.shapes[lower]} has no surface that carries {upper}"
+        self.shapes[lower] = _solid(under)
+        return 0.001
+
+
+def category(kind: str) -> str:
+    """`bowl` of `bowl.n.01` and `bowl_1`, in lower case."""
+    return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind)).lower().replace("-", "_")
+
+
+@cache
+def shape_from(text: str) -> Shape:
+    """The shape that a text of the language means. Raises SpecError."""
+    return check_text(f"object a = {text}\ntask: x(a) <= 10 m\n", "[objects]").shapes[0]
+
+
+def _asset(name: str) -> str | None:
+    for word in (name.replace("_", ""), name.rsplit("_", 1)[-1]):
+        found = ALIASES.get(word, word)
+        if found in ASSETS:
+            return found
+    return None
+
+
+def _solid(shape: Shape) -> str:
+    match shape.footprint:
+        case Circle(radius):
+            return f"cylinder({_n(radius)}, {_n(shape.height)})"
+        case Box(length, width):
+            return f"box({_n(length)}, {_n(width)}, {_n(shape.height)})"
+        case _:
+            return "block"
+
+
+def _outline(board: Board, pose: tuple[float, float, float]) -> str:
+    x, y, turn = pose
+    cos, sin = math.cos(turn), math.sin(turn)
+    x0, y0, x1, y1 = board.outline
+    corners = [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
+    xs, ys = zip(*corners, strict=True)
+    if abs(math.sin(2 * turn)) < 1e-6:
+        return f"rect({_n(min(xs))}, {_n(min(ys))}, {_n(max(xs))}, {_n(max(ys))}) at {_n(board.height)} m"
+    return f"polygon([{', '.join(f'({_n(u)}, {_n(v)})' for u, v in corners)}]) at {_n(board.height)} m"
+
+
+def _n(value: float) -> str:
+    return f"{round(value, 4) + 0.0:.10g}"
+
+
+def supports_of(edges: Mapping[str, list[str]], start: str, goal: str) -> bool:
+    """Whether `start` stands on `goal`, directly or not."""
+    stack, seen = [start], set[str]()
+    while stack:
+        one = stack.pop()
+        if one == goal:
+            return True
+        if one not in seen:
+            seen.add(one)
+            stack.extend(edges.get(one, ()))
+    return False

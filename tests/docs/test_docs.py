@@ -100,7 +100,7 @@ def with_blocks():
             yield pytest.param(page, id=name_of(page), marks=[] if page.name == "README.md" else pytest.mark.long)
 
 
-@pytest.mark.parametrize("page", with_blocks())
+@pytest.mark.parametrize("page", list(with_blocks()))
 def test_blocks(page, tmp_path, warm):
     lacking = work_through(page, tmp_path, warm, SHORTER)
     if lacking:

@@ -18,7 +18,7 @@ def lognormal(rng, sigma, size):
 
 @pytest.mark.parametrize("sigma", [0.05, 0.4, 0.8, 1.2])
 def test_the_interval_holds_the_mean_of_skewed_estimates(sigma):
-    """The standard deviation of the estimates themselves falls short: it holds 85 to 91 % at 0.8 and beyond."""
+    """The standard deviation of the estimates themselves falls short: it holds 89 % at 1, 85 % at 1.3."""
     rng = np.random.default_rng(0)
     held = linear = 0
     for _ in range(TRIALS):
@@ -27,8 +27,8 @@ def test_the_interval_holds_the_mean_of_skewed_estimates(sigma):
         held += abs(found.log10 - math.log10(3e-7)) <= found.error
         error = 2.13 * mine.std(ddof=1) / mine.mean() / math.sqrt(ISLANDS)
         linear += abs(math.log(mine.mean())) <= error
-    assert held / TRIALS == pytest.approx(0.945, abs=0.02)
-    assert sigma < 0.8 or linear / TRIALS < 0.92
+    assert held / TRIALS == pytest.approx(0.945, abs=0.027)  # three standard errors, and half of one percent
+    assert sigma < 1.0 or linear / TRIALS < 0.9
 
 
 @pytest.mark.parametrize(("deep", "base"), [(0.1, 0.3), (0.5, 0.8)])
@@ -40,7 +40,8 @@ def test_what_both_means_share_cancels(deep, base):
         found = ratio(0.25 * below * lognormal(rng, deep, ISLANDS), below)
         held += abs(found.log10 - math.log10(0.25)) <= found.error
         width.append(found.error)
-    assert 0.92 < held / TRIALS < 0.985  # of few runs that differ much, the largest outweigh the others: it is wider then
+    # of few runs that differ much the largest outweigh the others, so the interval is wider than it need be
+    assert 0.92 < held / TRIALS < 0.985
     assert np.median(width) < 1.3 * 2.13 * math.hypot(deep, deep * base) / math.log(10.0) / math.sqrt(ISLANDS)
 
 

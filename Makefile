@@ -3,12 +3,16 @@
 PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
 BIN    := .venv/bin
 STAMP  := .venv/.installed
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+SPREAD := -n auto --maxprocesses 4 --dist loadfile
+# Tests that take a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
+ALL    := not slow and not browser and not cluster
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -23,12 +27,15 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)   ## pictures of exact scenes within 15 s, then a trained model and its scenes
 	$(BIN)/python examples/00_demo.py
 
-test: $(STAMP)   ## lint, types, import layers and tests (under 5 minutes on 2 cores)
+test: $(STAMP)   ## lint, types, import layers and all quick tests
 	$(MAKE) --no-print-directory lint
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser and not cluster" -n auto --maxprocesses 4 --dist loadfile
+	$(PYTEST) -m "$(ALL) and not long" $(SPREAD)
+
+test-long: $(STAMP) ## the tests that take a second or more each: pages and examples that are run, workers, training, kills
+	$(PYTEST) -m "$(ALL) and long" $(SPREAD)
 
 test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder, file and test, the dearest first
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "not slow and not browser and not cluster" -n auto --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "$(ALL) and not long" $(SPREAD)
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
 	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster"
@@ -72,7 +79,7 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/lint-imports --no-cache
 
 goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
-	$(BIN)/python -m pytest -m "not slow and not browser" --regenerate
+	$(BIN)/python -m pytest -m "$(ALL)" --regenerate
 
 docs: $(STAMP)   ## the site, into site/; no network needed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -28,9 +28,9 @@ GOLDEN = ROOT / "tests" / "golden"
 REAL = {"engine", "packaging", "slow"}  # folders of tests whose workers are started as users' are
 
 
-# Of laws that say no number of examples themselves (tests/laws.py), as many are tried:
-settings.register_profile("quick", max_examples=25)
-settings.register_profile("full", max_examples=100)
+# Of laws that say no number of examples themselves (tests/laws.py), as many are tried. A busy machine takes its time:
+settings.register_profile("quick", max_examples=25, deadline=None)
+settings.register_profile("full", max_examples=100, deadline=None)
 settings.load_profile("full" if os.environ.get("HYPOTHESIS_PROFILE") == "full" else "quick")
 
 

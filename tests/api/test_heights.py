@@ -97,6 +97,7 @@ def furnished():
     return scenegen.sample(scenegen.parse(FURNISHED), {"task": (0.0, None)}, n=3)
 
 
+@pytest.mark.long
 def test_furniture_has_one_height_in_files_arrays_pictures_and_gazebo(furnished, tmp_path):
     heights = [FURNITURE[name] for name in furnished.objects]
     assert furnished.poses7()[..., 2] == pytest.approx(np.tile(heights, (3, 1)), abs=1e-6)
@@ -108,6 +109,7 @@ def test_furniture_has_one_height_in_files_arrays_pictures_and_gazebo(furnished,
         assert found and [float(one) for one in found[1].split()[:3]] == pytest.approx([x, y, z], abs=1e-6), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", ["scenes", "furnished"])
 def test_mujoco_has_the_same_heights_and_finds_no_collision(which, request, tmp_path):
     """The convex pieces of simulators, at the heights of the file, reach into each other by no more than 0.1 mm."""

@@ -79,6 +79,7 @@ COMMANDS = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", [LONG, "loop"], ids=["long", "loop"])
 @pytest.mark.parametrize("words", COMMANDS)
 def test_no_command_calls_it_a_bug(words, path, scenes, tmp_path, monkeypatch, capfd):
@@ -135,6 +136,7 @@ def test_what_picks_scenes(scenes):
             scenes[number]
 
 
+@pytest.mark.long
 def test_file_names_that_are_no_text(tmp_path):
     """Linux has them: the model file writes the spec's name with escapes, and cannot name such a file of scenes."""
     path = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.spec")

@@ -49,6 +49,7 @@ def test_nothing_moves(bullet):
     assert max(shifts(bullet, scenegen.load_pybullet(tower()[0], bullet.client)).values()) < 2e-3
 
 
+@pytest.mark.long
 def test_the_whole_library_stands_still(bullet):
     moved = shifts(bullet, scenegen.load_pybullet(library()[0], bullet.client), 0.5)
     assert max(moved.values()) < 1e-3, moved

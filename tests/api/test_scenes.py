@@ -53,6 +53,7 @@ def test_files(scenes, tmp_path):
         scenegen.read_scenes(tmp_path / "t.json")
 
 
+@pytest.mark.long
 def test_pictures(scenes, tmp_path):
     drawn = scenes.render(tmp_path / "pictures", size=(32, 24), workers=1, views=("top",))
     assert [path.name for path in drawn.pictures][:2] == ["scene_0001_top.png", "scene_0002_top.png"]

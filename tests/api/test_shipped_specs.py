@@ -19,6 +19,7 @@ def test_there_is_something_to_start_from():
     assert len(SPECS) >= 18
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_described(path):
     spec = scenegen.load(path)
@@ -30,6 +31,7 @@ def test_described(path):
     assert spec.infeasible() == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "path", [pytest.param(path, marks=LONG.get(path.stem, ())) for path in SPECS], ids=lambda path: path.stem
 )

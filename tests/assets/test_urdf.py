@@ -81,6 +81,7 @@ def sampled(kind, sizes, source):
     return sizes[0] * points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(40))
 def test_random_chains_against_scipy_and_shapely(seed):
     """Two to five links in a random tree, all kinds of solids in random poses."""

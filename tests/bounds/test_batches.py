@@ -71,6 +71,7 @@ def same_tape(spec, seed):
     assert (before[0] <= lo).all() and (hi <= before[1]).all()
 
 
+@pytest.mark.long
 @settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_batches_give_the_bounds_of_each_node(spec, seed):

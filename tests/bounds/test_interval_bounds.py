@@ -41,6 +41,7 @@ def inside(rng, lowest, highest, scenes):
     return np.clip(rows, lowest[..., None], highest[..., None])
 
 
+@pytest.mark.long
 @settings(max_examples=examples(120), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds, st.sampled_from([1.0, 0.3, 1e-3, 1e-9, 0.0]))
 def test_no_scene_of_a_box_lies_outside_its_bounds(spec, seed, width):

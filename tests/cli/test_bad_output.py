@@ -115,6 +115,7 @@ class _Full:
         return getattr(self._file, name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("there", [False, True], ids=["new", "there"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_disk_full_half_way(

@@ -76,6 +76,7 @@ def test_no_scenes(refused, scenes, here):
     assert "there are no scenes" in refused("export", "s.json", "--out", "all.xml")
 
 
+@pytest.mark.long
 def test_only_what_is_asked_for_is_loaded(scenes):
     program = (
         "import sys; from scenegen.cli.app import run; status = run(['export', 's.json', '--out', 'all.xml']);"

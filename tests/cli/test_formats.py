@@ -19,6 +19,7 @@ def test_sample_and_eval(ending, scenegen, here):
     assert evaluated.out == scenegen("eval", "good.spec", "all.json").out and len(evaluated.out.splitlines()) == 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", FORMATS)
 def test_render(ending, scenegen, here):
     assert scenegen("sample", "good.spec", *WANTED, "--out", f"x{ending}").status == 0

@@ -41,6 +41,7 @@ def test_files_that_are_no_models(refused, model, here, golden):
         golden(f"cli/errors/info_{name.replace('.', '_')}.txt", refused("info", name))
 
 
+@pytest.mark.long
 def test_the_card_is_the_default(scenegen, here, monkeypatch):
     for name in ("PATIENCE", "ALL"):  # however slow the machine
         monkeypatch.setattr(f"scenegen.evaluation.measure.{name}", float("inf"))

@@ -20,6 +20,7 @@ def started(words, cwd):
     return subprocess.Popen(command, cwd=cwd, env=environment, stdout=pipe, stderr=pipe, text=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_training_leaves_a_usable_model(number, here, scenegen):
     words = [
@@ -55,6 +56,7 @@ def test_training_leaves_a_usable_model(number, here, scenegen):
 HOPELESS = "leftOf(a, b) & sin(theta(a)) * sin(theta(a)) + cos(theta(a)) * cos(theta(a)) <= 0.9999"
 
 
+@pytest.mark.long
 def test_sampling_what_is_not_found(here):
     (here / "never.spec").write_text(HOPELESS)
     process = started(["sample", "never.spec", "--method", "rejection", "--phi", "0:", "--out", "o.json"], here)
@@ -67,6 +69,7 @@ def test_sampling_what_is_not_found(here):
     assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "never.spec", "two.spec"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])  # two: test_resume.py
 def test_many_scenes_are_kept_and_gone_on_with(workers, here, scenegen):
     """Ctrl-C in the midst of many scenes; what is there goes on to the same bytes as a run without a break."""

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 
 def test_without_pygls(scenegen, monkeypatch, assert_one_diagnostic):
     for name in [one for one in sys.modules if one.startswith(("pygls", "scenegen.lsp"))]:
@@ -21,6 +23,7 @@ def test_a_root_that_is_no_folder(scenegen, tmp_path, assert_one_diagnostic):
     assert_one_diagnostic(outcome.err)
 
 
+@pytest.mark.long
 def test_it_ends_with_its_input():
     """An editor that dies closes the pipe; nobody is left behind, and nothing was printed."""
     command = [sys.executable, "-m", "scenegen", "lsp"]

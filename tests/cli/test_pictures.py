@@ -64,6 +64,7 @@ def test_the_library_as_a_table_and_as_json(scenegen, golden, here):
     }
 
 
+@pytest.mark.long
 def test_pictures_of_assets(scenegen, here):
     told = scenegen("assets", "pen", "marker", "--out", "a", *SMALL)
     assert told.status == 0 and "drew 3 pictures in a" in told.err

@@ -61,6 +61,7 @@ def test_the_numbers_are_right(report):
             assert abs(estimate["log10"] - math.log10(truth)) < 4 * estimate["error"] + 1e-9
 
 
+@pytest.mark.long
 def test_the_same_seed_says_the_same(report):
     first, again = (report("good.spec", "--json").out for _ in range(2))
     assert first == again != report("good.spec", "--json", "--seed", "1").out
@@ -89,6 +90,7 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
         assert band["phi"][0] <= min(phi) <= max(phi) <= band["phi"][1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("told", [True, False])
 def test_what_is_very_rare_is_offered_even_where_it_cannot_be_counted(told, report, scenegen, here, monkeypatch):
     """And what violates the task is not called easy, be it the best that occurs."""
@@ -111,6 +113,7 @@ def test_the_commands_are_printed_for_the_shell(report, here):
     assert "scenegen sample 'my spec.spec' --phi task=" in out
 
 
+@pytest.mark.long
 def test_a_label_that_no_scene_satisfies_is_said_to_clash(report, here):
     (here / "hopeless.spec").write_text("task: closeTo(mug, plate, 5 cm) & x(mug) >= x(plate) + 0.1\n")
     outcome = report("hopeless.spec")
@@ -121,6 +124,7 @@ def test_a_label_that_no_scene_satisfies_is_said_to_clash(report, here):
     )
 
 
+@pytest.mark.long
 def test_a_requirement_that_no_scene_meets(refused, here):
     (here / "bad.spec").write_text("require leftOf(a, b) & x(a) >= x(b) + 0.1\ntask: aboveOf(a, b)\n")
     assert "what the spec requires can never be met" in refused("range", "bad.spec")
@@ -148,6 +152,7 @@ def test_a_picture(report, here):
     assert {(178, 58, 44), (43, 96, 158)} <= colors, "both curves are drawn"
 
 
+@pytest.mark.long
 def test_it_loads_neither_torch_nor_pillow(process, here):
     import subprocess
     import sys

@@ -39,6 +39,7 @@ def children(pid):
     return {int(one) for task in tasks.iterdir() for one in (task / "children").read_text().split()}
 
 
+@pytest.mark.long
 def test_killed_in_the_midst_of_resuming(here, scenegen):
     """An interrupt leaves a checkpoint; the run that goes on from there is killed; the third completes the file."""
     words = [*WORDS, "-n", COUNT, "--workers", "2", "--out", "o.parquet"]
@@ -71,6 +72,7 @@ def test_resume_with_nothing_there_begins(scenegen, here):
     assert Path("a.jsonl").read_bytes() == Path("b.jsonl").read_bytes()
 
 
+@pytest.mark.long
 def test_what_many_scenes_say(scenegen, here, small_pictures):
     """The choice is told before the work, the summary covers the whole file, and pictures can follow."""
     done = scenegen(*WORDS, "-n", "20000", "--out", "o.parquet")

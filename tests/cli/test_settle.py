@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from scenegen.assets import shape_of
 from scenegen.physics.settle import settle_scenes
@@ -26,6 +27,7 @@ def test_what_is_handed_out_settles(scenegen, here):
     assert kept["still"].all() and not kept["any"].all()
 
 
+@pytest.mark.long
 def test_the_number_of_processes_changes_nothing(scenegen, here):
     (here / "near.spec").write_text(OVERLAPPING)
     words = ["sample", "near.spec", "--phi", "0:0.03", "-n", "6", "--settle"]

@@ -61,6 +61,7 @@ def test_debug_anywhere_shows_the_traceback(place, scenegen, here):
     assert scenegen(*words).status == 1  # check goes on to the next spec, so it has no error to show
 
 
+@pytest.mark.long
 def test_debug_in_a_process_of_its_own(process, here):
     (here / "bad.spec").write_text("leftOf(mug)")
     quiet = process("sample", "bad.spec")
@@ -85,6 +86,7 @@ def test_a_bug_of_ours_is_a_diagnostic_too(scenegen, here, monkeypatch):
         scenegen("sample", "good.spec", "--debug")
 
 
+@pytest.mark.long
 def test_a_reader_that_leaves_early_is_no_error(here, process):
     import subprocess
     import sys
@@ -106,6 +108,7 @@ def shell(text):
     return "\n".join(said) + done.stderr, list(map(int, status.split()))
 
 
+@pytest.mark.long
 def test_whoever_reads_the_data_may_leave_early(here):
     """Both ways of writing data, in one pipe: `check` line by line, `sample` all at once and more than a pipe holds."""
     said, statuses = shell("$S check good.spec $(yes two.spec | head -50) | head -1")
@@ -119,6 +122,7 @@ def test_a_wrong_spec_is_one_whoever_reads_the_messages(here):
     assert statuses == [1, 0] and "Traceback" not in said
 
 
+@pytest.mark.long
 def test_a_closed_standard_output_loses_no_scenes(here, snapshot):
     """With `>&-` the next file that was opened took its place, or what was printed went nowhere, with status 0."""
     before = snapshot(here)

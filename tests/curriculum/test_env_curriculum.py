@@ -158,6 +158,7 @@ class Kept(KVWriter):
         pass
 
 
+@pytest.mark.long
 def test_stable_baselines_learns_with_a_curriculum():
     ladder, kept = Ladder(2), Kept()
     envs = DummyVecEnv([lambda: Monitor(Curriculum(make(max_episode_steps=12), ladder))] * 2)

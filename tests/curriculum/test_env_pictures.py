@@ -1,6 +1,7 @@
 """render() draws the scene as it is, with a process that stays."""
 
 import numpy as np
+import pytest
 
 from scenegen.curriculum import TableTop, TableTopVector
 
@@ -31,6 +32,7 @@ def test_no_mode_no_picture():
     assert env.render() is None
 
 
+@pytest.mark.long
 def test_pictures_of_many_tables():
     envs = TableTopVector(2, LEFT, render_mode="rgb_array", size=(48, 32))
     envs.reset(options={"scene": SCENE})

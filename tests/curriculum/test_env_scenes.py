@@ -138,6 +138,7 @@ def test_the_scenes_of_a_file(tmp_path):
     assert all(-0.3 <= info["phi"]["task"] <= -0.2 for info in infos)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [LEFT, TWO], ids=["one label", "two labels"])
 def test_the_scenes_of_a_model(text, tmp_path):
     """With two labels to satisfy, the goal is a third one, which the model does not know."""

@@ -35,6 +35,7 @@ def same(one, other, path="info"):
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", list(AutoresetMode), ids=lambda mode: mode.value)
 @pytest.mark.parametrize(
     "name, moves", [("plain", "grid"), ("heading", "continuous"), ("two", "grid"), ("require", "grid")]

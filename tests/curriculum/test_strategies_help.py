@@ -49,6 +49,7 @@ def test_every_strategy_is_judged():
     assert {*NO_HELP, *SLOW_HELP} == {*NO_HELP, *QUICK_HELP, *TOO_QUICK_FOR} == set(STRATEGIES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SLOW_HELP)
 def test_where_levels_build_on_each_other_all_help(name, slow):
     assert mean(name, SLOW, 1, **clock(name, 2400)) < SLOW_HELP[name] * slow

@@ -93,7 +93,14 @@ def work_through(page, folder, warm, shorter):
     return lacking
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text())], ids=name_of)
+def with_blocks():
+    """The pages that have any; all but the README's are long."""
+    for page in PAGES:
+        if BLOCK.search(page.read_text()):
+            yield pytest.param(page, id=name_of(page), marks=[] if page.name == "README.md" else pytest.mark.long)
+
+
+@pytest.mark.parametrize("page", with_blocks())
 def test_blocks(page, tmp_path, warm):
     lacking = work_through(page, tmp_path, warm, SHORTER)
     if lacking:

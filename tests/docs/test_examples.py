@@ -8,6 +8,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", [one for one in EXAMPLES if one.name != "00_demo.py"], ids=lambda path: path.stem)
 def test_example(example, tmp_path, warm):
     done = warm.run([example], tmp_path)
@@ -16,6 +17,7 @@ def test_example(example, tmp_path, warm):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_demo(tmp_path, warm):
     out = tmp_path / "out"
     done = warm.run([ROOT / "examples" / "00_demo.py", "--quick", "--out", out], tmp_path)

@@ -67,6 +67,7 @@ def copy(folder):
     shutil.copy(ROOT / "pyproject.toml", folder)
 
 
+@pytest.mark.long
 def test_the_relation_of_extending_md(tmp_path):
     """One line in the prelude and one golden file: the golden test passes, and the page shows it."""
     page = (ROOT / "docs" / "extending.md").read_text()

@@ -70,7 +70,7 @@ def _plan(kind, model):
     request = SampleRequest(FLAT, 20, **KINDS[kind], workers=1)
     if kind == "paired":
         return _paired()
-    return plan_of(source, check_request(source, request), Budget())
+    return plan_of(source, check_request(source, request), Budget(600.0))
 
 
 def _paired():
@@ -81,11 +81,12 @@ def _paired():
     from scenegen.sampling.problem import make_problem
 
     problem = make_problem(check_text(APART), SampleRequest({"task": Range(0.0)}, 20))
-    parts = independent_parts(problem, Budget())
+    parts = independent_parts(problem, Budget(600.0))
     assert len(parts) == 2
-    return pair(problem, parts, [make_plan(part.problem, Budget(), method="rejection") for part in parts])
+    return pair(problem, parts, [make_plan(part.problem, Budget(600.0), method="rejection") for part in parts])
 
 
+@pytest.mark.long
 def test_a_plan_draws_the_same_in_a_new_process(plans):
     import hashlib
 
@@ -118,6 +119,7 @@ def words(monkeypatch):
     return {"phi": {"task": (-0.4, 0.2)}, "n": 3000, "seed": 3}
 
 
+@pytest.mark.long
 def test_a_models_scenes_are_the_same_on_two_processes(model, words):
     alone, shared = (scenegen.sample(model, **words, workers=workers) for workers in (1, 2))
     assert alone.poses.tobytes() == shared.poses.tobytes() and alone.header == shared.header

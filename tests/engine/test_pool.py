@@ -19,6 +19,7 @@ pytestmark = pytest.mark.usefixtures("interruptible")
 HERE = Path(__file__).parent
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [2, 5])
 def test_the_same_results_in_the_same_order(workers):
     import jobs
@@ -77,6 +78,7 @@ def test_errors_come_in_turn(how, kind, workers, tmp_path):
     assert list(results) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["kill", "exit", "crash"])
 def test_a_piece_whose_worker_dies_is_done_again(how, tmp_path):
     import jobs
@@ -147,6 +149,7 @@ for rows, who in run_pieces(jobs.Numbers(slow=float(sys.argv[1])), itertools.cou
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 @pytest.mark.parametrize("slow", ["0.01", "1000"])
 def test_no_process_survives_its_parent(how, slow, tmp_path):

@@ -52,6 +52,7 @@ def test_workers_change_nothing(case, workers):
     assert shared.header == alone.header
 
 
+@pytest.mark.long
 def test_formats_and_memory_hold_the_same(case, tmp_path):
     words, alone = case
     # a plan for splitting takes a second
@@ -131,6 +132,7 @@ def test_when_time_is_up_the_folder_says_how_to_go_on(tmp_path):
     assert path.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
 
 
+@pytest.mark.long
 def test_what_there_is_can_be_kept(tmp_path):
     words = {"phi": {"task": (0.0, None)}, "n": 400_000, "method": "rejection", "timeout": 1e-6, "keep_partial": True}
     written = scenegen.sample_to(tmp_path / "x.jsonl", scenegen.parse(TEXT), **words)
@@ -147,6 +149,7 @@ def test_more_than_memory_is_sent_to_a_file():
     assert "sample_to" in caught.value.diagnostics[0].help
 
 
+@pytest.mark.long
 def test_the_same_path_without_processes(case):
     """What `draw` says is what `sample` says."""
     words, alone = case
@@ -177,6 +180,7 @@ assert not heavy, heavy
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["auto", "splitting"])
 def test_exact_sampling_loads_nothing_heavy(method):
     """torch takes longer to load than a thousand scenes to draw, and every worker would have to load it."""

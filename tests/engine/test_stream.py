@@ -96,6 +96,7 @@ def struck(run, path, moments, expected):
         path.unlink()
 
 
+@pytest.mark.long
 def test_killed_here_and_there(run, tmp_path, unbroken):
     """Struck before and after some of the file operations of a run, and all of the last ones: joining, tidying up."""
     status, count = run(tmp_path / "x.jsonl")
@@ -107,6 +108,7 @@ def test_killed_here_and_there(run, tmp_path, unbroken):
     )
 
 
+@pytest.mark.long
 def test_killed_once_all_is_done(run, tmp_path, unbroken):
     """Then nothing is done again; and a run that had to end early is gone on with, or begun anew."""
     path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
@@ -140,6 +142,7 @@ def test_killed_anywhere(ending, run, tmp_path, unbroken):
     struck(run, tmp_path / f"x{ending}", [half / 2 for half in range(2, 2 * count + 2)], unbroken[ending])
 
 
+@pytest.mark.long
 def test_killed_at_any_time_with_workers(tmp_path, unbroken):
     """The parent dies, its workers follow, another crew takes over: first as soon as there are shards, however fast the
     machine is, then by the clock."""
@@ -318,6 +321,7 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
     assert sum(shard["scenes"] for shard in manifest["shards"]) == 600
 
 
+@pytest.mark.long
 def test_blocks_in_memory_are_the_blocks_of_the_file(tmp_path, unbroken):
     from made import Made
 

@@ -57,6 +57,7 @@ def test_values_to_look_at():
     assert values(0.5, 0.5) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("off", [0.0, 0.02])
 def test_errors_are_those_of_the_model(off, model, few):
     real, _ = model
@@ -78,6 +79,7 @@ def test_errors_are_those_of_the_model(off, model, few):
     assert both and all(level.required == 1.0 and level.alone is None for level in both)
 
 
+@pytest.mark.long
 def test_the_card_is_written_beside_the_model(model, few):
     trained, path = model
     assert write_card(trained, path) == list(card_paths(path))

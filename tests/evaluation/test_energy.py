@@ -64,6 +64,7 @@ def test_p_is_uniform_under_the_null(true_scenes):
     assert stats.kstest(np.array(p) - rng.random(200) / 100, "uniform").pvalue > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["projected", "perturbed", "shifted", "reflected"])
 def test_wrong_samplers_are_seen(name, wrong_scenes):
     right, wrong = wrong_scenes[name]

@@ -134,6 +134,7 @@ def test_data_has_every_run(every):
     json.dumps(rows)
 
 
+@pytest.mark.long
 def test_the_figure_leaves_out_what_did_not_converge(every):
     panels = _panels(every)
     assert [panel.words.partition(":")[0] for panel in panels] == [

@@ -212,6 +212,7 @@ def few_lessons():
     LESSONS.update(all_lessons)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_lessons")
 def test_the_whole_experiment_on_one_task(tmp_path, monkeypatch):
     """Learnt for a moment; the second time nothing is. The slow tests take all lessons and both tasks."""

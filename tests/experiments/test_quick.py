@@ -51,6 +51,7 @@ def check(out, name):
 FEW = (VARIANTS[0], next(one for one in VARIANTS if one.recipe == "default"))
 
 
+@pytest.mark.long
 def test_experiment_1(carry_out, monkeypatch):
     """With two of the models; the slow tests train them all."""
     monkeypatch.setattr(compare, "VARIANTS", FEW)

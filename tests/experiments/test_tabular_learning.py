@@ -53,6 +53,7 @@ def follow(task, q, cell, ties):
     return steps(cell, frozenset())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ties", [FIRST, ANY])
 def test_the_check_is_exact(ties):
     task = task_a(3)
@@ -75,6 +76,7 @@ def test_the_check_is_exact(ties):
     assert {-1, 0, 1, 2, 3, 4, 5} <= some
 
 
+@pytest.mark.long
 def test_q_learning_is_that_of_a_plain_loop():
     """The same random numbers, the textbook's update, no shortcuts."""
     task = task_a(5)
@@ -110,6 +112,7 @@ def test_random_numbers():
     assert seeded(0)[0] != seeded(1)[0] and all(seeded(s)[0] for s in range(100))
 
 
+@pytest.mark.long
 def test_learning_converges_and_is_reproducible():
     task = task_a()
     result, q = learn(task)

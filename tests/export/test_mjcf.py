@@ -83,6 +83,7 @@ def test_bodies_are_what_the_library_says(tmp_path):
     assert sliding == {0.45}
 
 
+@pytest.mark.long
 def test_the_whole_library_stands_still(tmp_path):
     scenes = library()
     (path,) = scenes.export(tmp_path / "all.xml")

@@ -15,6 +15,7 @@ from tests.export.sdf_facts import faults
 from tests.export.worlds import crates, library, tower
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", [tower, library])
 def test_by_the_rules_of_the_specification(make, tmp_path):
     """And the meshes are there, named relatively."""

@@ -50,6 +50,7 @@ def test_the_same_bytes_again(to, tmp_path):
     assert made[0] == made[1] and len(made[0]) >= 6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("to", SIMULATORS)
 @pytest.mark.parametrize("target", ["folder", "file"])
 @pytest.mark.parametrize("there", [False, True])
@@ -73,6 +74,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
     assert {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("to", SIMULATORS)
 @pytest.mark.parametrize("name", ['a "quoted" <name> & more', "mes\u00e1 \U0001f35c", "table", "floor"])
 def test_names_of_any_kind(to, name, tmp_path):

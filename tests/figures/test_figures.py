@@ -112,6 +112,7 @@ def test_a_heat_map_of_a_thread_has_room_for_its_title():
     assert high.shape[0] > low.shape[0] and high.shape[1] == low.shape[1]
 
 
+@pytest.mark.long
 def test_the_gallery_shows_every_asset_whole_and_large():
     names = ["pen", "laptop"]
     found = gallery(names, (96, 72), workers=1)
@@ -127,6 +128,7 @@ def test_the_gallery_shows_every_asset_whole_and_large():
     assert measures(ASSETS["mug"]) == "12.4 x 12.4 x 9.5 cm, 350 g"
 
 
+@pytest.mark.long
 def test_unknown_objects_are_blocks_with_their_names_beside_them(tmp_path):
     """Known ones have none; and no name is written where programs are to learn from the pictures."""
     rows = [[(0.3, 0.4, 0.0), (0.7, 0.6, 0.0)]]

@@ -52,6 +52,7 @@ def test_any_number_and_any_name_comes_back_bit_for_bit(ending, scenes, tmp_path
     assert again.labels == ("a%s b", '"')
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", FORMATS)
 def test_many_blocks_are_one_file(ending, scenes, tmp_path):
     """The bytes do not depend on how the scenes were cut into blocks; nor does a reader hold all of them."""

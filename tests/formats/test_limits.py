@@ -75,6 +75,7 @@ def test_row_groups_that_are_too_large(bomb, monkeypatch):
         opened(path)
 
 
+@pytest.mark.long
 def test_a_bomb_is_read_in_little_memory(bomb, tmp_path):
     """Four million scenes are 224 MB as numbers; reading them block by block takes a process some of that."""
     path = bomb(4_000_000)

@@ -20,6 +20,7 @@ def bench(tmp_path):
     return Bench(tmp_path)
 
 
+@pytest.mark.long
 def test_accepted_with_one_meaning_or_refused_politely(bench):
     texts = corpus()
     accepted = 0
@@ -30,6 +31,7 @@ def test_accepted_with_one_meaning_or_refused_politely(bench):
     assert COUNT * 0.1 < accepted < COUNT * 0.9, "a fuzzer that is always refused, or never, tests half of the language"
 
 
+@pytest.mark.long
 def test_damaged_messages_leave_the_language_server_usable(bench):
     pytest.importorskip("pygls")
     for number in range(25):

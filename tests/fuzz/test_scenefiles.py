@@ -19,6 +19,7 @@ def good():
     return good_file()
 
 
+@pytest.mark.long
 def test_read_or_refused_in_time(good, tmp_path):
     read = 0
     for number in range(COUNT):
@@ -30,6 +31,7 @@ def test_the_same_number_is_the_same_file(good):
     assert hostile(random.Random("7"), good) == hostile(random.Random("7"), good)
 
 
+@pytest.mark.long
 def test_it_finds_what_is_wrong(good, tmp_path, monkeypatch):
     """A reader that takes its time over keys that stand twice, as ours did: it counted every key."""
 

@@ -12,6 +12,7 @@ QUICK = 0, 13  # one with many boxes left by pruning, one with few
 EASY = "object a[3] = cylinder(0.02, 0.05)\nrequire noOverlap()\ntask: leftOf(a[1], a[2])\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", QUICK)
 def test_quick_tables_are_answered_with_scenes(number):
     one = run(0, number, 60.0)
@@ -45,6 +46,7 @@ def test_scenes_that_were_overlooked_are_found(monkeypatch):
     assert tables_run._plain(Table(EASY, {"task": (0.999, None)})) == ""
 
 
+@pytest.mark.long
 def test_answers_are_told_apart(monkeypatch):
     """A proof is an answer; an error that nobody knows is a fault."""
     monkeypatch.setattr(tables_run, "PLAIN", 0.1)

@@ -60,6 +60,7 @@ def checked(name, n=FEW):
     return check_text(through(n)[name])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", SIZES)
 @pytest.mark.parametrize("name", THROUGH)
 def test_all_the_way_through(name, n):
@@ -73,6 +74,7 @@ def test_all_the_way_through(name, n):
     assert value.shape == (1, 1) and float(value) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.long
 def test_what_the_deep_ones_are_worth():
     def worth(name, *poses):
         spec = checked(name)

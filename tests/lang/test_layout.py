@@ -173,6 +173,7 @@ def test_no_meaning_is_ever_lost(monkeypatch):
 N = 1_200  # Python's recursion ends at 1,000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "text",
     [

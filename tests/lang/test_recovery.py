@@ -89,6 +89,7 @@ def test_both_parsers_say_the_same(path):
         assert 0 <= one.start < one.end <= len(source.text)
 
 
+@pytest.mark.long
 @in_full_again
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_a_shipped_spec_cut_off_anywhere(path):
@@ -165,6 +166,7 @@ def test_no_more_than_the_limit():
     assert len(problems_of("x: leftOf(a b)\n" * 50)) == MOST_ERRORS
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("statement", ["x: leftOf(a b)\n", "x: (\n"])
 def test_a_large_text_with_many_mistakes_takes_linear_time(statement):
     good = "".join(f"task{i}: leftOf(a, b) & closeTo(a, b)\n" for i in range(2000))

@@ -117,6 +117,7 @@ def test_surfaces_of_a_stretched_or_unknown_thing():
         check_text("object mug, cup at (z(mug), 0.5)\ntask: leftOf(mug, cup)")
 
 
+@pytest.mark.long
 def test_what_is_required_is_as_deep_as_the_text():
     """Neither depth nor sharing costs more than the number of parts: a formula of 5,000 levels is checked."""
     deep = "leftOf(can, mug) & (leftOf(mug, can) | (" * 2500 + "farFrom(can, mug)" + "))" * 2500

@@ -92,6 +92,7 @@ def test_the_text_says_how_many_rounds_it_stands_for():
     assert atom.text == "x(a) <= x(b) + 0.01 (the tightest of 99,999)"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "text",
     [

@@ -50,6 +50,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*RUNS, *OTHERS])
 def test_in_good_time(name):
     text = RUNS.get(name) or OTHERS[name]

@@ -63,6 +63,7 @@ class Editor(LanguageClient):
         return {int(one) for one in Path(f"/proc/{own}/task/{own}/children").read_text().split()}
 
 
+@pytest.mark.long
 def test_one_document_does_not_wait_for_another():
     async def session():
         editor = Editor()
@@ -99,6 +100,7 @@ def test_one_document_does_not_wait_for_another():
     asyncio.run(session())
 
 
+@pytest.mark.long
 def test_a_process_that_dies_is_replaced():
     async def session():
         editor = Editor()

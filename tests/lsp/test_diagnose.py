@@ -13,6 +13,7 @@ def said(text, **options):
     return [(one.severity, text[one.start : one.end], one.message.split("\n")[0]) for one in found]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(shipped_specs()))
 def test_the_shipped_specs_have_none(name):
     path = shipped_specs()[name]

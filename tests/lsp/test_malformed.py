@@ -13,6 +13,7 @@ def place(line, character):
     return PLACE | {"position": {"line": line, "character": character}}
 
 
+@pytest.mark.long
 def test_every_request_gets_an_answer(client):
     editor = client()
 
@@ -61,6 +62,7 @@ def test_every_request_gets_an_answer(client):
     assert "Traceback" not in editor.errors
 
 
+@pytest.mark.long
 def test_a_path_that_cannot_be_leaves_other_documents_alone(client, tmp_path):
     editor = client()
     editor.initialize()

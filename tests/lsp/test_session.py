@@ -23,6 +23,7 @@ def files(tmp_path):
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_session(client, files):
     editor = client("--stdio")
     main, table = (files / "main.spec").as_uri(), (files / "table.spec").as_uri()
@@ -81,6 +82,7 @@ def test_a_session(client, files):
     assert editor.noise == b"" and editor.errors == ""
 
 
+@pytest.mark.long
 def test_what_is_open_counts_before_what_is_saved(client, files):
     """An imported file that changes in the editor changes its importers, before anybody saves it."""
     editor = client()
@@ -99,6 +101,7 @@ def test_what_is_open_counts_before_what_is_saved(client, files):
     assert editor.close() == 0
 
 
+@pytest.mark.long
 def test_nothing_that_is_typed_ends_the_server(client, tmp_path):
     editor = client()
     editor.initialize()
@@ -122,6 +125,7 @@ def test_nothing_that_is_typed_ends_the_server(client, tmp_path):
     assert "failed" not in editor.errors
 
 
+@pytest.mark.long
 def test_characters_are_counted_as_agreed(client, tmp_path):
     """The bowl is one character, two code units, four bytes; a client that can count bytes is told bytes."""
     editor = client()

@@ -3,6 +3,8 @@
 import json
 import time
 
+import pytest
+
 from scenegen.lsp.answers import Page, Question, answer
 from scenegen.lsp.document import Document
 
@@ -11,6 +13,7 @@ from ..laws import FULL, in_full_again
 LINES = 1000 if FULL else 400
 
 
+@pytest.mark.long
 @in_full_again
 def test_a_long_file():
     """The first analysis takes what it takes; whatever is asked of the same version after it is there at once."""

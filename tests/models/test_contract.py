@@ -58,6 +58,7 @@ def test_the_generator_alone_decides(make):
     assert torch.equal(torch.random.get_rng_state(), before)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("objects", "labels"), SIZES)
 def test_training_changes_the_model_and_keeps_it_finite(objects, labels, make):
     made = make(objects, labels)
@@ -115,6 +116,7 @@ def test_sampler_state_suffices_to_sample(make):
     assert torch.equal(copy.sample(8, phi, seeded(1)), model.sample(8, phi, seeded(1)))
 
 
+@pytest.mark.long
 def test_a_state_that_does_not_fit_is_refused(make):
     made = make()
     model = made.started()

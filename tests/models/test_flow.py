@@ -105,6 +105,7 @@ def test_bad_steps_are_refused():
         parse_hyper("flow", {"steps": 0})
 
 
+@pytest.mark.long
 def test_training_brings_scenes_to_the_wanted_phi_in_one_jump_and_in_many(make):
     made = make("flow", 1, 1, width=32, depth=2, jumps=5)
     model, wanted = made.started(lr=5e-3), torch.tensor([-0.1])

@@ -44,6 +44,7 @@ def run(command, cwd):
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120, check=True)
 
 
+@pytest.mark.long
 def test_what_the_wheel_holds(wheel, root):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
@@ -71,12 +72,14 @@ def test_what_a_package_index_shows_leads_somewhere(wheel):
     assert links and all(link.startswith("https://") for link in links)
 
 
+@pytest.mark.long
 def test_the_clean_environment_is_clean(clean, tmp_path):
     program = f"import scenegen; print(scenegen.__file__); {FROM_RESOURCES}"
     package, spec = run([clean / "bin" / "python", "-c", program], tmp_path).stdout.splitlines()
     assert package.startswith(str(clean)) and spec.startswith(str(clean))
 
 
+@pytest.mark.long
 def test_the_same_scenes_from_the_wheel_and_from_the_checkout(clean, tmp_path):
     outputs = []
     for program in ([clean / "bin" / "scenegen"], [sys.executable, "-m", "scenegen"]):

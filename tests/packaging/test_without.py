@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 # Python runs it at the start of every process, workers included.
 REFUSE = """
 import sys
@@ -74,7 +76,7 @@ def child(tmp_path, package, program, *words):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "NO_COLOR": "1", "COLUMNS": "200"}
     command = [sys.executable, "-c", program, *words]
     return subprocess.run(
-        command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=300, check=True
+        command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=600, check=True
     ).stdout
 
 
@@ -83,6 +85,7 @@ def run(tmp_path, package, commands):
     return json.loads(child(tmp_path, package, PROGRAM, json.dumps(commands), package))
 
 
+@pytest.mark.long
 def test_without_torch(tmp_path):
     commands = [*CORE, *PICTURES, *MODELS]
     for command, (status, said) in zip(commands, run(tmp_path, "torch", commands), strict=True):
@@ -96,6 +99,7 @@ def test_without_torch(tmp_path):
     assert not (work / "m.safetensors").exists()
 
 
+@pytest.mark.long
 def test_without_pybullet(tmp_path):
     pictures = [*PICTURES, *LARGE]
     commands = [*(command.replace("--workers 2", "--workers 1") for command in CORE), *pictures]
@@ -129,10 +133,12 @@ print(len(told), all("torch is needed" in one for one in told), "torch" in sys.m
 """
 
 
+@pytest.mark.long
 def test_the_python_api_without_torch(tmp_path):
     assert child(tmp_path, "torch", FROM_PYTHON) == "3 True False\n"
 
 
+@pytest.mark.long
 def test_no_pictures_without_pybullet_in_notebooks_and_environments(tmp_path):
     program = """
 import gymnasium

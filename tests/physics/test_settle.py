@@ -48,6 +48,7 @@ def random():
     return poses, settle_scenes(SHAPES, poses, workers=2)
 
 
+@pytest.mark.long
 def test_scenes_without_overlap_settle_and_hardly_stir(random):
     poses, found = random
     apart = _gap(SHAPES, poses) >= 0.0

@@ -77,6 +77,7 @@ def _run(plan, workers=2):
     return rows, np.concatenate([block.phi for block in blocks], axis=1), tally, settled.account(tally)
 
 
+@pytest.mark.long
 def test_all_that_are_wanted_settle_and_cells_get_equal_shares():
     rows, phi, tally, account = _run(fake(40))
     assert rows.shape == (6, 40)
@@ -91,6 +92,7 @@ def test_all_that_are_wanted_settle_and_cells_get_equal_shares():
     assert (again == rows).all() and same == tally
 
 
+@pytest.mark.long
 def test_within_a_cell_those_kept_are_the_first_candidates_that_settle():
     """The oracle settles everything and fills cells in order."""
     plan = fake(24)
@@ -113,6 +115,7 @@ def _first(cell, count):
     return kept
 
 
+@pytest.mark.long
 def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
     """As `stream_scenes` does it: the assembler is restored, what settles begins again."""
     plan = fake(32)

@@ -80,6 +80,7 @@ def test_gap_is_the_signed_distance_of_the_minkowski_difference(kinds):
     assert seen.min() > 20 or kinds == ("point", "point")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kinds", [pair for pair in PAIRS if pair != ("point", "point")], ids="-".join)
 def test_penetration_is_the_smallest_translation_that_parts(kinds):
     angles = np.arange(720) * (math.tau / 720)
@@ -258,6 +259,7 @@ def test_boxes_in_contact_have_a_gradient():
 STEP = 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("function", [gap, room], ids=["gap", "room"])
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 def test_gradients_away_from_ties(function, kinds):

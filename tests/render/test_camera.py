@@ -59,6 +59,7 @@ def hits(drawn, view, change):
     return answers
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 def test_objects_are_where_their_poses_say(drawn, view):
     assert all(hits(drawn, view, lambda x, y: (x, y)))
@@ -91,6 +92,7 @@ def test_x_is_to_the_right_and_y_upwards(view):
     assert np.allclose(high, centre) if view == "top" else high[1] < centre[1] - 5
 
 
+@pytest.mark.long
 def test_the_handle_of_a_mug_shows_its_heading(tmp_path):
     headings = (0.0, np.pi / 2, 2.5)
     file = scene_file(["mug"], [[(0.5, 0.5, heading)] for heading in headings], x=(0.4, 0.6), y=(0.4, 0.6))

@@ -43,6 +43,7 @@ def world(cameras, view, depth):
     return (points @ np.linalg.inv(np.array(camera["world_to_camera"])).T)[..., :3]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 def test_depth_and_mask_agree_with_the_geometry_of_the_scene(drawn, view):
     """Every pixel's point, worked out with nothing but cameras.json, lies on what its mask says."""
@@ -105,6 +106,7 @@ def test_huge_pictures_are_sampled_in_the_middle_too(tmp_path):
     assert rows.mean() + 0.5 == pytest.approx(k["cy"], abs=0.51)
 
 
+@pytest.mark.long
 def test_transparent_pictures_show_table_and_things_and_nothing_else(tmp_path):
     file = scene_file(["mug", "plate"], [[(0.3, 0.4, 0.0), (0.7, 0.5, 0.0)]])
     render_scenes(file, tmp_path / "clear", size=SIZE, workers=1, transparent=True, masks=True)

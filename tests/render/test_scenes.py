@@ -98,6 +98,7 @@ def test_every_asset_shows_up_in_its_colors(tmp_path):
             assert np.ptp(seen, axis=0).max() > 40, (name, path.name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("count", "x", "y"), [(1, (-0.5, 0.5), (-0.3, 0.9)), (20, (-0.5, 0.5), (-0.3, 0.9)), (2, (0.0, 20.0), (0.0, 10.0))]
 )
@@ -152,6 +153,7 @@ def test_a_folder_that_cannot_be_made(tmp_path):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "file")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("after", [3, 6])
 def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
     """`after` = 6 is the contact sheet."""
@@ -189,6 +191,7 @@ def test_a_worker_that_dies_is_a_diagnostic(tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path, warm):
     """No banner of pybullet, no pybullet in the caller, and no need for `if __name__ == "__main__"`."""
     (tmp_path / "file.json").write_text(scene_file(NAMES, THREE).model_dump_json())

@@ -53,6 +53,7 @@ def alike(color, other):
     return np.linalg.norm(a - b) < 0.10
 
 
+@pytest.mark.long
 def test_a_prism_stands_where_the_frame_of_its_corners_says(tmp_path):
     """Headings turn it about the origin of the corners, which lies beside it."""
     shape = Shape("prism", FAR, 0.03)
@@ -69,6 +70,7 @@ def test_a_prism_stands_where_the_frame_of_its_corners_says(tmp_path):
             assert not alike(at(picture, camera, (u, v, 0.0)), thing.color)
 
 
+@pytest.mark.long
 def test_footprints_and_heights_are_drawn_to_size(tmp_path):
     """Points just inside and just outside of each outline, at the height of its top and on the table."""
     box, post, wedge = (
@@ -96,6 +98,7 @@ def test_footprints_and_heights_are_drawn_to_size(tmp_path):
             assert not alike(at(picture, camera, (x + dx, y + dy, 0.0)), thing.color)
 
 
+@pytest.mark.long
 def test_regions_lie_on_the_table_under_the_things(tmp_path):
     """Seen in both views where they are and nowhere else, in a colour of their own, and hidden by what stands there."""
     regions = [
@@ -162,6 +165,7 @@ def test_the_top_of_a_tall_thing_is_in_the_picture(height):
     assert (pixels > 0).all() and (pixels < SIZE).all()
 
 
+@pytest.mark.long
 def test_the_smallest_and_largest_sizes_are_drawn_without_harm(tmp_path):
     shapes = [
         Shape("box", Box(1e-6, 1e-6), 1e-6),
@@ -196,6 +200,7 @@ def test_sizes_that_no_spec_can_say_are_refused(changed, said, tmp_path):
         assert caught.value.diagnostics[0].help and not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_workspace_far_out_is_drawn_as_one_at_the_origin(tmp_path):
     """Coordinates of 65 km have no millimetres in single precision. Cameras are told in the world's own frame."""
     pictures, cameras = [], []
@@ -226,6 +231,7 @@ def everything():
     return sample(load(EVERYTHING), {"task": (0.05, None)}, n=2, seed=1).file()
 
 
+@pytest.mark.long
 def test_a_scene_file_with_everything_reads_back_and_is_drawn_the_same(everything, tmp_path):
     data = dump(everything)
     again = read(data, "x.json")
@@ -240,6 +246,7 @@ def test_a_scene_file_with_everything_reads_back_and_is_drawn_the_same(everythin
         assert a.read_bytes() == b.read_bytes()
 
 
+@pytest.mark.long
 def test_every_thing_of_that_file_can_be_seen_from_above(everything, tmp_path):
     picture, camera = drawn(everything, tmp_path)["top"]
     stage = stage_of(everything)

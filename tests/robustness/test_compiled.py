@@ -58,6 +58,7 @@ def mixed():
     return check_text(MIXED)
 
 
+@pytest.mark.long
 def test_the_kernel_agrees_with_the_tape_whatever_the_batch_and_layout(mixed):
     rows = torch.from_numpy(scenes(3, 1000, seed=5))
     eager, run = Robustness(mixed.core).rows(rows), Robustness(mixed.core, compiled=True)

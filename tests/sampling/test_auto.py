@@ -40,6 +40,7 @@ def test_a_common_range_is_rejection_and_says_how_common(exp1):
     assert abs(100 * found.info["acceptance"] - share) < 2 and found.info["reason"] == choice.why
 
 
+@pytest.mark.long
 def test_a_rare_one_is_splitting():
     problem = make_problem(check_text(RARE), SampleRequest({"task": Range(0.0)}, n=200))
     found = draw(problem)

@@ -36,6 +36,7 @@ def test_open_ends_bound_without_being_cut():
 ENDS = st.tuples(st.floats(-2, 2), st.floats(0.001, 2)).map(lambda pair: (pair[0], pair[0] + pair[1]))
 
 
+@pytest.mark.long
 @settings(max_examples=examples(40))
 @given(st.lists(ENDS, min_size=1, max_size=3), st.integers(0, 2**32 - 1), st.booleans())
 def test_find_is_what_the_limits_say(ends, seed, at_borders):

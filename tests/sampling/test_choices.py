@@ -38,6 +38,7 @@ def by_hand(spec, count, by_area, rng):
     return np.stack(on)[:, near][:, :count], np.stack(places)[:, near][:, :count]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", ["", " by area"])
 def test_choices_are_the_truth(words):
     compare(words, "rejection", 1000)

@@ -147,6 +147,7 @@ def few(monkeypatch):
     return make_problem(check_text(FEW), SampleRequest({"task": Range(0.0, 0.04)}, n=64))
 
 
+@pytest.mark.long
 def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
     """In the first scenes, on the way down, while cells are evened out and while moves are tuned."""
     whole = Calls()
@@ -176,6 +177,7 @@ def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
     assert stop.calls == 4 * once.calls
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["splitting", "rejection"])
 def test_a_piece_stops_when_it_is_told_to_and_the_run_ends_with_what_is_there(few, method):
     plan = make_plan(few, Budget(), method=method)

@@ -67,6 +67,7 @@ def test_scenes_are_the_truth(method, true):
     assert sum(verdict.alike for verdict in verdicts) >= 2, verdicts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("double", DOUBLES)
 def test_wrong_samplers_are_seen(double, true):
     case = CASES["exp1"]

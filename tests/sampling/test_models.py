@@ -22,6 +22,7 @@ def in_range(phi):
     return (phi["task"] >= 0.05) & (phi["task"] <= 0.2) & (phi["safe"] >= 0.0)
 
 
+@pytest.mark.long
 def test_raw_is_unfiltered_and_marked(model):
     raw = scenegen.sample(model, WANTED, n=500, seed=1, raw=True)
     assert len(raw) == 500 and raw.header.sampler["raw"] is True
@@ -31,6 +32,7 @@ def test_raw_is_unfiltered_and_marked(model):
     assert np.array_equal(scenegen.sample(model, WANTED, n=500, seed=1, raw=True).poses, raw.poses)
 
 
+@pytest.mark.long
 def test_refined_is_verified_and_reproducible(model):
     fine = scenegen.sample(model, WANTED, n=320, seed=1)
     assert len(fine) == 320 and in_range(fine.phi).all()

@@ -71,6 +71,7 @@ def test_a_requirement_conditions_and_is_measured_itself():
     assert off(found.reaches["task"].up(0.3), truth) < SURE
 
 
+@pytest.mark.long
 def test_a_rare_requirement(direct):
     text = "object mug, plate\nrequire closeTo(mug, plate, 2 cm)\ntask: leftOf(mug, plate) & aboveOf(mug, plate)"
     found = measured(text)
@@ -85,6 +86,7 @@ def test_a_rare_requirement(direct):
         assert abs(ours.log10 - math.log10(truth)) < SURE * ours.error + 3.0 * 0.43 / math.sqrt(truth * len(task))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "truth"), [("table_setting", 9.8e-6), ("table_setting_published", 7.3e-6)])
 def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
     """The published figure has two digits: half of the last one, 0.7 %, is within a tenth of the error bar."""
@@ -94,6 +96,7 @@ def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
     assert 0.0997 < reach.up.end <= 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "label", "t"),
     [("mug_left_of_plate", "task", 0.8), pytest.param("sort_7", "sorted", 0.05, marks=pytest.mark.slow)],
@@ -127,6 +130,7 @@ def test_a_label_that_cannot_move():
     assert reach.up(-0.5).log10 == 0.0 and reach.up(0.0) is None
 
 
+@pytest.mark.long
 def test_a_requirement_out_of_reach():
     found = measured("require leftOf(a, b) & leftOf(b, a) & x(a) >= x(b) + 0.1\ntask: aboveOf(a, b)")
     assert isinstance(found, OutOfReach) and -0.06 < found.best < 0.0

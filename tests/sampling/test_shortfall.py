@@ -19,6 +19,7 @@ rejection = partial(run, method="rejection")
 HOPELESS = "leftOf(a, b) & sin(theta(a)) * sin(theta(a)) + cos(theta(a)) * cos(theta(a)) <= 0.9999"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spread", ["flat", "base"])
 def test_a_hopeless_range_names_label_and_atom(spread):
     with pytest.raises(RequestError) as caught:
@@ -73,6 +74,7 @@ def test_time_changes_no_scene(exp1):
     assert {scene.tobytes() for scene in short.rows.T} < {scene.tobytes() for scene in whole.rows.T}
 
 
+@pytest.mark.long
 def test_infeasible_cells_are_reported_and_their_share_goes_to_the_others(exp1):
     """A distance of at most 0.17 cannot leave a coordinate 0.18 short."""
     ranges = {"task": Range(-0.18, -0.16), "safe": Range(-0.1, -0.08)}

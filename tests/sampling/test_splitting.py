@@ -82,6 +82,7 @@ def flat(exp1):
     return drawn(exp1, {"task": Range(0.1, 0.3)}, seed=3, spread="flat")
 
 
+@pytest.mark.long
 def test_the_cells_share_exactly(flat):
     counts, _ = np.histogram(flat.phi[0], np.linspace(0.1, 0.3, 33))
     assert counts.tolist() == [N // 32] * 32
@@ -100,6 +101,7 @@ def test_within_a_cell_scenes_follow_the_base_distribution(flat, cell, phi1, dir
     assert same_distribution(phi1(mine)[1], phi1(truth)[1])
 
 
+@pytest.mark.long
 def test_a_rare_end_of_the_range_gets_its_share_too():
     """The last of the 32 cells is a 600th as likely as the first."""
     found = drawn("leftOf(a, b) & leftOf(c, d)", {"task": Range(0.6, 0.98)}, n=3200, seed=4, spread="flat")
@@ -107,6 +109,7 @@ def test_a_rare_end_of_the_range_gets_its_share_too():
     assert counts.tolist() == [100] * 32
 
 
+@pytest.mark.long
 def test_cells_out_of_reach_are_reported(exp1):
     found = drawn(exp1, {"task": Range(0.0, 0.2), "safe": Range(0.0, 0.2)}, n=2550, seed=5, spread="flat")
     # with mug and plate 0.1875 apart along x and y their distance is at least 0.265, and safe is over 0.0125
@@ -116,6 +119,7 @@ def test_cells_out_of_reach_are_reported(exp1):
     assert sorted(set(counts.ravel())) == [0.0, 10.0]
 
 
+@pytest.mark.long
 def test_two_labels_and_two_modes_against_plain_draws(exp1, phi1, direct, same_distribution):
     """Experiment 1's query has two modes, one with the mug further left and one with it further up."""
     low, high = np.array([0.15, 0.05]), np.array([0.23, 0.11])
@@ -130,6 +134,7 @@ def test_two_labels_and_two_modes_against_plain_draws(exp1, phi1, direct, same_d
     assert within_error(found.info, truth.shape[1] / 3_000_000)
 
 
+@pytest.mark.long
 def test_what_is_required_shapes_the_base_distribution(exp1, phi1, direct, same_distribution):
     core = replace(exp1.core, labels={"task": exp1.core.labels["task"]}, requirement=exp1.core.labels["safe"])
     found = drawn(replace(exp1, core=core), {"task": Range(0.02, 0.04)}, seed=7)
@@ -159,6 +164,7 @@ def test_a_table_of_its_own_size():
     assert within_error(found.info, 0.5 * (0.1 / 2.3) ** 2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["sort_3"])
 def test_the_four_orderings_get_equal_shares(name):
     assert orderings(name, seed=0) > 1e-3
@@ -179,6 +185,7 @@ def orderings(name, seed):
     return stats.chisquare(counts).pvalue
 
 
+@pytest.mark.long
 def test_pieces_are_unbiased_about_the_probability():
     """Fixed levels make the product of the shares an unbiased estimate (Cerou et al. 2012), whatever the moves."""
     problem = make_problem(

@@ -63,6 +63,7 @@ def statistics(chains):
     return [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", MOVES)
 def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
     chains, fresh = chains_at_truth(problem, 1), chains_at_truth(problem, 2)

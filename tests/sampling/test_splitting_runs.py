@@ -41,6 +41,7 @@ def plan(problem):
     return plan
 
 
+@pytest.mark.long
 def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
     first = run_piece(problem, plan, 2)
     other = run_piece(problem, plan, 0)
@@ -50,11 +51,13 @@ def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
     assert not set(first.rows[0].tolist()) & set(other.rows[0].tolist())
 
 
+@pytest.mark.long
 def test_a_plan_made_again_is_the_same(problem, plan):
     again = make_schedule(problem, Budget())
     assert run_piece(problem, again, 0).rows.tobytes() == run_piece(problem, plan, 0).rows.tobytes()
 
 
+@pytest.mark.long
 def test_what_the_scene_file_says(exp2):
     """That its bytes are the same again, test_reproducible.py says."""
     info = sample(Spec(exp2), {"task": (0.05, 0.06)}, n=100, seed=4, method="splitting", spread="base").header.sampler
@@ -63,6 +66,7 @@ def test_what_the_scene_file_says(exp2):
     assert 0 < info["acceptance"] < 1 and 0 < info["effective_share"] <= 1 and info["stuck"] < 0.01
 
 
+@pytest.mark.long
 def test_another_seed_is_another_set(exp1):
     wanted = {"task": Range(0.4, 0.45)}
     runs = [
@@ -71,6 +75,7 @@ def test_another_seed_is_another_set(exp1):
     assert not set(runs[0][0].tolist()) & set(runs[1][0].tolist())
 
 
+@pytest.mark.long
 def test_time_cuts_short_and_changes_no_scene(exp1):
     problem = make_problem(exp1, SampleRequest({"task": Range(0.3, 0.35)}, n=8_000, seed=1, spread="base"))
     whole = splitting(problem, Budget())

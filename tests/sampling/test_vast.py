@@ -34,6 +34,7 @@ def plain():
     return values["task"][values[REQUIRE] >= 0.0], 200_000
 
 
+@pytest.mark.long
 def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
     monkeypatch.setattr(module, "EFFORT", 1e8)
     task, drawn = plain
@@ -49,6 +50,7 @@ def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
     assert reach.up.end > task.max() - 0.02 and reach.down.end < -0.24
 
 
+@pytest.mark.long
 def test_growth_and_splitting_agree(monkeypatch):
     monkeypatch.setattr(module, "EFFORT", 1e8)
     monkeypatch.setattr("scenegen.sampling.rarity.WORK", 500_000_000)
@@ -61,6 +63,7 @@ def test_growth_and_splitting_agree(monkeypatch):
         assert abs(ours.log10 - theirs.log10) < SURE * math.hypot(ours.error, theirs.error)
 
 
+@pytest.mark.long
 def test_what_is_known_in_closed_form(monkeypatch):
     """Twelve objects in order with 2 cm between: (1 - 11 * 2 cm)^12 / 12!, some 10^-10."""
     monkeypatch.setattr(module, "EFFORT", 1e8)
@@ -99,6 +102,7 @@ def test_who_takes_whose_place():
         assert not vast(spec.core, *spec.box(), spec.labels)
 
 
+@pytest.mark.long
 def test_what_splitting_cannot_tell_growth_does(monkeypatch):
     """P(phi >= 0) is pi * (0.2 mm)^2 times 0.001 / pi, less what lies beyond the border."""
     monkeypatch.setattr(module, "EFFORT", 1e8)
@@ -109,6 +113,7 @@ def test_what_splitting_cannot_tell_growth_does(monkeypatch):
     assert abs(at_zero.log10 - truth) < SURE * at_zero.error + 0.01
 
 
+@pytest.mark.long
 def test_a_table_that_is_too_full(monkeypatch):
     monkeypatch.setattr(module, "EFFORT", 1e7)
     monkeypatch.setattr(module, "FIRST", 1e8)

@@ -45,6 +45,7 @@ def test_the_time_of_the_whole_is_told(monkeypatch):
     assert str(clock) == "142 s in all (gathering 31 s, training 100 s, card 11 s)" and steps == [(1, 9), (2, 9)]
 
 
+@pytest.mark.long
 def test_rare_scenes_are_fewer_and_said_so(monkeypatch):
     monkeypatch.setattr(module, "WORK", 1)
     monkeypatch.setattr(module, "FEWEST", 50)
@@ -65,6 +66,7 @@ def test_what_is_not_thinned_is_as_it_came():
     assert float((thinned > 0.5).float().mean()) > 0.35
 
 
+@pytest.mark.long
 def test_scenes_of_several_labels_say_by_which_they_were_balanced():
     spec = scenegen.parse("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)").checked
     data = balanced(spec, 2000, torch.Generator().manual_seed(0))

@@ -35,6 +35,7 @@ def narrow(limit, axis=0):
     return CheckedSpec("narrow.spec", f"task: {limit} {axis}\n", Workspace(), Core(nodes, {"task": 3}, ("mug",)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DATASETS)
 def test_every_data_set(name, make_exp1):
     spec = make_exp1(SPACE)
@@ -114,6 +115,7 @@ def test_unknown_data_set():
         dataset_maker("unifrom")
 
 
+@pytest.mark.long
 def test_balanced_scenes_are_exact_and_flat(exp1):
     """Jointly over the cells that are in reach: no part of the range has much more or less than its share."""
     data = balanced(exp1, 8000, seeded(1))
@@ -139,6 +141,7 @@ def test_balanced_data_has_the_part_that_is_nearly_solved():
     assert float(counts.max() / counts.min()) < 1.5
 
 
+@pytest.mark.long
 def test_balanced_data_keeps_what_is_required():
     spec = check_text("object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 0.2)", "apart.spec")
     data = balanced(spec, 500, seeded())

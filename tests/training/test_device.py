@@ -16,6 +16,7 @@ safe: !closeTo(mug, plate, 0.25)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("recipe", "model"), [(recipe, model) for recipe in RECIPES for model in RECIPES[recipe]])
 def test_a_step_and_a_sample(recipe, model):
     spec = check_text(TEXT, "a.spec")

@@ -112,6 +112,7 @@ def test_the_first_scenes_alone(file, exp1, small):
         make_feed(exp1, config(file, scenes=951))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("windows", "step"), [(True, 2), (True, 27), (True, 33), (False, 33)])
 def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_path, monkeypatch, request):
     if windows:

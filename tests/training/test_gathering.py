@@ -53,6 +53,7 @@ class _Clock:
         return self.now
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [3, 30])
 def test_time_is_up_wherever_it_is(seconds, spec, tmp_path, monkeypatch):
     """While phi is measured, while it is planned, while scenes are drawn: one answer, with numbers, and no file."""

@@ -168,6 +168,7 @@ def test_another_spec_is_refused(tmp_path, exp1, make_exp1):
         train(make_exp1(closeness=0.3, name="other.spec"), CONFIG, out, resume=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in PUBLISHED or MODELS[name] != PUBLISHED[name]])
 def test_our_recipes_go_on_bit_equal_too(name, tmp_path, exp1, monkeypatch):
     """Their learning rate changes from step to step, and the layout comes from the data."""

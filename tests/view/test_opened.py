@@ -55,6 +55,7 @@ def test_refusals(words, told, capsys, tmp_path, monkeypatch):
     assert told in re.sub(r"\s+", " ", capsys.readouterr().err)
 
 
+@pytest.mark.long
 def test_a_page_is_exported(tmp_path):
     (tmp_path / "two.spec").write_text(TEXT)
     size = export_page(open_(tmp_path / "two.spec"), tmp_path / "page.html", 12, 0)

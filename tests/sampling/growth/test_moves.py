@@ -124,6 +124,7 @@ def made():
     return of
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "move"), CASES, ids=[f"{name}-{move.__name__}" for name, move in CASES])
 def test_the_uniform_distribution_stays(name, move, made):
     machine, start, truth = made(name)

@@ -58,6 +58,7 @@ def alone():
     return scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=1)
 
 
+@pytest.mark.long
 def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
     again = planned()
     assert again.plan_digest == plan.plan_digest and again.recipe.settle == plan.recipe.settle
@@ -85,12 +86,14 @@ def test_scenes_meet_what_is_required(alone):
     assert (places[:, 0, 0] <= places[:, 1, 0]).all()
 
 
+@pytest.mark.long
 def test_several_pieces_and_two_workers(alone):
     shared = scenegen.sample(scenegen.parse(TEXT), **WORDS, workers=2)
     assert shared.header.sampler["pieces"] >= 3
     assert shared.poses.tobytes() == alone.poses.tobytes() and shared.header == alone.header
 
 
+@pytest.mark.long
 def test_a_file_holds_the_same_and_resumes(alone, monkeypatch, tmp_path):
     spec, path = scenegen.parse(TEXT), tmp_path / "x.jsonl"
     scenegen.sample_to(tmp_path / "whole.jsonl", spec, **WORDS, workers=1)
@@ -216,6 +219,7 @@ def said(text, ranges):
     return f"{caught.value}\n"
 
 
+@pytest.mark.long
 def test_a_table_that_is_too_full(golden):
     """Six boxes of 9 cm take nearly all of 30 x 20 cm; the seventh has no room."""
     text = said(FULL, {"task": Range(0.0)})
@@ -249,6 +253,7 @@ def test_time_that_is_up_while_scenes_grow_says_how_far_they_are():
     assert "all 7 objects could be placed" in str(how_far(machine, "9 evaluations"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("text", "proved"), [
     (FULL.replace("box(0.09, 0.09", "cylinder(0.05"), "7 objects (`coin[1]` to `coin[7]`) must be 10 cm apart"),
     (FULL.replace("coin[7] = box(0.09, 0.09", "coin[6] = cylinder(0.05"), ""),

@@ -12,7 +12,8 @@ from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
 from scenegen.errors.requests import ALL_HELD, OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_LABEL
-from scenegen.sampling.rarity import Estimate, OutOfReach, Rarity, Reach, measure
+from scenegen.sampling.interval import Estimate
+from scenegen.sampling.rarity import OutOfReach, Rarity, Reach, measure
 from scenegen.sampling.request import MAX_SEED
 from scenegen.sampling.vast import measure_vast, vast
 from scenegen.validation import as_int
@@ -80,8 +81,8 @@ class SpecRarity:
 def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity:
     """The range of phi of every label (or one) that can be reached, and how rare each part of it is.
 
-    Probabilities are those of the base distribution, among the scenes that meet what the spec requires; errors are one
-    standard error of log10. The same arguments give the same numbers. Raises RequestError for an unknown label, and
+    Probabilities are those of the base distribution, among the scenes that meet what the spec requires; errors are half
+    of a 95 % interval of log10. The same arguments give the same numbers. Raises RequestError for an unknown label, and
     where no scene is found that meets the requirement.
     """
     check_spec(spec)

@@ -20,7 +20,12 @@ PYTHON = 200  # a few lines of Python for one node, set or tuple
 
 
 class StoppedError(Exception):
-    """Time was up before there was a result."""
+    """Time was up before there was a result. `how_far` says in words what there was by then; "" if nothing is known. It
+    travels with the error, so it reaches the user from a worker process, too."""
+
+    def __init__(self, how_far: str = "") -> None:
+        super().__init__(how_far)
+        self.how_far = how_far
 
 
 class Stop(Protocol):

@@ -12,7 +12,7 @@ from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
-    from scenegen.sampling.rarity import Estimate
+    from scenegen.sampling.interval import Estimate
 
 TOO_RARE = "too rare to tell"
 FLOOR = -1  # the axis of a plot extends at least down to this log10
@@ -39,8 +39,9 @@ def range_(
       scenegen range my.spec --json
 
     Of every label: the bounds that no scene exceeds, what a search reached, and for a dozen values of phi how many
-    scenes lie at or above it and at or below it, as log10 of their share with its standard error; then the commands
-    that ask for a hard, a medium and an easy part. Shares are those among scenes that meet what the spec requires.
+    scenes lie at or above it and at or below it, as log10 of their share with half of its 95 % interval; then the
+    commands that ask for a hard, a medium and an easy part. Shares are those among scenes that meet what the spec
+    requires.
     """
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load

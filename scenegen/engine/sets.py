@@ -75,7 +75,8 @@ def write_set(
         while not standing.over:
             try:
                 drawn = next(pieces)
-            except StoppedError:  # time was up in the midst of the piece
+            except StoppedError as stopped:  # time was up in the midst of the piece
+                standing.cut = stopped.how_far
                 break
             run.take(drawn)
             if progress is not None:

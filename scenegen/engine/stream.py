@@ -33,13 +33,15 @@ CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; the times of checkpoi
 
 @dataclass(slots=True)
 class Standing:
-    """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene."""
+    """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene.
+    `cut` says how far the piece had come that the time limit cut short."""
 
     plan: Plan
     assembler: BlockAssembler
     used: int = 0
     idle: int = 0
     facts: Array = field(default_factory=lambda: np.empty(0))
+    cut: str = ""
 
     @property
     def over(self) -> bool:
@@ -63,7 +65,14 @@ class Standing:
         assembler = self.assembler
         strays, facts = tuple(sorted(assembler.strays)), tuple(map(float, self.facts))
         return Tally(
-            assembler.done, assembler.found, self.used, assembler.candidates, strays, facts, assembler.scarcest
+            assembler.done,
+            assembler.found,
+            self.used,
+            assembler.candidates,
+            strays,
+            facts,
+            assembler.scarcest,
+            self.cut,
         )
 
     def state(self) -> tuple[dict[str, object], Array]:
@@ -97,7 +106,8 @@ def run_blocks(
         while not run.over:
             try:
                 made = next(results)
-            except StoppedError:  # time was up in the midst of the piece
+            except StoppedError as stopped:  # time was up in the midst of the piece
+                run.cut = stopped.how_far
                 break
             yield from run.take(*made)
             if progress is not None:
@@ -172,7 +182,8 @@ def stream_scenes(
                 while not standing.over:
                     try:
                         made = next(results)
-                    except StoppedError:  # time was up in the midst of the piece
+                    except StoppedError as stopped:  # time was up in the midst of the piece
+                        standing.cut = stopped.how_far
                         break
                     run.take(*made)
                     if progress is not None:

@@ -128,8 +128,7 @@ class Paired(Plan):
         for one in accounts:
             warnings |= dict.fromkeys(one.warnings)
         methods = ", ".join(one.tried for one in accounts)
-        note = next((one.note for one in accounts if one.note), "")
-        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings), note)
+        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings))
 
     def _together(self, facts: Sequence[Array]) -> Array:
         return np.concatenate([np.pad(one, (0, size - len(one))) for one, size in zip(facts, self.facts, strict=True)])

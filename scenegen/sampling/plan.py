@@ -41,7 +41,8 @@ class Tally:
     """The progress of a run. Of `found` scenes, `scenes` are in complete blocks. `pieces` have been used; they gave
     `candidates` in reached cells. `strays` are cells that were hit although the plan considers them unreachable;
     `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most scenes, None if none does. All of
-    it depends on the request alone, never on the workers."""
+    it depends on the request alone, never on the workers; except `cut`, which says how far the piece had come that the
+    time limit cut short, "" if none was."""
 
     scenes: int
     found: int
@@ -50,6 +51,7 @@ class Tally:
     strays: tuple[int, ...] = ()
     facts: tuple[float, ...] = ()
     scarcest: int | None = None
+    cut: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ t from the level below it, times the shares of all levels before, estimates P(ph
 first, in the same way, so all probabilities are conditional on it.
 
 The chains are divided into islands that never exchange chains (Whiteley, Lee and Heine 2016 discuss such particle
-systems). Each island has its own estimate; the scatter of these is the error bar, which includes the effect of copies
-of one ancestor. Effort is counted in node visits, never in seconds. numpy only: torch is not loaded.
+systems). Each island has its own estimate; the scatter of these gives a 95 % interval (see interval.py), which
+includes the effect of copies of one ancestor. Effort is counted in node visits, never in seconds. numpy only: torch is
+not loaded.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +24,7 @@ from scenegen.lang.interpret import phi as evaluate
 from scenegen.primitives import NUMPY
 from scenegen.primitives.footprint import Circle
 from scenegen.sampling.cells import Cells
+from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.splitting.chain_state import ChainState, Tape, make_frame
 from scenegen.sampling.splitting.chains import Chains, Region
 from scenegen.sampling.splitting.tuning import Tuner, longest
@@ -31,7 +32,7 @@ from scenegen.sampling.splitting.tuning import Tuner, longest
 Array = npt.NDArray[np.float64]
 
 STREAM = 6  # random stream of these runs, apart from those of the samplers
-ISLANDS = 16  # estimates whose scatter is the error bar: enough that two standard errors mean about 95 %
+ISLANDS = 16  # estimates whose scatter is the error bar
 MOST, FEWEST = 8192, 256  # chains of a run
 DEPTH = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
@@ -44,14 +45,6 @@ ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but res
 CAREFUL = 4  # the same for the requirement: all runs start from there
 SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
 FEW = 8  # minimum number of scenes behind an estimate
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """log10 of a probability and its standard error (one sigma, same units)."""
-
-    log10: float
-    error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +72,7 @@ class Tail:
         hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
         if hits.sum() < FEW:
             return None
-        return combine(self.weights[stage] * hits / values.shape[1], self.weights[0])
+        return ratio(self.weights[stage] * hits / values.shape[1], self.weights[0])
 
     def quantile(self, share: float) -> float:
         """The phi beyond which, in the direction of the run, about that share of the scenes lies."""
@@ -111,16 +104,6 @@ class OutOfReach:
 
     best: float
     evaluations: int
-
-
-def combine(mine: Array, base: Array) -> Estimate | None:
-    """The ratio of two means over islands, (B,) each, with the standard error by linearisation (Cochran 1977, 6.4)."""
-    ratio = float(mine.sum() / base.sum())
-    if not ratio > 0.0:
-        return None
-    off = (mine - ratio * base) / base.mean()
-    error = float(off.std(ddof=1)) / math.sqrt(len(off))
-    return Estimate(math.log10(ratio), error / (ratio * math.log(10.0)))
 
 
 def measure(
@@ -155,7 +138,7 @@ def _measure(
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
-        required = combine(base.weights, np.ones(ISLANDS))
+        required = ratio(base.weights, np.ones(ISLANDS))
     reaches: dict[str, Reach] = {}
     for index, label in enumerate(labels):
         alone = part(core, (label,))

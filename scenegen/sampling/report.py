@@ -52,7 +52,7 @@ def fell_short(plan: Plan, tally: Tally) -> Diagnostic | None:
         return None
     account = plan.account(tally)
     why = shortfall(plan.problem, tally.found, account.tried, *plan.misses(), rarest=tally.scarcest)
-    return why.but(refused=account.note)
+    return why.but(refused=account.note or tally.cut)
 
 
 def _unreached(

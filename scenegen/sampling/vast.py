@@ -25,6 +25,7 @@ from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
 from scenegen.sampling.growth.plan import Stalled
 from scenegen.sampling.growth.reading import flat
 from scenegen.sampling.growth.sampler import no_growth
+from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
@@ -35,7 +36,6 @@ from scenegen.sampling.rarity import (
     ROUNDS,
     TOP,
     WORK,
-    Estimate,
     Rarity,
     Reach,
     Tail,
@@ -100,10 +100,9 @@ def measure_vast(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_
 def _requirement(first: Islands) -> Estimate:
     """Of the scenes that growth began with, however rare they are."""
     top = float(first.log_share.max())
-    share = np.exp(first.log_share - top)
-    mean = float(share.mean())
-    error = float(share.std(ddof=1)) / math.sqrt(len(share)) / mean
-    return Estimate((top + math.log(mean)) / math.log(10.0), error / math.log(10.0))
+    share = ratio(np.exp(first.log_share - top), np.ones(len(first.log_share)))
+    assert share is not None  # one island has the share 1
+    return replace(share, log10=share.log10 + top / math.log(10.0))
 
 
 @dataclass(slots=True)

@@ -14,10 +14,10 @@ from scenegen.sampling.base import draw as base
 from scenegen.sampling.base import piece_generator
 from scenegen.sampling.guided import score
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rarity import OutOfReach, combine, measure
+from scenegen.sampling.rarity import OutOfReach, measure
 from scenegen.sampling.request import Range, SampleRequest
 
-SURE = 4.0  # standard errors: of a few dozen comparisons none should be further off
+SURE = 2.0  # error bars, of 95 % each: of a few dozen comparisons none should be further off
 
 
 def measured(text_or_spec, seed=0):
@@ -26,7 +26,7 @@ def measured(text_or_spec, seed=0):
 
 
 def off(estimate, truth):
-    """By how many standard errors an estimate misses a known probability."""
+    """By how many of its error bars an estimate misses a known probability."""
     return abs(estimate.log10 - math.log10(truth)) / estimate.error
 
 
@@ -41,7 +41,7 @@ def test_both_tails_of_a_difference(difference, t):
     reach = difference.reaches["task"]
     truth = (1.0 - t) ** 2 / 2.0
     assert off(reach.up(t), truth) < SURE and off(reach.down(-t), truth) < SURE
-    assert reach.up(t).error < 0.05
+    assert reach.up(t).error < 0.1
 
 
 def test_the_ends_are_reached_and_nothing_lies_beyond(difference):
@@ -78,7 +78,7 @@ def test_a_rare_requirement(direct):
     rows = direct(4_000_000)
     dx, dy = rows[3] - rows[0], rows[1] - rows[4]
     near = np.hypot(dx, dy) <= 0.02
-    # within plain numpy's own error, which is about 1.5 %
+    # within plain numpy's own error, whose standard error is about 0.7 %
     assert abs(found.requirement.log10 - math.log10(near.mean())) < SURE * found.requirement.error + 0.01
     task = np.minimum(dx, dy)[near]
     for t in (-0.01, 0.0, 0.005):
@@ -92,7 +92,7 @@ def test_experiment_2_by_the_numbers_of_the_reference(name, truth):
     """The published figure has two digits: half of the last one, 0.7 %, is within a tenth of the error bar."""
     spec = check_text(shipped_specs()[name].read_text(), name)
     reach = measured(spec).reaches["task"]
-    assert off(reach.up(0.0), truth) < 3.0 and reach.up(0.0).error < 0.06
+    assert off(reach.up(0.0), truth) < 1.5 and reach.up(0.0).error < 0.12
     assert 0.0997 < reach.up.end <= 0.1
 
 
@@ -106,7 +106,7 @@ def test_pruned_rejection_agrees(name, label, t):
     problem = make_problem(spec, SampleRequest({label: Range(t, None)}, n=20_000, seed=1, spread="base"))
     info = draw(problem, Budget(), method="rejection").info
     ours = measured(spec, seed=1).reaches[label].up(t)
-    error = math.hypot(ours.error, info["log10_error"] / 1.96)
+    error = math.hypot(ours.error, info["log10_error"])
     assert abs(ours.log10 - info["log10_probability"]) < SURE * error
 
 
@@ -136,27 +136,30 @@ def test_a_requirement_out_of_reach():
     assert isinstance(found, OutOfReach) and -0.06 < found.best < 0.0
 
 
-def test_the_error_of_a_ratio():
-    rng = np.random.default_rng(0)
-    truth, seen = 0.25, []
-    for _ in range(2000):
-        base = rng.uniform(0.5, 1.5, 16)
-        estimate = combine(base * (truth + rng.normal(0.0, 0.02, 16)), base)
-        seen.append((10.0**estimate.log10 - truth) / (estimate.error * math.log(10.0) * truth))
-    # 16 islands: Student's t with 15 degrees of freedom, whose standard deviation is 1.07
-    assert np.std(seen) == pytest.approx(1.07, abs=0.08)
+RUNS = 150
+
+
+def shares(held):
+    """The share of bars that hold the truth over all runs (runs, places), and its standard error. The places of one run
+    share their levels and are off together, so runs are what is independent."""
+    each = np.mean(held, axis=1)
+    return float(each.mean()), float(each.std(ddof=1)) / math.sqrt(len(each))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("text", "power"), [("leftOf(a, b)", 1), ("leftOf(a, b) & aboveOf(a, b)", 2)])
 def test_error_bars_are_honest(text, power):
-    """The truth lies within two standard errors in at least 90 % of repeated runs (95 % expected, less 2.3 sigma)."""
+    """Bars are 95 % intervals: so many of them hold the truth, but for 2.3 standard errors. Bars that are a quarter
+    narrower hold less than that."""
     places = [0.2, 0.4, 0.6, 0.8, 0.9]
     misses = []
-    for seed in range(60):
+    for seed in range(RUNS):
         reach = measured(text, seed).reaches["task"]
         misses.append([off(reach.up(t), ((1.0 - t) ** 2 / 2.0) ** power) for t in places])
-    assert (np.array(misses) < 2.0).mean() >= 0.9
+    share, error = shares(np.array(misses) < 1.0)
+    assert share + 2.3 * error > 0.95
+    share, error = shares(np.array(misses) < 0.75)
+    assert share + 2.3 * error < 0.95
 
 
 @pytest.mark.slow
@@ -170,12 +173,14 @@ def test_error_bars_are_honest_where_something_is_required():
     phi = np.concatenate(margins, axis=1)
     total = phi.shape[1]
     phi = phi[:, phi[-1] >= 0.0]
-    misses = []
+    held = []
     for seed in range(20):
         found = measured(spec, seed)
-        misses.append(off(found.requirement, phi.shape[1] / total))
+        run = [off(found.requirement, phi.shape[1] / total) < 1.0]
         for label, values in zip(spec.labels, phi, strict=False):
             for share in (0.3, 0.1, 0.01):
                 t = float(np.quantile(values, 1.0 - share))
-                misses.append(off(found.reaches[label].up(t), (values >= t).mean()))
-    assert (np.array(misses) < 2.0).mean() >= 0.9
+                run.append(off(found.reaches[label].up(t), (values >= t).mean()) < 1.0)
+        held.append(run)
+    share, error = shares(held)
+    assert share + 2.3 * error > 0.95

@@ -17,7 +17,7 @@ from scenegen.sampling import vast as module
 from scenegen.sampling.rarity import measure
 from scenegen.sampling.vast import measure_vast, vast
 
-SURE = 4.0  # standard errors
+SURE = 2.0  # error bars, of 95 % each
 TABLE = """object disc[5] = cylinder(0.06, 0.05)
 require noOverlap()
 task: forall d in disc: closeTo(d, (0.5, 0.5), 45 cm)
@@ -40,12 +40,12 @@ def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
     task, drawn = plain
     found = measure_vast(check_text(TABLE), ("task",), seed=1)
     share = len(task) / drawn
-    error = math.hypot(found.requirement.error, 0.43 * math.sqrt((1.0 - share) / len(task)))
+    error = math.hypot(found.requirement.error, 0.85 * math.sqrt((1.0 - share) / len(task)))
     assert abs(found.requirement.log10 - math.log10(share)) < SURE * error
     reach = found.reaches["task"]
     for t in (-0.2, -0.1, -0.02, 0.0, 0.05):
         for ours, truth in ((reach.up(t), (task >= t).mean()), (reach.down(t), (task <= t).mean())):
-            error = math.hypot(ours.error, 0.43 * math.sqrt((1.0 - truth) / (truth * len(task))))
+            error = math.hypot(ours.error, 0.85 * math.sqrt((1.0 - truth) / (truth * len(task))))
             assert abs(ours.log10 - math.log10(truth)) < SURE * error
     assert reach.up.end > task.max() - 0.02 and reach.down.end < -0.24
 
@@ -72,7 +72,7 @@ def test_what_is_known_in_closed_form(monkeypatch):
     estimate = found.reaches["task"].up(0.0)
     truth = 12 * math.log10(1.0 - 0.22) - math.log10(math.factorial(12))
     assert found.requirement is None
-    assert abs(estimate.log10 - truth) < SURE * estimate.error and estimate.error < 0.2
+    assert abs(estimate.log10 - truth) < SURE * estimate.error and estimate.error < 0.4
 
 
 def test_a_label_that_most_scenes_share():

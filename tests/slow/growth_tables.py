@@ -55,6 +55,8 @@ workspace [0, 0.36] x [0, 0.3]
 require noOverlap() & insideWorkspace()
 task: leftOf(box[1], box[2])
 """
+# pruned rejection accepts 1 in 300,000 candidates of BOXES, of this 1 in 3,000: so full a reference can be
+ROOMY = BOXES.replace("[0, 0.36] x [0, 0.3]", "[0, 0.42] x [0, 0.36]")
 ISLANDS = """object mug, plate, cup, bowl
 task: leftOf(mug, plate) & closeTo(mug, plate, 0.2) & leftOf(cup, bowl) & closeTo(cup, bowl, 0.2)
 """
@@ -63,7 +65,7 @@ TABLES = {
     "4 items in 2 bins": (BINS, at_least(), ("rejection", "splitting")),
     "dinner for one, noOverlap": (DINNER, at_least(), ("rejection", "splitting")),
     "8 discs, 25 % full": (DISCS, at_least(), ("splitting",)),
-    "3 boxes, 56 % full": (BOXES, at_least(), ("rejection", "splitting")),
+    "3 boxes, 40 % full": (ROOMY, at_least(), ("rejection", "splitting")),
     "two pairs apart": (ISLANDS, at_least(0.05), ("rejection", "splitting")),
     "one of two chains": (CHAIN, at_least(0.05), ("rejection", "splitting")),
 }

@@ -38,7 +38,6 @@ from scenegen.sampling.splitting.sampler import probability
 Array = npt.NDArray[np.float64]
 
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
-CUT = "cut"  # the note of how many objects a piece had placed when time was up
 LOW = 0.3  # effective share below which the user is warned
 
 
@@ -89,7 +88,7 @@ class Growth(Plan):
         return self.recipe.evaluations + further * self.recipe.piece
 
     def draw(self, k: int) -> Piece:
-        """Piece k. Raises StoppedError where time is up meanwhile."""
+        """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
         with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
             return self._draw(k)
 
@@ -102,9 +101,8 @@ class Growth(Plan):
         machine = with_deadline(self.machine, self.budget.ends)
         try:
             return self._grow(machine, k, rng)
-        except StoppedError:
-            self.machine.notes[CUT] = machine.furthest
-            raise
+        except StoppedError as error:
+            raise StoppedError(self._how_far(machine.furthest)) from error
 
     def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
         problem, recipe = self.problem, self.recipe
@@ -161,13 +159,11 @@ class Growth(Plan):
         warnings: tuple[Diagnostic, ...] = ()
         if 0.0 < share < LOW:
             warnings = (SCENES_ALIKE(share=share),)
-        return Account(info, f"{evaluations:,} evaluations of growth", warnings, self._how_far())
+        return Account(info, f"{evaluations:,} evaluations of growth", warnings)
 
-    def _how_far(self) -> str:
-        """How far the piece got that time cut short, if it was drawn in this process; else ""."""
-        placed, count = self.machine.notes.get(CUT), len(self.machine.order)
-        if placed is None:
-            return ""
+    def _how_far(self, placed: int) -> str:
+        """How far a piece got that time cut short: so many objects were placed."""
+        count = len(self.machine.order)
         if placed < count:
             return f"the next {self.recipe.count:,} scenes had {placed} of {count} objects when time was up"
         return f"the next {self.recipe.count:,} scenes had all {count} objects when time was up, but were not ready"

@@ -22,6 +22,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.core import REQUIRE
 from scenegen.sampling.digest import digest
+from scenegen.sampling.interval import student
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import SHOWN, shortfall, too_early
@@ -35,8 +36,6 @@ Array = npt.NDArray[np.float64]
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
 FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
-# Student's t for 95 % by degrees of freedom, two-sided; beyond the table the normal's value is near enough.
-_STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,8 +231,7 @@ def probability(count: int, total: float, square: float) -> dict[str, object]:
     out: dict[str, object] = {"log10_probability": round(math.log10(mean), 5), "log10_error": None}
     if count > 1:
         variance = max(0.0, square - count * mean * mean) / (count - 1)
-        student = _STUDENT[count - 2] if count - 2 < len(_STUDENT) else 1.96 + 2.5 / (count - 1)
-        out["log10_error"] = round(student * math.sqrt(variance / count) / (mean * math.log(10.0)), 5)
+        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / (mean * math.log(10.0)), 5)
     return out
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import scenegen
 from scenegen.bounds.effort import StoppedError
+from scenegen.engine.run import in_memory
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
 from scenegen.sampling.growth import machine as machine_module
@@ -16,7 +17,6 @@ from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.growth.stuck import how_far
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.plan import Tally
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -161,11 +161,21 @@ def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
         at = clock.now + share * looks
         late = dataclasses.replace(plan, budget=Budget(at, 0.0))
         before = clock.looks
-        with pytest.raises(StoppedError):
+        with pytest.raises(StoppedError) as caught:
             late.draw(1)
         assert clock.looks - before == pytest.approx(share * looks, abs=2)
         how_far_it_got = "all 4 objects when time was up, but were not ready" if share > 0.5 else "of 4 objects when"
-        assert how_far_it_got in late.account(Tally(0, 0, 0, 0)).note
+        assert how_far_it_got in caught.value.how_far
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_how_far_a_piece_got_reaches_the_user_from_any_process(plan, workers):
+    """The first piece is the population of the plan; time is up as soon as the second begins."""
+    request = dataclasses.replace(plan.problem.request, workers=workers)
+    short = dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, request=request), budget=Budget(0.0))
+    found = in_memory(short, Budget(60.0))
+    assert found.shortfall is not None and 0 < found.count < 600
+    assert "scenes had 0 of 4 objects when time was up" in found.shortfall.note
 
 
 def test_what_there_was_in_time_is_kept(monkeypatch):

@@ -49,6 +49,7 @@ def test_a_sweep_is_about_the_label_asked_for(scenes):
         sweep(scenes, "othr")
 
 
+@pytest.mark.long
 def test_every_figure_is_made_and_named(scenes, tmp_path, monkeypatch):
     monkeypatch.setattr("scenegen.api.figures.FRAMES", 4)
     made = scenes.figures(tmp_path / "figures", *FIGURES, size=(40, 30), workers=1)

@@ -43,6 +43,7 @@ def test_errors_are_what_they_say():
     assert issubclass(scenegen.OutputError, OSError)
 
 
+@pytest.mark.long
 def test_a_scene_set_draws_itself_again_and_again(tmp_path):
     scenes = scenegen.sample(scenegen.parse("leftOf(mug, plate)"), n=1)
     for number in range(2):

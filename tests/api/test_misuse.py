@@ -55,6 +55,7 @@ def test_a_path_is_no_spec(call):
         call("a.spec")
 
 
+@pytest.mark.long
 def test_specs_and_models(model, tmp_path):
     with pytest.raises(scenegen.RequestError, match=r"scenegen.load\(FILE\) reads a file"):
         scenegen.parse(Path("a.spec"))

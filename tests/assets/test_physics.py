@@ -53,6 +53,7 @@ def test_things_stand_on_a_base_that_holds_their_middle(name):
     assert (ConvexHull(low).equations @ (*middle, 1.0) < -0.004).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for name in NAMES if rooms_of(shape_of(name))])
 def test_rooms_are_free_of_pieces(name):
     """An upright prism that fills a room touches no piece above the room's floor; rooms grow from the bottom up."""

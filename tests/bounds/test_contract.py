@@ -48,6 +48,7 @@ def demands(spec, rows, width, rng):
     return found, values
 
 
+@pytest.mark.long
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds, WIDTHS, st.booleans())
 def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width, batched):
@@ -141,6 +142,7 @@ FORMULAS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", FORMULAS)
 def test_a_cover_holds_every_scene_of_the_range_once(text):
     low, high = FORMULAS[text]

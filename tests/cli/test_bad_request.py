@@ -148,6 +148,7 @@ def test_a_format_that_is_not_there(refused, scenegen, here):
     assert "the formats are `mjcf`, `sdf`" in said and "did you mean" not in said
 
 
+@pytest.mark.long
 def test_no_range_is_blamed_for_what_the_spec_requires(refused, here):
     text = "object a[4] = box(0.48, 0.48, 0.1)\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(a[1], a[2])\n"
     (here / "tight.spec").write_text(text)

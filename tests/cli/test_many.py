@@ -17,6 +17,7 @@ def named(done, name):
     assert f"error[some-failed]: `{name}` failed" in done.err or f"{name} failed; the others" in done.err
 
 
+@pytest.mark.long
 def test_settle_and_render(scenes, here, scenegen, small_pictures):
     words = ("settle", *scenes, "--in", "pybullet", "--seconds", "0.1", "--workers", "1")
     named(scenegen(*words, "--out", "rest/"), "bad")

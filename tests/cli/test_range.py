@@ -80,6 +80,7 @@ def test_a_requirement_is_reported(report, here):
     assert found and abs(float(found[1]) - math.log10(0.5)) < 4 * float(found[2])
 
 
+@pytest.mark.long
 def test_what_is_advised_can_be_sampled(report, scenegen, here):
     bands = json.loads(report("two.spec", "--label", "task", "--json").out)["labels"]["task"]["bands"]
     assert [band["name"] for band in bands] == ["hard", "medium", "easy", "satisfied"]

@@ -27,6 +27,7 @@ def test_check_prints_data_only(scenegen, here):
     assert outcome.out.count(": ok\n") == 2
 
 
+@pytest.mark.long
 def test_training_and_drawing_print_no_data(scenegen, here, small_pictures):
     words = [
         "train",

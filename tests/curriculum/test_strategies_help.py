@@ -60,6 +60,7 @@ def test_a_quick_learner_is_helped_by_those_that_know_the_way(name, quick):
     assert mean(name, QUICK, 3, **clock(name, 600)) < QUICK_HELP[name] * quick
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(TOO_QUICK_FOR))
 def test_those_that_have_to_find_it_out_hardly_help_a_quick_learner(name, quick):
     assert 0.6 * quick < mean(name, QUICK, 2) < 1.8 * quick

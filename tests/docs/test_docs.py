@@ -2,9 +2,9 @@
 
 `spec` blocks must pass the checker (`spec file=NAME` also writes them for later blocks of the page); `sh` blocks run
 line by line; `console` blocks are run by a shell and their output compared; `python` blocks are executed, with
-`needs=PACKAGE` only where that is installed: elsewhere the page's test runs the rest, and is reported as skipped. The
-blocks of a page share a folder that holds `specs`. `golden` blocks are put to work by test_relations_page.py; `text` is
-not run. Links between pages must lead somewhere.
+`needs=PACKAGE` only where that is installed: elsewhere the page's test runs the rest, and is reported as skipped;
+`toml` blocks must be TOML. The blocks of a page share a folder that holds `specs`. `golden` blocks are put to work by
+test_relations_page.py; `text` is not run. Links between pages must lead somewhere.
 """
 
 import os
@@ -88,6 +88,8 @@ def work_through(page, folder, warm, shorter):
         elif language == "python":
             done = warm.run(["-c", body], folder, PLAIN)
             assert done.returncode == 0, done.stderr
+        elif language == "toml":
+            tomllib.loads(body)
         elif language not in ("golden", "text"):
             raise AssertionError(f"a block of unknown kind `{language}` in {name_of(page)}")
     return lacking

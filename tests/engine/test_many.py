@@ -24,6 +24,7 @@ def test_a_job_that_fails_does_not_stop_the_others(workers):
     assert squares(here(jobs.Picky(bad=2), ITEMS)) == squares(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("deadly", [0, 3, 6])
 def test_a_job_that_ends_its_process_does_not_either(deadly):
     import jobs

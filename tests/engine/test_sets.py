@@ -77,6 +77,7 @@ def test_what_is_in_a_set(plain, tmp_path):
         assert (plain / shard.file).stat().st_size == shard.bytes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("engine", [lambda: Local(2), lambda: Elsewhere(1), lambda: Elsewhere(3)])
 def test_engines_give_the_same_bytes(engine, plain, tmp_path):
     run(tmp_path / "set", engine())
@@ -111,6 +112,7 @@ class Fragile:
         self._change(self.store.delete, *names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("engine", [lambda: Local(1), lambda: Elsewhere(2)])
 def test_killed_anywhere_and_resumed(engine, plain, tmp_path):
     whole = Fragile(store_at(f"{tmp_path}/whole/"), None)

@@ -13,6 +13,7 @@ def tiles(request, monkeypatch):
         monkeypatch.setattr(neighbours, name, value)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("tiles")
 def test_against_a_tree():
     rng = np.random.default_rng(0)

@@ -70,6 +70,7 @@ def test_columns_have_names_and_the_worst_is_first(true_scenes):
     )
 
 
+@pytest.mark.long
 def test_the_corrected_p_holds_its_level(true_scenes):
     """Right scenes fall below 0.05 in at most 5 % of screens: 200 screens, 5 % plus three standard deviations."""
     rng = np.random.default_rng(3)
@@ -77,6 +78,7 @@ def test_the_corrected_p_holds_its_level(true_scenes):
     assert low <= 19
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["projected", "perturbed", "shifted", "reflected"])
 def test_wrong_samplers_are_seen(name, wrong_scenes):
     right, wrong = wrong_scenes[name]

@@ -48,6 +48,7 @@ def test_the_red_bar_is_as_long_as_phi_and_at_the_closest_pair(x, y, place, star
     assert np.allclose([bar_x[0], bar_y[0]], start) and np.allclose([bar_x[1], bar_y[1]], end)
 
 
+@pytest.mark.long
 def test_an_ordering_that_is_missing_is_said():
     rng = np.random.default_rng(0)
     scene = np.sort(rng.random(3))[:, None] * [1, 0, 0] + [0, 0.5, 0]
@@ -76,6 +77,7 @@ def test_steering_asks_for_what_can_be_had():
         assert all(-(safe + 0.25) <= task <= (safe + 0.25) / np.sqrt(2.0) for task, safe in steps)
 
 
+@pytest.mark.long
 def test_panels_of_points():
     spec = PROBLEMS["exp2"].load()
     rng = np.random.default_rng(0)

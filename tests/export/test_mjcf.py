@@ -171,6 +171,7 @@ def clear(scenes):
     return good
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["breakfast", "sushi_plate"])
 def test_scenes_settle(name, tmp_path):
     scenes = scenegen.sample(scenegen.load(shipped_specs()[name]), {"task": (0.0, None)}, n=4, seed=1)

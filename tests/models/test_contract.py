@@ -22,6 +22,7 @@ def make(request, make):
     return lambda *words: make(name, *words, recipe=recipe)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("objects", "labels"), SIZES)
 def test_samples_have_their_shape_and_lie_in_the_unit_box(objects, labels, make):
     model = make(objects, labels).model
@@ -43,6 +44,7 @@ def test_labels_are_heard(make):
     assert not torch.equal(low, high)
 
 
+@pytest.mark.long
 def test_the_generator_alone_decides(make):
     model = make().model
     phi = torch.zeros(2)

@@ -60,6 +60,7 @@ def test_what_the_wheel_holds(wheel, root):
     assert shipped == {"scenegen", next(name for name in shipped if name.endswith(".dist-info"))}
 
 
+@pytest.mark.long
 def test_what_a_package_index_shows_leads_somewhere(wheel):
     """Neither pictures nor pages of the repository can be seen from there."""
     with zipfile.ZipFile(wheel) as archive:

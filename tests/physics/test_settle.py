@@ -57,6 +57,7 @@ def test_scenes_without_overlap_settle_and_hardly_stir(random):
     assert found.shift[apart].max() < 0.001 and found.turn[apart].max() < 1.0
 
 
+@pytest.mark.long
 def test_scenes_with_deep_overlap_of_tall_things_do_not(random):
     """Two bodies that are 3 cm deep in each other part by that much together, so that one moves 1.5 cm or more: up, if
     the other is low, so only tall ones are looked at, where none carries another."""
@@ -130,6 +131,7 @@ def test_where_the_table_lies_does_not_matter():
     assert (near.moved == far.moved).all()
 
 
+@pytest.mark.long
 def test_one_worker_or_more_alone_or_together_in_any_order_the_same_bits(random):
     poses, found = random
     some = slice(0, 70)
@@ -180,6 +182,7 @@ def test_a_process_that_dies_is_a_diagnostic(monkeypatch):
         settle_scenes(SHAPES, np.zeros((40, 5, 3)), workers=2)
 
 
+@pytest.mark.long
 def test_standard_output_stays_clean_and_the_caller_free_of_pybullet():
     script = textwrap.dedent(
         """

@@ -41,6 +41,7 @@ def test_every_namespace_gives_the_same(name):
         assert (np.abs(tensor - expected) <= room + ulps * np.spacing(np.abs(expected))).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PRIMITIVES)
 @pytest.mark.parametrize("width", [0.0, 1e-12, 0.1, 3.0])
 def test_the_interval_rule_holds_every_value(name, width):

@@ -65,6 +65,7 @@ def test_objects_are_where_their_poses_say(drawn, view):
     assert all(hits(drawn, view, lambda x, y: (x, y)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize(
     "wrong",

@@ -66,6 +66,7 @@ def test_depth_and_mask_agree_with_the_geometry_of_the_scene(drawn, view):
     assert np.hypot(x - 0.4, y - 0.5).max() < 0.0635 and z.min() > 0.098 and 0.19 < z.max() < 0.197
 
 
+@pytest.mark.long
 def test_the_mask_from_above_is_sampled_in_the_middle_of_pixels(drawn):
     """The crate's outline, to the pixel: not a row or a column too far to one side."""
     _, cameras, arrays = drawn

@@ -24,6 +24,7 @@ NAMES = ("mug", "plate")
 THREE = [[(0.2, 0.3, 0.1), (0.7, 0.6, 0.0)], [(0.4, 0.4, 0.1), (0.7, 0.2, 0.0)], [(0.9, 0.9, 1.0), (0.1, 0.1, 0.0)]]
 
 
+@pytest.mark.long
 def test_names_order_sizes_and_progress(tmp_path):
     seen = []
     file, out = scene_file(NAMES, THREE), tmp_path / "out"
@@ -73,6 +74,7 @@ def test_the_elements_of_an_array_are_coloured_apart_on_request():
     assert len({thing.color for thing in stage_of(file, distinct=True).things}) == 3
 
 
+@pytest.mark.long
 def test_one_worker_and_two_give_the_same_bytes(tmp_path):
     file = scene_file(NAMES, THREE)
     one = render_scenes(file, tmp_path / "one", size=SIZE, workers=1)

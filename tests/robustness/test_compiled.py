@@ -77,6 +77,7 @@ def test_the_kernel_agrees_with_the_tape_whatever_the_batch_and_layout(mixed):
         assert torch.equal(run.rows(rows), whole)
 
 
+@pytest.mark.long
 def test_one_compilation_serves_all_calls(mixed, monkeypatch):
     from torch._dynamo.utils import counters
 

@@ -115,6 +115,7 @@ def test_what_phi_does_not_depend_on_is_left_to_rejection():
     assert make_plan(problem, Budget(), method="splitting").method == "rejection"
 
 
+@pytest.mark.long
 def test_where_pruning_takes_much_work_plain_candidates_may_do():
     """One in five candidates is of use; to find a better cover took longer than to draw a hundred scenes."""
     text = (
@@ -127,6 +128,7 @@ def test_where_pruning_takes_much_work_plain_candidates_may_do():
     assert found.count == 200 and found.shortfall is None
 
 
+@pytest.mark.long
 def test_shipped_specs_that_pruning_takes_a_moment_for_stay_with_rejection():
     """Half a second of pruning, where growth took ten."""
     spec = check_text(shipped_specs()["sushi_plate"].read_text(encoding="utf-8"))

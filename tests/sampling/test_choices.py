@@ -96,6 +96,7 @@ def test_files_say_on_what_objects_stand(scenes, tmp_path, ending):
     assert found[0].poses["can[1]"].on == names[int(found.on[0, 0]) - 1]
 
 
+@pytest.mark.long
 def test_a_stream_has_the_same_scenes(scenes, tmp_path):
     spec, found = scenes
     scenegen.sample_to(tmp_path / "a.jsonl", spec, {"task": (0.0, None)}, 40, seed=1, workers=2)

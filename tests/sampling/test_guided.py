@@ -50,6 +50,7 @@ HOPELESS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", HOPELESS)
 def test_a_hopeless_proposer_yields_no_bad_scene(name, exp1, phi1):
     """task 0.97..0.99 needs both objects in their corners: out of reach for some, a long way for all."""

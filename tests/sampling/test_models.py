@@ -41,6 +41,7 @@ def test_refined_is_verified_and_reproducible(model):
     assert not np.array_equal(scenegen.sample(model, WANTED, n=320, seed=2).poses, fine.poses)
 
 
+@pytest.mark.long
 def test_rejection_from_a_model_file_uses_its_spec(model):
     one = scenegen.sample(model, WANTED, n=20, seed=1, method="rejection")
     two = scenegen.sample(model.spec, WANTED, n=20, seed=1)

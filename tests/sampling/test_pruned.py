@@ -134,6 +134,7 @@ PLAIN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", PLAIN)
 def test_against_plain_rejection(case, exp1, same_distribution):
     """Every coordinate, every difference of two along an axis, and phi itself (Kolmogorov-Smirnov, p > 0.001 each), and

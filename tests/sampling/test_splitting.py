@@ -88,6 +88,7 @@ def test_the_cells_share_exactly(flat):
     assert counts.tolist() == [N // 32] * 32
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", [0, 13, 31])
 def test_within_a_cell_scenes_follow_the_base_distribution(flat, cell, phi1, direct, same_distribution):
     low, high = np.linspace(0.1, 0.3, 33)[cell : cell + 2]

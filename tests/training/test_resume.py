@@ -40,6 +40,7 @@ def files(out):
     return out.read_bytes(), state_path(out).read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1, 5, 6, 8, 19])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monkeypatch):

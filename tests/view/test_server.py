@@ -23,6 +23,7 @@ SLOW += "".join(LABEL.format(k, 6 + k) for k in range(3))
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
 
 
+@pytest.mark.long
 def test_the_page_and_its_files(running):
     status, body = running.http("GET", "/?token=the-token", headers={})
     assert status == 200 and b'id="data"' in body and b"http" not in body.split(b"<script")[0]

@@ -19,6 +19,13 @@ workspace [0, 2] x [0, 1]
 task: (leftOf(a, b) | closeTo(a, b, 0.3)) & angle(a, 1, 2) & belowOf(c, b)
 """
 
+# y and theta of book and pen have the same limits, x has not
+TRAYS = """
+object left = box(0.3, 0.3, 0.02) at (0.25, 0.5, 0), right = box(0.3, 0.3, 0.02) at (0.75, 0.5, 0)
+object book = box(0.1, 0.06, 0.02) on left, pen = box(0.1, 0.06, 0.02) on right
+task: angle(book, 1, 2) & angle(pen, 1, 2) & y(book) <= y(pen) & x(pen) - x(book) >= 0.3
+"""
+
 
 @pytest.fixture(scope="module")
 def problem():
@@ -89,9 +96,10 @@ def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch)
 
 
 @pytest.mark.parametrize("kind", MIRRORS)
-def test_a_mirror_undoes_itself(problem, kind, monkeypatch):
+@pytest.mark.parametrize("text", [SPEC, TRAYS], ids=["table", "trays"])
+def test_a_mirror_undoes_itself(text, kind, monkeypatch):
     monkeypatch.setattr(Draw, "coin", lambda self: np.ones(self.count, dtype=bool))
-    chain_state = frame_of(problem)
+    chain_state = frame_of(make_problem(check_text(text), SampleRequest(n=16)))
     rows = chain_state.draw(100, np.random.default_rng(0))
 
     def apply(rows, seed):
@@ -114,7 +122,7 @@ def test_a_mirror_undoes_itself(problem, kind, monkeypatch):
             off = np.abs(a - b)
             off = np.minimum(off, 2 * np.pi - off) if chain_state.circular[row] else off
             assert off.max() < 1e-12
-    assert moved
+    assert moved or (text == TRAYS and kind.startswith("swap, "))
 
 
 def test_the_table_of_compositions_names_mirrors():

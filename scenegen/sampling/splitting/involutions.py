@@ -93,12 +93,12 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
                 new[part.theta] = _turned(new[part.theta], along_x, along_y, exchange)
         if swapping:
             first, second = draw.pick(2)
-            pairs = _alike(chain_state, first, second, EVERY)
-            # An object without a moving x or y is mirrored in another way: with an exchange the map would not be its
-            # own inverse.
-            if _places(first) != _places(second) or len(pairs) < sum(_places(first)):
+            # An object without a moving x or y, or with other limits of its place, is mirrored in another way: with an
+            # exchange the map would not be its own inverse.
+            places = _alike(chain_state, first, second, PLACE)
+            if _places(first) != _places(second) or len(places) < sum(_places(first)):
                 return Proposal((), (), parting=False)
-            for a, b in pairs:
+            for a, b in _alike(chain_state, first, second, EVERY):
                 new[a], new[b] = new[b], new[a]
         moved = [(row, value) for row, value in new.items() if value is not draw.rows[row]]
         return Proposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)

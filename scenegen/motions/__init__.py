@@ -1,0 +1,1 @@
+"""Motions: traces of scenes over time, sampled exactly at a chosen phi (docs/motions.md)."""

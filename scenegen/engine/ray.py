@@ -208,7 +208,8 @@ def _join(ray: Any, workers: int | None, address: str | None) -> None:
     options: dict[str, Any] = {"runtime_env": {"env_vars": {"PYTHONPATH": paths}}} if given is None else {}
     try:
         ray.init(
-            address=given, num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,
+            address=given or "local",  # None would join any cluster that runs on this machine
+            num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,
             include_dashboard=None if given else False, **options,
         )  # fmt: skip
     except (ConnectionError, OSError, ValueError, RuntimeError) as error:

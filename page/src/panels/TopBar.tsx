@@ -35,7 +35,7 @@ export function TopBar() {
   }, []);
   return (
     <header class="bar" ref={bar}>
-      <span class="brand"><svg viewBox="0 0 32 32" aria-hidden="true"><rect width="32" height="32" rx="7" fill="#b98a5b" /><path d="M0 21h32M0 11h32" stroke="#a2744a" stroke-width="1.2" /><circle cx="12" cy="18" r="7" fill="#f4f1ea" /><circle cx="12" cy="18" r="4.2" fill="none" stroke="#d8d2c4" /><rect x="21" y="7" width="6" height="13" rx="1.6" fill="#0b7a5c" transform="rotate(14 24 13)" /></svg><b>scenegen</b></span>
+      <span class="brand"><svg viewBox="0 0 32 32" aria-hidden="true"><rect width="32" height="32" rx="7" fill="#b98a5b" /><path d="M0 21h32M0 11h32" stroke="#a2744a" stroke-width="1.2" /><circle cx="12" cy="18" r="7" fill="#f4f1ea" /><circle cx="12" cy="18" r="4.2" fill="none" stroke="#d8d2c4" /><rect x="21" y="7" width="6" height="13" rx="1.6" fill="#0b7a5c" transform="rotate(14 24 13)" /></svg><h1>scenegen</h1></span>
       {alone ? <span class="file-name">{boot.name}</span> : (
         <button class="file-name" aria-haspopup="menu" aria-expanded={menu.value === "file"} onClick={() => openMenu("file")} title="open a spec (o)">
           {saved.value.path ?? saved.value.name}{unsaved.value ? <i title="not saved"> •</i> : null} <span aria-hidden="true">▾</span>
@@ -103,9 +103,9 @@ function FileMenu() {
   return (
     <Menu name="specs">
       <button onClick={() => openMenu("save")}>Save as… <kbd>Ctrl S</kbd></button>
-      {found?.specs.length ? <h4>{boot.folder}</h4> : null}
+      {found?.specs.length ? <h2>{boot.folder}</h2> : null}
       {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
-      <h4>shipped with scenegen</h4>
+      <h2>shipped with scenegen</h2>
       {found?.shipped.map((one) => <button key={one.name} data-shipped={one.name} onClick={close(() => openText(one.name, one.text))}><span>{one.name}</span><small>{one.title}</small></button>)}
     </Menu>
   );
@@ -138,15 +138,15 @@ function TakeMenu() {
     <Menu name="take">
       {alone ? null : (
         <>
-          <h4>{shown.value.length} scenes</h4>
+          <h2>{shown.value.length} scenes</h2>
           <div class="formats">
             {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"]].map(([format, name]) => <button key={format} data-format={format} disabled={none} onClick={close(() => void download(format))}>{name}</button>)}
           </div>
         </>
       )}
-      <h4>this scene</h4>
+      <h2>this scene</h2>
       <div class="formats"><button data-format="png" disabled={none} onClick={close(() => void download("png"))}>PNG picture</button></div>
-      <h4>the same scenes by command</h4>
+      <h2>the same scenes by command</h2>
       <code class="command">{line}</code>
       {before() ? <p class="note">{before()}</p> : null}
       <button onClick={() => void copy(line, "the command")}>Copy the command</button>

@@ -14,7 +14,7 @@ export function Where() {
   return (
     <div class="where">
       {now.labels.map((one) => <Histogram key={one.name} name={one.name} values={shown.value.map((k) => found.phi[one.name][k])} scenes={shown.value} />)}
-      <h3>Where objects go</h3>
+      <h2>Where objects go</h2>
       <div class="heats">{now.objects.slice(0, 24).map((one, k) => <Heat key={one.name} index={k} name={one.name} />)}</div>
     </div>
   );

@@ -9,7 +9,9 @@ from typing import Any
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, ScenegenError
 from scenegen.errors.page import NO_MESSAGE
+from scenegen.errors.render import render_all
 from scenegen.lang.check import check_file
+from scenegen.view.control import control
 
 UNTITLED = "untitled.spec"
 
@@ -45,11 +47,8 @@ def refusal(error: ScenegenError) -> dict[str, Any]:
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        "title": one.title,
-        "label": one.label,
-        "note": one.note,
-        "help": one.help,
+        **{part: one.text(part, control) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
-    return {**found, "text": str(error)}
+    return {**found, "text": render_all(error.diagnostics, spell=control)}

@@ -1,0 +1,16 @@
+"""How the page names what an error asks for: by its own fields, and what has no field as an option of the command."""
+
+from __future__ import annotations
+
+FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
+"""The page's fields by argument, as page/src/panels/Request.tsx labels them."""
+CHOICES = {("spread", "base"): "as they occur", ("spread", "flat"): "flat in phi"}
+
+
+def control(name: str, value: str | None = None) -> str:
+    """An argument as somebody at the page finds it: `spread: as they occur`, or `--timeout` where no field has it."""
+    if name in FIELDS:
+        chosen = CHOICES.get((name, value or ""), value)
+        return FIELDS[name] if chosen is None else f"{FIELDS[name]}: {chosen}"
+    option = f"--{name.replace('_', '-')}"
+    return f"{option} of the command line" if value in (None, "True") else f"{option} {value} of the command line"

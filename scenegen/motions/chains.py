@@ -70,22 +70,15 @@ class Chains:
         return taken / max(1, moves * self.count)
 
     def _accept(self, new: Variables, good: Flags) -> int:
-        index = np.flatnonzero(good)
-        if not len(index):
-            return 0
-        poses = poses_of(self.problem, new.take(index))
-        within = self.problem.room(poses) >= self.region.low[-1]  # cheap: phi of the others is not needed
-        index, poses = index[within], poses[within]
-        if not len(index):
-            return 0
-        scores = self.problem.scores(poses)
-        self.evaluations += len(index)
+        scores = self.problem.scores(poses_of(self.problem, new))
+        self.evaluations += self.count
+        held = good & self.region.holds(list(scores))
         weight = self._weigh(self.region, scores)
-        held = self.region.holds(list(scores)) & (self.rng.random(len(index)) * self.weight[index] < weight)
-        index = index[held]
-        self.now.put(index, new, index)
-        self.scores[:, index], self.weight[index] = scores[:, held], weight[held]
-        return len(index)
+        held &= self.rng.random(self.count) * self.weight < weight
+        self.now.put(new, held)
+        np.copyto(self.scores, scores, where=held)
+        np.copyto(self.weight, weight, where=held)
+        return int(held.sum())
 
     def _weigh(self, region: Region, scores: Array) -> Array:
         if region.weights is None:

@@ -25,157 +25,176 @@ def _sizes(rng: np.random.Generator, count: int) -> Array:
     return size * rng.standard_normal((count, 3))
 
 
-def _pick(flags: Flags, rng: np.random.Generator) -> tuple[Index, Flags]:
-    """A uniform choice among the flagged columns of each row, and whether there was any."""
-    chosen: Index = np.where(flags, rng.random(flags.shape), -1.0).argmax(axis=1)
-    found: Flags = np.asarray(flags.any(axis=1))
-    return chosen, found
-
-
 def _segment(now: Variables, rng: np.random.Generator) -> Flags:
-    """A window of steps for each motion, (P, T): any length, short ones more often."""
-    count, steps = now.mover.shape
+    """A window of steps for each motion, (T, P): any length, short ones more often."""
+    steps, count = now.mover.shape
     length = np.floor(float(steps) ** rng.random(count)).astype(np.intp)
     start = rng.integers(steps, size=(count,))
-    place = np.arange(steps)
-    flags: Flags = (place >= start[:, None]) & (place < (start + length)[:, None])
+    place = np.arange(steps)[:, None]
+    flags: Flags = (place >= start) & (place < start + length)
     return flags
 
 
-def _one_step(now: Variables, rng: np.random.Generator) -> tuple[Index, Index, Index]:
-    count, steps, width, _ = now.unit.shape
-    row: Index = np.arange(count)
-    return row, rng.integers(steps, size=row.shape), rng.integers(width, size=row.shape)
+Here = tuple[Index, Index, Index]
+"""A step of each motion: the step, the slot of its mover, and the motion."""
+
+
+def _one_step(now: Variables, rng: np.random.Generator) -> Here:
+    steps, width, _, count = now.unit.shape
+    motion: Index = np.arange(count)
+    return rng.integers(steps, size=motion.shape), rng.integers(width, size=motion.shape), motion
+
+
+def _get(unit: Array, here: Here) -> Array:
+    """The chosen step of each motion, (P, 3)."""
+    step, slot, motion = here
+    found: Array = unit[step, slot, :, motion]
+    return found
+
+
+def _set(unit: Array, here: Here, value: Array) -> Flags:
+    """Replace it; returns which are legal."""
+    step, slot, motion = here
+    unit[step, slot, :, motion] = value
+    return legal(value.T)
 
 
 def shift_step(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One step a little different; everything after it shifts along."""
-    new, here = now.copy(), _one_step(now, rng)
-    new.unit[here] += _sizes(rng, len(now.unit))
-    return new, legal(new.unit[here])
+    unit, here = now.unit.copy(), _one_step(now, rng)
+    good = _set(unit, here, _get(unit, here) + _sizes(rng, now.count))
+    return Variables(now.first, now.mover, unit), good
 
 
 def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One step drawn anew, with its mover."""
-    new, here = now.copy(), _one_step(now, rng)
-    new.unit[here] = unit_steps(rng, len(now.unit))
+    unit, mover, here = now.unit.copy(), now.mover, _one_step(now, rng)
+    good = _set(unit, here, unit_steps(rng, now.count).T)
     if problem.moves == "one":
-        new.mover[here[:2]] = rng.integers(len(problem.movable), size=len(now.unit))
-    return new, np.ones(len(now.unit), dtype=bool)
+        mover = now.mover.copy()
+        mover[here[0], here[2]] = rng.integers(len(problem.movable), size=now.count)
+    return Variables(now.first, mover, unit), good
 
 
 def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps drawn anew."""
     window = _segment(now, rng)
-    unit = np.where(window[:, :, None, None], unit_steps(rng, *now.unit.shape[:3]), now.unit)
+    steps, width, _, count = now.unit.shape
+    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
     mover = now.mover
     if problem.moves == "one":
         mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
-    return Variables(now.first.copy(), mover, unit), np.ones(len(unit), dtype=bool)
+    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
 
 
 def shift_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps, each a little different."""
-    window = _segment(now, rng)[:, :, None, None]
-    size = 10.0 ** rng.uniform(SMALLEST, LARGEST, (len(now.unit), 1, 1, 1))
+    window = _segment(now, rng)[:, None, None]
+    size = 10.0 ** rng.uniform(SMALLEST, LARGEST, now.count)
     unit = np.where(window, now.unit + size * rng.standard_normal(now.unit.shape), now.unit)
-    good: Flags = np.asarray(legal(unit).all(axis=(1, 2)))
-    return Variables(now.first.copy(), now.mover, unit), good
+    good: Flags = np.asarray(legal(unit).all(axis=(0, 1)))
+    return Variables(now.first, now.mover, unit), good
 
 
 def redraw_mover(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Another object makes a step."""
-    new, (row, step, _) = now.copy(), _one_step(now, rng)
-    new.mover[row, step] = rng.integers(len(problem.movable), size=len(row))
-    return new, np.ones(len(row), dtype=bool)
+    mover, (step, _, motion) = now.mover.copy(), _one_step(now, rng)
+    mover[step, motion] = rng.integers(len(problem.movable), size=now.count)
+    return Variables(now.first, mover, now.unit), np.ones(now.count, dtype=bool)
 
 
 def exchange_steps(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Two steps change places: the last scene stays."""
-    new, (row, one, _), (_, two, _) = now.copy(), _one_step(now, rng), _one_step(now, rng)
-    for values, old in ((new.mover, now.mover), (new.unit, now.unit)):
-        values[row, one], values[row, two] = old[row, two], old[row, one]
-    return new, np.ones(len(row), dtype=bool)
+    (one, _, motion), (two, _, _) = _one_step(now, rng), _one_step(now, rng)
+    mover, unit = now.mover.copy(), now.unit.copy()
+    mover[one, motion], mover[two, motion] = now.mover[two, motion], now.mover[one, motion]
+    unit[one, ..., motion], unit[two, ..., motion] = now.unit[two, ..., motion], now.unit[one, ..., motion]
+    return Variables(now.first, mover, unit), np.ones(now.count, dtype=bool)
 
 
 def reverse_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """The steps of a window in reverse order."""
-    row, one, _ = _one_step(now, rng)
-    other = rng.integers(now.mover.shape[1], size=len(row))
-    start, end = np.minimum(one, other)[:, None], np.maximum(one, other)[:, None]
-    place = np.broadcast_to(np.arange(now.mover.shape[1]), now.mover.shape)
+    steps, count = now.mover.shape
+    one, other = rng.integers(steps, size=(2, count))
+    start, end = np.minimum(one, other), np.maximum(one, other)
+    place = np.arange(steps)[:, None]
     order = np.where((place >= start) & (place <= end), start + end - place, place)
-    row = row[:, None]
-    return Variables(now.first.copy(), now.mover[row, order], now.unit[row, order]), np.ones(len(row), dtype=bool)
+    mover = np.take_along_axis(now.mover, order, axis=0)
+    unit = np.take_along_axis(now.unit, order[:, None, None], axis=0)
+    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
 
 
 def shift_first(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One object shifted at all moments."""
-    new, count = now.copy(), len(now.first)
-    row, thing = np.arange(count), rng.integers(len(problem.names), size=count)
+    first, thing = now.first.copy(), rng.integers(len(problem.names), size=now.count)
     width = (problem.highest - problem.lowest)[thing]
-    return new, _shift(problem, new, row, thing, width * _sizes(rng, count))
+    good = _shift(problem, first, thing, width * _sizes(rng, now.count))
+    return Variables(first, now.mover, now.unit), good
 
 
 def redraw_first(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One object's first pose drawn anew."""
-    new, count = now.copy(), len(now.first)
-    row, thing = np.arange(count), rng.integers(len(problem.names), size=count)
+    first, count = now.first.copy(), now.count
+    thing = rng.integers(len(problem.names), size=count)
     low, high = problem.lowest[thing], problem.highest[thing]
-    new.first[row, thing] = low + (high - low) * rng.random((count, 3))
-    return new, np.ones(count, dtype=bool)
+    first[thing, :, np.arange(count)] = low + (high - low) * rng.random((count, 3))
+    return Variables(first, now.mover, now.unit), np.ones(count, dtype=bool)
 
 
 def shift_start(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One object shifted until one of its steps, which makes up for it: it ends where it did."""
-    new, (row, step, slot) = now.copy(), _one_step(now, rng)
-    thing = problem.movable[now.mover[row, step] if problem.moves == "one" else slot]
-    by = _sizes(rng, len(row))
-    free = problem.highest[thing] > problem.lowest[thing]
-    by = np.where(free, by, 0.0)
-    good = _shift(problem, new, row, thing, by * problem.reach[thing])
-    new.unit[row, step, slot] -= by
-    return new, good & legal(new.unit[row, step, slot])
+    first, unit, here = now.first.copy(), now.unit.copy(), _one_step(now, rng)
+    step, slot, motion = here
+    thing = problem.movable[now.mover[step, motion] if problem.moves == "one" else slot]
+    by = np.where(problem.highest[thing] > problem.lowest[thing], _sizes(rng, now.count), 0.0)
+    good = _shift(problem, first, thing, by * problem.reach[thing])
+    good &= _set(unit, here, _get(unit, here) - by)
+    return Variables(first, now.mover, unit), good
 
 
 def transfer(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Part of an object's step is done in another of its steps: it ends where it did."""
-    new, (row, one, slot) = now.copy(), _one_step(now, rng)
-    two, found = _other_step(now, row, one, now.mover[row, one], rng)
-    by = _sizes(rng, len(row))
-    new.unit[row, one, slot] += by
-    new.unit[row, two, slot] -= by
-    return new, found & legal(new.unit[row, one, slot]) & legal(new.unit[row, two, slot])
+    unit, here = now.unit.copy(), _one_step(now, rng)
+    step, slot, motion = here
+    other, found = _other_step(now, step, now.mover[step, motion], rng)
+    by = _sizes(rng, now.count)
+    good = found & _set(unit, here, _get(unit, here) + by)
+    good &= _set(unit, (other, slot, motion), _get(unit, (other, slot, motion)) - by)
+    return Variables(now.first, now.mover, unit), good
 
 
 def hand_over(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A step passes from one object to another; another step of each makes up for it: both end where they did."""
-    new, (row, step, _) = now.copy(), _one_step(now, rng)
-    giver, taker = now.mover[row, step], rng.integers(len(problem.movable), size=len(row))
-    one, mine = _other_step(now, row, step, giver, rng)
-    two, yours = _other_step(now, row, step, taker, rng)
-    fresh = unit_steps(rng, len(row))
-    new.unit[row, one, 0] += now.unit[row, step, 0]
-    new.unit[row, two, 0] -= fresh
-    new.unit[row, step, 0], new.mover[row, step] = fresh, taker
+    unit, mover, here = now.unit.copy(), now.mover.copy(), _one_step(now, rng)
+    step, slot, motion = here
+    giver, taker = now.mover[step, motion], rng.integers(len(problem.movable), size=now.count)
+    one, mine = _other_step(now, step, giver, rng)
+    two, yours = _other_step(now, step, taker, rng)
+    fresh = unit_steps(rng, now.count).T
     good = mine & yours & (giver != taker)
-    return new, good & legal(new.unit[row, one, 0]) & legal(new.unit[row, two, 0])
+    good &= _set(unit, (one, slot, motion), _get(unit, (one, slot, motion)) + _get(now.unit, here))
+    good &= _set(unit, (two, slot, motion), _get(unit, (two, slot, motion)) - fresh)
+    _set(unit, here, fresh)
+    mover[step, motion] = taker
+    return Variables(now.first, mover, unit), good
 
 
-def _other_step(now: Variables, row: Index, step: Index, who: Index, rng: np.random.Generator) -> tuple[Index, Flags]:
-    """A step of object `who` (P,) other than `step` (P,), and whether there is one."""
-    flags = now.mover == who[:, None]
-    flags[row, step] = False
-    return _pick(flags, rng)
+def _other_step(now: Variables, step: Index, who: Index, rng: np.random.Generator) -> tuple[Index, Flags]:
+    """A step of object `who` (P,) other than `step` (P,), chosen uniformly, and whether there is one."""
+    flags = now.mover == who
+    flags[step, np.arange(now.count)] = False
+    chosen: Index = np.where(flags, rng.random(flags.shape), -1.0).argmax(axis=0)
+    found: Flags = np.asarray(flags.any(axis=0))
+    return chosen, found
 
 
-def _shift(problem: MotionProblem, new: Variables, row: Index, thing: Index, by: Array) -> Flags:
+def _shift(problem: MotionProblem, first: Array, thing: Index, by: Array) -> Flags:
     """Shift first poses in place; headings that are free wrap. Returns which are still within their box."""
-    low, high = problem.lowest[thing], problem.highest[thing]
-    pose = new.first[row, thing] + by
+    low, high, motion = problem.lowest[thing], problem.highest[thing], np.arange(len(thing))
+    pose = first[thing, :, motion] + by
     wide = problem.wide[thing]
     pose[wide, 2] = low[wide, 2] + np.remainder(pose[wide, 2] - low[wide, 2], TWO_PI)
-    new.first[row, thing] = pose
+    first[thing, :, motion] = pose
     inside: Flags = np.asarray(((pose >= low) & (pose <= high)).all(axis=1))
     return inside
 

@@ -14,7 +14,7 @@ from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.chains import Chains
 from scenegen.motions.problem import Array, MotionProblem
 from scenegen.motions.schedule import Schedule, generator, make_schedule, statistics
-from scenegen.motions.variables import Variables, draw, poses_of
+from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.digest import digest
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget
@@ -31,7 +31,7 @@ def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array
         mover = problem.movable[variables.mover]
     else:
         mover = np.full_like(variables.mover, -1)
-    return np.concatenate([poses.reshape(len(poses), -1).T, mover.T.astype(np.float64)])
+    return np.concatenate([poses.reshape(-1, variables.count), mover.astype(np.float64)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,12 +71,12 @@ class MotionRejection(_MotionPlan):
     def draw(self, k: int) -> Piece:
         self.stop.check()
         made = draw(self.problem, BATCH, generator(self.seed, k))
-        poses = poses_of(self.problem, made)
+        poses = within_a_turn(poses_of(self.problem, made))
         scores = self.problem.scores(poses)
         cell = self.cells.find(scores)
         good = np.flatnonzero(cell >= 0)
         share = len(good) / BATCH
-        rows = columns(self.problem, made.take(good), poses[good])
+        rows = columns(self.problem, made.take(good), poses[..., good])
         return Piece(rows, scores[:, good], cell[good], np.array([share, share**2, 1.0]))
 
     def account(self, tally: Tally) -> Account:
@@ -128,7 +128,7 @@ class MotionSplitting(_MotionPlan):
         mean, variance = watched.mean(axis=1), watched.var(axis=1)
         facts = np.array([share, share**2, 1.0, chains.evaluations, taken, *mean, *mean**2, *variance])
         made = chains.now.take(rng.permutation(chains.count))
-        poses = poses_of(problem, made)
+        poses = within_a_turn(poses_of(problem, made))
         scores = problem.scores(poses)
         return Piece(columns(problem, made, poses), scores, self.cells.find(scores), facts)
 

@@ -31,7 +31,8 @@ class MotionProblem:
     `turn` (N,), radians. Objects with neither stay where they are. The whole is conditioned on all centres within
     lowest to highest at every moment, and on `required` >= 0.
 
-    `phi` maps poses (B, steps + 1, N, 3) to (B, L), `required` to (B,); both must be picklable for several processes.
+    `phi` maps poses (N, 3, steps + 1, B) to (L, B), `required` to (B,); both must be picklable for several processes.
+    Headings that they get may lie outside [0, 2 pi).
     `scores` has the labels' phi in its first rows, then those of GATES.
     """
 
@@ -71,19 +72,20 @@ class MotionProblem:
         return turned
 
     def room(self, poses: Array) -> Array:
-        """The least distance of a moving centre from its limits, (B, steps + 1, N, 3) -> (B,), metres; negative
+        """The least distance of a moving centre from its limits, (N, 3, steps + 1, B) -> (B,), metres; negative
         outside; infinite if nothing moves."""
-        flat = list(LENGTHS)
-        moving = np.flatnonzero(self.radius > 0.0)
-        places = poses[:, :, moving][..., flat]
-        low, high = (ends[moving][:, flat] for ends in (self.lowest, self.highest))
-        least: Array = np.minimum(places - low, high - places).min(axis=(1, 2, 3), initial=np.inf)
+        least = np.full(poses.shape[-1], np.inf)
+        for thing in np.flatnonzero(self.radius > 0.0):
+            for axis in LENGTHS:
+                place = poses[thing, axis]
+                np.minimum(least, place.min(axis=0) - self.lowest[thing, axis], out=least)
+                np.minimum(least, self.highest[thing, axis] - place.max(axis=0), out=least)
         return least
 
     def scores(self, poses: Array) -> Array:
-        """phi of all labels, the requirement and the room, (B, steps + 1, N, 3) -> (L + 2, B)."""
-        out = np.empty((len(self.labels) + len(GATES), len(poses)))
-        out[: len(self.labels)] = self.phi(poses).T
+        """phi of all labels, the requirement and the room, (N, 3, steps + 1, B) -> (L + 2, B)."""
+        out = np.empty((len(self.labels) + len(GATES), poses.shape[-1]))
+        out[: len(self.labels)] = self.phi(poses)
         out[-2] = np.inf if self.required is None else self.required(poses)
         out[-1] = self.room(poses)
         return out

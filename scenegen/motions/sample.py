@@ -58,9 +58,10 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
             info["cells"] = {"asked": cells.count, "reached": len(plan.reached)}
         rows = np.concatenate(columns, axis=1)
         poses, movers = _split(problem, rows)
-        scores = problem.scores(poses) if len(poses) else np.empty((len(cells.low), 0))
+        scores = problem.scores(poses)
     assert (cells.find(scores) >= 0).all(), "a motion is out of range"
-    return MotionSet(poses, movers, scores[:labels].T, info, len(poses) >= problem.request.n)
+    motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
+    return MotionSet(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
 
 
 def _rows(problem: MotionProblem) -> int:
@@ -69,5 +70,4 @@ def _rows(problem: MotionProblem) -> int:
 
 def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:
     poses, movers = rows[: len(rows) - problem.steps], rows[len(rows) - problem.steps :]
-    shape = (rows.shape[1], problem.steps + 1, len(problem.names), 3)
-    return np.ascontiguousarray(poses.T).reshape(shape), movers.T.astype(np.intp)
+    return poses.reshape(len(problem.names), 3, problem.steps + 1, -1), movers.T.astype(np.intp)

@@ -14,10 +14,11 @@ from scenegen.sampling.splitting.chains import Region, which_cell
 
 STREAM = 11  # random numbers of motions, separate from those of scenes
 KEPT = 0.5
-FEWEST, PIECES = 512, 8
+FEWEST, PIECES = 256, 8
 LEVELS, STALL = 400, 20
 LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
 LONGEST = 64  # rounds of moves until then, at most
+LUCK = 2.5
 ROUNDS = 24  # of weights that even out the cells
 
 
@@ -44,9 +45,9 @@ def generator(seed: int, piece: int) -> np.random.Generator:
 def statistics(problem: MotionProblem, chains: Chains) -> Array:
     """What is watched to see whether motions are independent: places and headings at a few moments, and scores,
     (S, P)."""
-    poses = poses_of(problem, chains.now)[:, [0, problem.steps // 2, problem.steps]]
-    turned = [np.cos(poses[..., 2]), np.sin(poses[..., 2])]
-    parts = [part.reshape(chains.count, -1).T for part in (poses[..., :2], *turned)]
+    poses = poses_of(problem, chains.now)[:, :, [0, problem.steps // 2, problem.steps]]
+    turned = [np.cos(poses[:, 2]), np.sin(poses[:, 2])]
+    parts = [part.reshape(-1, chains.count) for part in (poses[:, :2], *turned)]
     return np.concatenate([*parts, chains.scores[: len(problem.labels)]])
 
 
@@ -151,6 +152,7 @@ def _weights(log_weight: Array) -> Array:
 def _settling(problem: MotionProblem, chains: Chains, moves: int) -> tuple[int, float]:
     """How many moves make motions independent of where their chains were, and the mean correlation then."""
     before, left = statistics(problem, chains), 1.0
+    noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
     spread = before.std(axis=1) > 1e-12
     rounds = 0
     while left > LEFT and rounds < LONGEST:
@@ -160,5 +162,5 @@ def _settling(problem: MotionProblem, chains: Chains, moves: int) -> tuple[int, 
         kept = spread & (after.std(axis=1) > 1e-12)
         pairs = zip(before[kept], after[kept], strict=True)
         found = [float(np.corrcoef(one, two)[0, 1]) for one, two in pairs]
-        left = max(found, default=0.0)
-    return 2 * rounds * moves, left
+        left = max(found, default=0.0) - noise
+    return 2 * rounds * moves, float(max(left, 0.0))

@@ -1,4 +1,4 @@
-"""Problems written by hand: numpy functions of poses (B, T + 1, N, 3), in metres and radians."""
+"""Problems written by hand: numpy functions of poses (N, 3, T + 1, B), in metres and radians."""
 
 from dataclasses import replace
 
@@ -9,38 +9,38 @@ from scenegen.pose import TWO_PI
 from scenegen.sampling.request import Range, SampleRequest
 
 
-def distance(poses, a, b):
-    return np.hypot(*np.moveaxis(poses[:, :, a, :2] - poses[:, :, b, :2], -1, 0))
+def distance(poses, a, b):  # at every moment, (T + 1, B)
+    return np.hypot(poses[a, 0] - poses[b, 0], poses[a, 1] - poses[b, 1])
 
 
 def meets(poses):  # eventually the first two objects are near
-    return (0.15 - distance(poses, 0, 1)).max(axis=1)[:, None]
+    return (0.15 - distance(poses, 0, 1)).max(axis=0)[None]
 
 
 def parts(poses):  # near at first, apart in the end
     far = distance(poses, 0, 1)
-    return np.minimum(0.2 - far[:, 0], far[:, -1] - 0.35)[:, None]
+    return np.minimum(0.2 - far[0], far[-1] - 0.35)[None]
 
 
 def ends_right(poses):  # the first object left of 0 at first, right of 0.1 in the end
-    return np.minimum(-poses[:, 0, 0, 0], poses[:, -1, 0, 0] - 0.1)[:, None]
+    return np.minimum(-poses[0, 0, 0], poses[0, 0, -1] - 0.1)[None]
 
 
 def turns(poses):  # the first object faces along x in the end
-    return (np.cos(poses[:, -1, 0, 2]) - 0.9)[:, None]
+    return (np.cos(poses[0, 2, -1]) - 0.9)[None]
 
 
 def two(poses):
-    return np.concatenate([meets(poses), ends_right(poses)], axis=1)
+    return np.concatenate([meets(poses), ends_right(poses)])
 
 
 def apart(poses):
-    return (distance(poses, 0, 1) - 0.08).min(axis=1)
+    return (distance(poses, 0, 1) - 0.08).min(axis=0)
 
 
-def travels(poses):  # all objects start left and end right, and the first two stay near each other all the time
-    left, right = -0.15 - poses[:, 0, :, 0], poses[:, -1, :, 0] - 0.1
-    return np.minimum(left.min(axis=1), right.min(axis=1))[:, None]
+def travels(poses):  # all objects start left and end right
+    left, right = -0.15 - poses[:, 0, 0], poses[:, 0, -1] - 0.1
+    return np.minimum(left.min(axis=0), right.min(axis=0))[None]
 
 
 def problem(phi, wanted, *, objects=2, steps=4, n=1000, seed=0, spread="base", radius=0.15, turn=0.5, **more):

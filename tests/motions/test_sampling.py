@@ -54,12 +54,12 @@ def sequential(made, count, rng):
     for step in range(made.steps):
         while True:
             short = replace(made, steps=step + 1)
-            poses = poses_of(short, Variables(now.first, now.mover[:, : step + 1], now.unit[:, : step + 1]))
+            poses = poses_of(short, Variables(now.first, now.mover[: step + 1], now.unit[: step + 1]))
             bad = np.flatnonzero(short.room(poses) < 0.0)
             if not len(bad):
                 break
-            now.unit[bad, step] = unit_steps(rng, len(bad), now.unit.shape[2])
-    return poses_of(made, now)
+            now.unit[step][..., bad] = unit_steps(rng, now.unit.shape[1], len(bad))
+    return poses_of(made, now).transpose(3, 2, 0, 1)
 
 
 @pytest.mark.slow
@@ -76,11 +76,11 @@ def test_changes_keep_the_base_distribution(moves):
     made = problem(meets, {"a": (None, None)}, objects=3, moves=moves)
     chains = Chains.start(made, 2000, np.random.default_rng(5))
     chains.run(60)
-    far = np.hypot(chains.now.unit[..., 0], chains.now.unit[..., 1])
+    far = np.hypot(chains.now.unit[..., 0, :], chains.now.unit[..., 1, :])
     free = chains.problem.room(poses_of(made, chains.now)) > -np.inf
     assert free.all() and far.max() <= 1.0
-    assert abs((far**2).mean() - 0.5) < 0.02 and abs(chains.now.unit[..., 2].mean()) < 0.02
-    assert np.ptp(chains.now.first[..., 0]) <= 0.8
+    assert abs((far**2).mean() - 0.5) < 0.02 and abs(chains.now.unit[..., 2, :].mean()) < 0.02
+    assert np.ptp(chains.now.first[:, 0]) <= 0.8
     if moves == "one":
         assert np.abs(np.bincount(chains.now.mover.ravel()) / chains.now.mover.size - 1 / 3).max() < 0.02
 
@@ -89,7 +89,7 @@ def test_motions_meet_the_request_and_take_legal_steps():
     made = problem(ends_right, {"a": (0.0, 0.1)}, required=apart, n=200)
     found = sample(made)
     assert found.complete and found.poses.shape == (200, 5, 2, 3) and found.info["method"] == "rejection"
-    assert ((found.phi >= 0.0) & (found.phi <= 0.1)).all() and (apart(found.poses) >= 0.0).all()
+    assert ((found.phi >= 0.0) & (found.phi <= 0.1)).all() and (apart(found.poses.transpose(2, 3, 1, 0)) >= 0.0).all()
     step = np.hypot(*np.moveaxis(np.diff(found.poses[..., :2], axis=1), -1, 0))
     assert step.max() <= 0.15 + 1e-12 and ((step > 0.0).sum(axis=2) <= 1).all()
     moved = step.argmax(axis=2)
@@ -102,7 +102,7 @@ def test_splitting_gives_equal_bytes_and_a_flat_spread():
     one, two = (sample(made, method="splitting") for _ in range(2))
     assert one.poses.tobytes() == two.poses.tobytes() and one.info["method"] == "splitting"
     reached = one.info["cells"]["reached"]
-    shares = np.bincount(made.cells.find(made.scores(one.poses)), minlength=32)
+    shares = np.bincount(made.cells.find(made.scores(one.poses.transpose(2, 3, 1, 0))), minlength=32)
     assert one.complete and shares.max() - shares[shares > 0].min() <= 1 and (shares > 0).sum() == reached
 
 

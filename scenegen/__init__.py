@@ -24,6 +24,9 @@ _PUBLIC = {
     "read_scenes": "scenes",
     "StoredSet": "stored",
     "open_set": "stored",
+    "MotionSet": "motions",
+    "read_motions": "motions",
+    "pairs": "pairs",
     "load_pybullet": "simulate",
     "rarity": "rarity",
     "sample": "sample",
@@ -41,6 +44,7 @@ __all__ = [
     "DataError",
     "Diagnostic",
     "Model",
+    "MotionSet",
     "OutputError",
     "RequestError",
     "Scene",
@@ -56,8 +60,10 @@ __all__ = [
     "load_model",
     "load_pybullet",
     "open_set",
+    "pairs",
     "parse",
     "rarity",
+    "read_motions",
     "read_scenes",
     "sample",
     "sample_to",
@@ -67,6 +73,8 @@ __all__ = [
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model, load_model
+    from scenegen.api.motions import MotionSet, read_motions
+    from scenegen.api.pairs import pairs
     from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
     from scenegen.api.scene import Scene

@@ -57,6 +57,7 @@ COMMANDS: dict[str, str] = {
     "train": "scenegen.cli.train:train",
     "info": "scenegen.cli.info:info",
     "sample": "scenegen.cli.sample:sample",
+    "pairs": "scenegen.cli.pairs:pairs",
     "eval": "scenegen.cli.eval:evaluate",
     "render": "scenegen.cli.render:render",
     "export": "scenegen.cli.export:export",

@@ -22,6 +22,7 @@ GROUPS = {
     "requests": "Requests",
     "files": "Files",
     "planning": "Planning problems",
+    "motions": "Motions and pairs",
     "stores": "Sets of scenes, stores and clusters",
     "models": "Training, models, metrics",
     "learning": "Environments and curricula",

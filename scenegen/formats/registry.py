@@ -67,7 +67,11 @@ def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: I
 
 
 def read_scenes(path: Path) -> Reading:
-    """Open a scene file. Raises DataError and RequestError; `blocks` of the result raises DataError for later
-    damage."""
+    """Open a scene file, or a file of motions: its scenes are the moments. Raises DataError and RequestError; `blocks`
+    of the result raises DataError for later damage."""
+    from scenegen.formats.motions.table import is_motions, moments
+
+    if is_motions(path):
+        return moments(path)
     reading: Reading = format_of(path).read(path)
     return reading

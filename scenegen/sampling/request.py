@@ -87,11 +87,12 @@ class SampleRequest:
     keep_partial: bool = False
 
 
-def parse_phi(options: Sequence[str], labels: Sequence[str]) -> dict[str, Range]:
-    """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]. Raises RequestError with a caret."""
+def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "phi") -> dict[str, Range]:
+    """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]; `argument` is the option's name.
+    Raises RequestError with a caret."""
     phi: dict[str, Range] = {}
     for text in options:
-        source = Source("phi", text, argument=True)
+        source = Source(argument, text, argument=True)
         name, equals, rest = text.partition("=")
         if not equals:
             if len(labels) > 1:

@@ -1,0 +1,33 @@
+"""Errors of motions: their files, and pairs of a start and a goal."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+UNKNOWN_MOTION_ENDING = Kind(
+    "unknown-motion-ending",
+    (
+        "{path} has the ending `{name}`: not a format of motion files",
+        "{path} has no ending of a format of motion files",
+    ),
+    help=(NEAREST, "use {known:list}"),
+)
+NOT_MOTIONS = Kind("not-motions", "{file} is not a motions file: {reason}", help="`scenegen pairs` writes one")
+DAMAGED_MOTIONS = Kind(
+    "damaged-motions", "{file} is damaged[[ at `{place}`]]: {reason}", help="`scenegen pairs` writes another one"
+)
+NO_HEADER_IN_CSV = Kind(
+    "no-header-in-csv",
+    "{path} holds numbers alone: a .csv file has no place for spec and shapes",
+    help="write .json, .jsonl or .parquet",
+)
+TOO_FEW_PAIRS = Kind(
+    "too-few-pairs",
+    "found {found:,} of {wanted:,} pairs: {reason}",
+    help="ask for a wider range of starts, for another number of moved objects, or for more time",
+)
+CANNOT_MOVE_SO_MANY = Kind(
+    "cannot-move-so-many",
+    "{wanted} objects cannot move: {free} of them can",
+    help="ask for {most} at most",
+)

@@ -1,0 +1,1 @@
+"""Motion files: JSON, JSON Lines, Parquet and CSV (docs/motions.md)."""

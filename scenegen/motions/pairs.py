@@ -1,0 +1,187 @@
+"""Pairs of a start and a goal: two scenes of one spec, the rearrangement task.
+
+The goal is drawn as scenes are. Without `moved` the start is, too, independently of it. With `moved`, K of the objects
+that can move, chosen uniformly, get new poses, uniform over their limits, until the start is in its range; the others
+stay where they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.engine.run import draw
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.motions import CANNOT_MOVE_SO_MANY, TOO_FEW_PAIRS
+from scenegen.pose import PLACE, along, row_of, rows_of
+from scenegen.sampling.problem import Budget, Problem
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+STREAM = 12  # random numbers of pairs; sampling/problem.py and motions/schedule.py name the others
+TRIES = 4096  # starts that are tried for a goal before it is given up
+CHUNK = 16_384
+AGREE = 1e-9
+AS_MANY = 64  # starts for a pair at most, where the start is anything but the goal
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """`start` and `goal` (3N, n), phi of every label at each (L, n), `moved` (n,) objects whose place differs,
+    `distance` (n,) metres between their centres, summed. `given_up` goals had no start in so many tries; `shortfall`
+    says why there are fewer pairs than wanted, if there are."""
+
+    start: Array
+    goal: Array
+    start_phi: Array
+    goal_phi: Array
+    moved: Index
+    distance: Array
+    given_up: int
+    shortfall: Diagnostic | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """Which scenes are starts: those of a problem's range, or, with `unless`, those of it that are not in the goal's
+    range."""
+
+    problem: Problem
+    unless: Problem | None = None
+
+    def holds(self, rows: Array) -> tuple[Flags, Array]:
+        """Which scenes (3N, B) are starts, and phi (L, B)."""
+        phi = self.problem.phi(rows)
+        flags: Flags = self.problem.cells.find(phi) >= 0
+        if self.unless is not None:
+            flags &= self.unless.cells.find(phi) < 0
+        return flags, phi
+
+
+def draw_pairs(goal: Problem, starts: Starts, moved: int | None, budget: Budget) -> Pairs:
+    """The pairs of two requests for the same spec: as many as the goal's. Raises RequestError where there is no scene,
+    and for more moved objects than can move; AssertionError for a pair that fails the last check."""
+    wanted = goal.request.n
+    free = np.array([k for k in range(len(goal.spec.objects)) if _moves(goal, k)], dtype=np.intp)
+    if moved is not None and moved > len(free):
+        raise RequestError(CANNOT_MOVE_SO_MANY(wanted=moved, free=len(free), most=len(free)))
+    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, STREAM]))
+    if moved is None:
+        found = draw(goal, budget)
+        if found.shortfall is not None:
+            raise RequestError(found.shortfall)
+        start, reason = _independent(starts, wanted, budget, rng)
+        ends, given_up = found.rows[:, : start.shape[1]], 0
+    else:
+        start, ends, given_up, reason = _rounds(goal, starts, free, moved, budget, rng)
+    shortfall = None
+    if start.shape[1] < wanted:
+        shortfall = TOO_FEW_PAIRS(found=start.shape[1], wanted=wanted, reason=reason)
+    return _checked(goal, starts, start, ends, moved, given_up, shortfall)
+
+
+def _rounds(
+    goal: Problem, starts: Starts, free: Index, moved: int, budget: Budget, rng: np.random.Generator
+) -> tuple[Array, Array, int, str]:
+    """Starts and goals; goals without a start are replaced by others. Returns how many there were, and why there are
+    too few."""
+    wanted, pairs, count, given_up, reason = goal.request.n, list[tuple[Array, Array]](), 0, 0, ""
+    while True:
+        request = goal.request
+        if given_up:
+            request = replace(request, n=wanted - count, seed=int(rng.integers(1 << 31)))
+        found = draw(replace(goal, request=request), budget)
+        if found.shortfall is not None:
+            raise RequestError(found.shortfall)
+        start, kept, reason = _moved(starts, found.rows, free, moved, budget, rng)
+        pairs.append((start, found.rows[:, kept]))
+        count, given_up = count + len(kept), given_up + found.count - len(kept)
+        if count == wanted or budget.spent or not len(kept):
+            break
+    begins, ends = (np.concatenate(parts, axis=1) for parts in zip(*pairs, strict=True))
+    return begins, ends, given_up, reason
+
+
+def _moves(problem: Problem, thing: int) -> bool:
+    return any(problem.lowest[row_of(thing, axis)] < problem.highest[row_of(thing, axis)] for axis in PLACE)
+
+
+def _independent(starts: Starts, wanted: int, budget: Budget, rng: np.random.Generator) -> tuple[Array, str]:
+    """Starts that know nothing of the goals, (3N, m), and why there are too few."""
+    problem, parts, count, drawn = starts.problem, list[Array](), 0, 0
+    while count < wanted and drawn < AS_MANY * wanted and not budget.spent:
+        # scenes of one run are spread over the range together, so the first run has all that are wanted
+        request = replace(problem.request, n=max(wanted - count, 256), seed=int(rng.integers(1 << 31)))
+        made = draw(replace(problem, request=request), budget)
+        flags, _ = starts.holds(made.rows)
+        parts.append(made.rows[:, flags])
+        count, drawn = count + int(flags.sum()), drawn + made.count
+        if made.shortfall is not None:
+            break
+    found = np.concatenate(parts, axis=1)
+    found = found[:, rng.permutation(found.shape[1])[:wanted]]
+    return found, f"of {drawn:,} scenes {count:,} are starts"
+
+
+def _moved(
+    starts: Starts, goals: Array, free: Index, moved: int, budget: Budget, rng: np.random.Generator
+) -> tuple[Array, Index, str]:
+    """Starts in which so many objects stand elsewhere than in the goal; the goals that have one, in order; why the
+    others have none."""
+    problem = starts.problem
+    found, done = goals.copy(), np.zeros(goals.shape[1], dtype=bool)
+    tries = 0
+    while tries < TRIES and not done.all() and not budget.spent:
+        open_ = np.flatnonzero(~done)
+        each = min(max(1, CHUNK // len(open_)), TRIES - tries)  # several tries of a goal at once
+        tries += each
+        for part in np.array_split(open_, -(-len(open_) * each // CHUNK)):
+            which = np.repeat(part, each)
+            rows = _elsewhere(problem, goals[:, which], free, moved, rng)
+            flags, _ = starts.holds(rows)
+            good = np.flatnonzero(flags)
+            first, place = np.unique(which[good], return_index=True)
+            found[:, first], done[first] = rows[:, good[place]], True
+    kept = np.flatnonzero(done)
+    reason = "time is up" if tries < TRIES else f"{TRIES:,} starts were tried for each goal"
+    return found[:, kept], kept, reason
+
+
+def _elsewhere(problem: Problem, rows: Array, free: Index, moved: int, rng: np.random.Generator) -> Array:
+    """The scenes with so many of the free objects at new poses, uniform over their limits."""
+    low, high, count = problem.lowest, problem.highest, rows.shape[1]
+    rank = np.argsort(np.argsort(rng.random((len(free), count)), axis=0), axis=0)
+    rows = rows.copy()
+    for place, thing in enumerate(free.tolist()):
+        goes = rank[place] < moved
+        for row in rows_of(thing):
+            new = low[row] + (high[row] - low[row]) * rng.random(count)
+            np.copyto(rows[row], new, where=goes)
+    return rows
+
+
+def _checked(
+    goal: Problem,
+    starts: Starts,
+    start: Array,
+    ends: Array,
+    moved: int | None,
+    given_up: int,
+    shortfall: Diagnostic | None,
+) -> Pairs:
+    """Pairs, each scored once more."""
+    flags, start_phi = starts.holds(start)
+    goal_phi = goal.phi(ends)
+    assert flags.all() and (goal.cells.find(goal_phi) >= 0).all(), "a scene of a pair is out of its range"
+    inside = goal.spec.workspace.contains
+    assert inside(start).all() and inside(ends).all(), "an object of a pair is outside the workspace"
+    apart = [start[along(axis)] - ends[along(axis)] for axis in PLACE]
+    far = np.hypot(*apart)
+    differs = (far > 0.0).sum(axis=0)
+    assert moved is None or (differs == moved).all(), "a pair moves another number of objects"
+    labels = len(goal.spec.labels)
+    return Pairs(start, ends, start_phi[:labels], goal_phi[:labels], differs, far.sum(axis=0), given_up, shortfall)

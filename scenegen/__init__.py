@@ -26,6 +26,7 @@ _PUBLIC = {
     "open_set": "stored",
     "MotionSet": "motions",
     "read_motions": "motions",
+    "sample_motions": "motions",
     "pairs": "pairs",
     "load_pybullet": "simulate",
     "rarity": "rarity",
@@ -66,6 +67,7 @@ __all__ = [
     "read_motions",
     "read_scenes",
     "sample",
+    "sample_motions",
     "sample_to",
     "settle",
     "train",
@@ -73,7 +75,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model, load_model
-    from scenegen.api.motions import MotionSet, read_motions
+    from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs
     from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample

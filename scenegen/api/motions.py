@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.request import Phi, check_request, read_phi
+from scenegen.api.sample import partial
+from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.errors import Diagnostic
+from scenegen.api.spec import Spec, check_spec
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.motions import NOT_FOR_MOTIONS, TOO_FEW_MOTIONS
+from scenegen.errors.requests import CHOICES_NOT_HERE, UNKNOWN_CHOICE
+from scenegen.errors.temporal import NOT_OVER_TIME
 from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.formats.motions.table import read_motions as read
 from scenegen.formats.motions.table import write_motions as write
-from scenegen.scene.motions import MotionFile
+from scenegen.sampling.request import FixedPose, SampleRequest
+from scenegen.scene.data import RequestData
+from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
@@ -63,7 +72,108 @@ class MotionSet:
         return path
 
 
+    def dump(self) -> bytes:
+        """The bytes of the .json file."""
+        import io
+
+        from scenegen.formats.motions.text import write as write_text
+
+        sink = io.BytesIO()
+        write_text(sink, MotionArrays(self.header, self.poses, self.phi, self.facts), ".json")
+        return sink.getvalue()
+
+    def figures(
+        self,
+        out: str | Path,
+        *kinds: str,
+        view: str = "perspective",
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
+        label: str | None = None,
+        workers: int | None = None,
+    ) -> tuple[Path, ...]:
+        """Draw every motion into the folder `out`; the paths of the files. `kinds` are of "gif" (motion_0001.gif: the
+        motion, with phi below), "strip" (motion_0001_strip.png: six moments side by side) and "phi"
+        (motion_0001_phi.png: phi over time). The other arguments are those of `SceneSet.figures`. phi at a moment is
+        that of the formula from there on. Raises RequestError, OutputError."""
+        from scenegen.api.motion_figures import figures
+
+        return figures(self, out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
+
+
 def read_motions(path: str | Path) -> MotionSet:
     """The motions of a .json, .jsonl or .parquet file. Raises DataError, RequestError."""
     found = read(as_path("path", path))
     return MotionSet(found.poses, found.phi, found.facts, found.header)
+
+
+METHODS = ("auto", "rejection", "splitting")
+
+
+def sample_motions(
+    spec: Spec,
+    phi: Phi | None = None,
+    n: int = 16,
+    *,
+    seed: int = 0,
+    method: str = "auto",
+    spread: str = "flat",
+    timeout: float = 60.0,
+    keep_partial: bool = False,
+    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
+    workers: int | None = None,
+) -> MotionSet:
+    """n motions of a spec over time whose phi lies in the wanted range of every label; each is scored once more.
+
+    Arguments are as of `sample`; `method` is `rejection`, `splitting`, or `auto`. The distribution is described in
+    docs/motions.md: steps are uniform over what the spec allows, conditioned on requirement, limits and range. An
+    object that `fix` names stays where it is, all the time. `facts` holds `moved`, the number of objects that ever
+    move, and `way`, the metres that all go together. The same arguments give the same motions, whatever `workers`.
+    Raises RequestError for a request that is wrong or out of reach, for a spec without `time`, and where fewer than n
+    motions were found, unless `keep_partial`.
+    """
+    request = SampleRequest(
+        read_phi(spec, phi), n, seed=seed, method=method, spread=spread, timeout=timeout, keep_partial=keep_partial,
+        fix={} if fix is None else fix, workers=workers,
+    )  # fmt: skip
+    return draw_motions(spec, request)
+
+
+def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
+    """The motions of a request. Raises what `sample_motions` raises."""
+    from scenegen.motions.prepare import make_problem
+    from scenegen.motions.sample import sample
+    from scenegen.sampling.problem import Budget
+
+    check_spec(spec)
+    if spec.over_time is None:
+        raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+    for which in spec.declared.choices:
+        raise RequestError(CHOICES_NOT_HERE(what="a motion", name=spec.objects[which]))
+    for argument in ("settle", "raw"):
+        if getattr(request, argument):
+            raise RequestError(NOT_FOR_MOTIONS(argument=argument))
+    if request.method not in METHODS:
+        raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
+    request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
+    budget = Budget(request.timeout)
+    problem, warnings = make_problem(spec.declared, request, budget)
+    made = sample(problem, budget, method=request.method)
+    if not made.complete:
+        reason = "time is up" if budget.spent else "the search did not reach the range"
+        shortfall = TOO_FEW_MOTIONS(found=made.count, wanted=request.n, reason=reason)
+        if not (request.keep_partial and made.count):
+            raise RequestError(shortfall)
+        warnings = (*warnings, partial(shortfall))
+    phi = dict(zip(spec.labels, np.ascontiguousarray(made.phi.T), strict=True))
+    steps = np.hypot(*np.moveaxis(np.diff(made.poses[..., :2], axis=1), -1, 0))
+    facts = {"moved": (steps > 0.0).any(axis=1).sum(axis=1).astype(np.float64), "way": steps.sum(axis=(1, 2))}
+    ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
+    info = {key: value for key, value in made.info.items()}
+    scenes = make_header(spec.declared, info, RequestData(phi={}, n=request.n))
+    header = MotionFile(
+        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions, sampler=info,
+        time=TimeData(steps=problem.steps, dt=problem.dt), motions=[],
+        request=MotionRequestData(phi=ranges, n=request.n),
+    )  # fmt: skip
+    return MotionSet(made.poses, phi, facts, header, warnings)

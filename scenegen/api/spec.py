@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Diagnostic, RequestError, SpecError
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT
+from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.spec import CheckedSpec
@@ -17,7 +18,10 @@ from scenegen.scene.workspace import Workspace
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
+    from scenegen.lang.horizon import Horizon, Movers
+    from scenegen.lang.timed import Timed
     from scenegen.robustness import Robustness
+    from scenegen.robustness.traces import TraceRobustness
 
 MAX_BYTES = 64_000_000
 
@@ -31,14 +35,47 @@ class Spec:
     """
 
     def __init__(self, checked: CheckedSpec) -> None:
-        self.checked = checked
-        self._refuse_overflow()
+        self._checked = checked
+        if checked.timed is None:
+            self._refuse_overflow()
 
     def __repr__(self) -> str:
-        return f"<Spec {self.checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+        return f"<Spec {self._checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+
+    @property
+    def checked(self) -> CheckedSpec:
+        """What the spec means for single scenes. Raises RequestError for a spec over time: whatever asks for this
+        works on scenes."""
+        if self._checked.timed is not None:
+            raise RequestError(TIME_NOT_HERE(file=self._checked.name))
+        return self._checked
+
+    @property
+    def declared(self) -> CheckedSpec:
+        """What the spec declares, over time or not: read no `core` from it."""
+        return self._checked
+
+    @property
+    def over_time(self) -> Timed | None:
+        """What a spec over time means, in two layers; None for one of single scenes."""
+        return self._checked.timed
+
+    @property
+    def horizon(self) -> Horizon | None:
+        """How many steps a motion has, and how long one takes; None where the spec has no `time`."""
+        return None if self._checked.timed is None else self._checked.timed.horizon
+
+    @property
+    def moves(self) -> Movers:
+        """Whether one object moves in each step, or all."""
+        return "one" if self._checked.timed is None else self._checked.timed.moves
 
     def _repr_html_(self) -> str:
         """For notebooks: the formula of every label as a tree."""
+        if self._checked.timed is not None:
+            from html import escape
+
+            return f"<pre>{escape(self.source)}</pre>"
         from scenegen.api.notebook import spec_page
 
         return spec_page(self)
@@ -52,26 +89,26 @@ class Spec:
     @property
     def objects(self) -> tuple[str, ...]:
         """The names of the N objects, in the order of every array of poses."""
-        return self.checked.objects
+        return self._checked.objects
 
     @property
     def labels(self) -> tuple[str, ...]:
         """The names of the L formulas, in the order of every array of phi."""
-        return self.checked.labels
+        return self._checked.labels
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """What the checker noticed and let pass: unused names, names that hide others."""
-        return self.checked.warnings
+        return self._checked.warnings
 
     @property
     def workspace(self) -> Workspace:
-        return self.checked.workspace
+        return self._checked.workspace
 
     @property
     def source(self) -> str:
         """The canonical text."""
-        return self.checked.source
+        return self._checked.source
 
     def robustness(self, *, compiled: bool = False) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
@@ -84,6 +121,16 @@ class Spec:
         from scenegen.robustness import Robustness
 
         return Robustness(self.checked.core, compiled=compiled)
+
+    def trace_robustness(self) -> TraceRobustness:
+        """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
+        `time`. See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
+        if self._checked.timed is None:
+            raise RequestError(NOT_OVER_TIME(file=self._checked.name))
+        need("torch", "for `trace_robustness()`")
+        from scenegen.robustness.traces import TraceRobustness
+
+        return TraceRobustness(self._checked.timed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at most, anywhere in the workspace (interval bounds: never too narrow)."""

@@ -68,10 +68,10 @@ def check(
                 {"file": named(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
             )
             continue
-        detail(f"parsed and checked {path}: {len(spec.checked.core.nodes):,} nodes")
-        found = doubts(spec.checked)
+        detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
+        found = doubts(spec.checked) if spec.horizon is None else []
         detail("looked for scenes that satisfy the labels")
-        problems = [*spec.checked.warnings, *_problems(found, allow_unsatisfiable)]
+        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable)]
         ok = all(one.severity != "error" for one in problems)
         failed = failed or not ok
         if not json:
@@ -101,7 +101,7 @@ def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | No
     import shutil
     import sys
 
-    from scenegen.cli.page import WIDTH, page
+    from scenegen.cli.page import WIDTH, page, timed_page
     from scenegen.lang.core import REQUIRE
 
     typer.echo(f"{named(path)}: {'ok' if ok else 'cannot be satisfied'}")
@@ -111,6 +111,10 @@ def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | No
         if one.problem is None
     }
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    if spec.horizon is not None:
+        for line in timed_page(spec, spec.horizon, full=full or depth is not None, width=width):
+            typer.echo(line)
+        return
     for line in page(spec, rough, depth=depth, full=full, width=width):
         typer.echo(line)
 
@@ -119,9 +123,21 @@ def _facts(spec: Spec) -> dict[str, Any]:
     return {
         "objects": list(spec.objects),
         "workspace": {"x": list(spec.workspace.x), "y": list(spec.workspace.y)},
-        "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
+        "labels": {name: list(bounds) for name, bounds in _bounds(spec).items()},
         "source": spec.source,
+        **_time(spec),
     }
+
+
+def _bounds(spec: Spec) -> dict[str, tuple[float | None, float | None]]:
+    """The bounds of phi; over time none are known."""
+    return {**spec.bounds()} if spec.horizon is None else dict.fromkeys(spec.labels, (None, None))
+
+
+def _time(spec: Spec) -> dict[str, Any]:
+    if spec.horizon is None:
+        return {}
+    return {"time": {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves}}
 
 
 def _as_json(problem: Diagnostic) -> dict[str, Any]:

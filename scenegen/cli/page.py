@@ -13,10 +13,15 @@ from typing import TYPE_CHECKING
 from scenegen.api.fold import Folded, Part
 from scenegen.api.outline import Line, Outline
 from scenegen.cli.tree import tree
+from scenegen.errors import Source
+from scenegen.lang import ast
 from scenegen.lang.core import REQUIRE
+from scenegen.lang.parse import parse
+from scenegen.lang.print import print_statement
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
+    from scenegen.lang.horizon import Horizon
 
 LINES = 40  # of a page, at most
 WIDTH = 110  # columns of a page that goes to no terminal
@@ -64,8 +69,23 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
         yield "\n  Only a page of it: --depth N shows more, --full everything."
 
 
+def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Iterator[str]:
+    """The lines of text for a spec over time: how long it lasts, and its formulas as they are written."""
+    yield from _head(spec, None if full else width)
+    step = f"{horizon.dt:g} s each, {horizon.seconds:g} s in all"
+    yield f"  time       {horizon.steps:,} steps, {step}; moves {spec.moves}"
+    module = parse(Source(spec.declared.name, spec.source))
+    shown = [one for one in module.statements if isinstance(one, ast.Require | ast.Label)]
+    for statement in shown[: None if full else LINES]:
+        yield ""
+        for line in print_statement(statement).splitlines():
+            yield f"  {line}"
+    if not full and len(shown) > LINES:
+        yield f"\n  ... and {len(shown) - LINES:,} more: --full shows everything."
+
+
 def _head(spec: Spec, width: int | None) -> Iterator[str]:
-    checked, (x, y) = spec.checked, (spec.workspace.x, spec.workspace.y)
+    checked, (x, y) = spec.declared, (spec.workspace.x, spec.workspace.y)
     if checked.title:
         yield f"  {checked.title}"
     yield f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m"

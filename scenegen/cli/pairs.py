@@ -75,7 +75,7 @@ def pairs(
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.streams import check_output, write_data
     from scenegen.formats.files import check_writable
-    from scenegen.formats.motions.table import MotionArrays, format_of
+    from scenegen.formats.motions.table import format_of
     from scenegen.sampling.request import parse_phi
 
     if out is not None:
@@ -93,13 +93,7 @@ def pairs(
         found.save(out)
         print_error(_summary(found, out))
         return
-    import io
-
-    from scenegen.formats.motions.text import write
-
-    sink = io.BytesIO()
-    write(sink, MotionArrays(found.header, found.poses, found.phi, found.facts), ".json")
-    write_data(sink.getvalue())
+    write_data(found.dump())
 
 
 def _summary(found: MotionSet, out: Path) -> str:

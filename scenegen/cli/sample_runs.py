@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
 from scenegen.errors.stores import ONLY_FOR_SETS
@@ -96,6 +96,12 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     from scenegen.formats.registry import format_of
     from scenegen.needs import need
 
+    subject = _load(source, wishes.spec, wishes.root)
+    if _is_over_time(subject):
+        from scenegen.cli.motion_runs import sample_motions
+
+        sample_motions(subject, _request(source, subject, wishes), source, out, storing, render)
+        return
     stored = out is not None and names_set(out)
     path = None if out is None or stored else Path(out)
     if path is not None:
@@ -105,7 +111,6 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
         check_output()
     if not stored:
         _refuse_set_options(storing)
-    subject = _load(source, wishes.spec, wishes.root)
     if wishes.steps is not None:
         subject = _in_steps(subject, wishes.steps)
     request = _request(source, subject, wishes)
@@ -146,6 +151,12 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     summary(scenes.header, len(scenes), met(scenes), path)
     if render is not None:
         draw(scenes, render)
+
+
+def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:
+    from scenegen.api.model import Model
+
+    return not isinstance(subject, Model) and subject.over_time is not None
 
 
 def _refuse_set_options(storing: Storing) -> None:

@@ -100,7 +100,7 @@ WRONG_TYPE = Kind(
 UNIT_MISMATCH = Kind(
     "unit-mismatch",
     "{left} is {verb} {right}",
-    help="lengths are in m, cm or mm; angles in rad, deg or turn",
+    help="lengths are in m, cm or mm; angles in rad, deg or turn[[; {times}]]",
 )
 UNIT_OF_ARGUMENT = Kind(
     "unit-of-argument",

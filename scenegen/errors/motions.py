@@ -31,3 +31,18 @@ CANNOT_MOVE_SO_MANY = Kind(
     "{wanted} objects cannot move: {free} of them can",
     help="ask for {most} at most",
 )
+NO_BOUND_ON_STEPS = Kind(
+    "no-bound-on-steps",
+    "nothing says how far `{name}` moves in a step",
+    help="write `require speed({name}) <= 20 cm/s`, or hold it in place",
+)
+TOO_FEW_MOTIONS = Kind(
+    "too-few-motions",
+    "found {found:,} of {wanted:,} motions: {reason}",
+    help="ask for another range or for more time, or let objects move faster or in more steps",
+)
+NOT_FOR_MOTIONS = Kind(
+    "not-for-motions",
+    "{argument:argument} is not for specs over time[[: {value} would be a set of shards]]",
+    help=("{value:?}name a .jsonl, .json, .parquet or .csv file", "leave it out"),
+)

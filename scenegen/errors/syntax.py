@@ -119,7 +119,7 @@ KEYWORD_AS_NAME = Kind(
 )
 KEYWORD_CASE = Kind("keyword-case", "unknown word `{word}`", help="keywords are lower case: `{keyword}`")
 UNKNOWN_STATEMENT = Kind("unknown-statement", "unknown statement `{name}`", help=NEAREST)
-UNKNOWN_UNIT = Kind("unknown-unit", "unknown unit `{name}`", help="units are m, cm, mm, rad, deg and turn")
+UNKNOWN_UNIT = Kind("unknown-unit", "unknown unit `{name}`", help="units are m, cm, mm, rad, deg and turn[[; {times}]]")
 UNIT_AFTER_NAME = Kind(
     "unit-after-name", "`{name}` cannot have a unit", help="a unit follows a written number: {name} * 1 {unit}"
 )

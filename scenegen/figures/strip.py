@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.figures.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
+from scenegen.figures.sheet import INK, PAPER, QUIET, RGB, SMALL, WARM, cut
 
 COOL = (36, 120, 88)
 EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, space below a picture
@@ -18,10 +18,15 @@ STEP = 90  # milliseconds of the others
 
 
 def strip(
-    frames: Sequence[Image.Image], phi: Sequence[float], label: str, title: str, notes: Sequence[str] = ()
+    frames: Sequence[Image.Image],
+    phi: Sequence[float],
+    label: str,
+    title: str,
+    notes: Sequence[str] = (),
+    times: Sequence[str] = (),
 ) -> bytes:
     """The frames side by side as a PNG file, each with its phi below and a bar from the lowest phi of all to the
-    highest, red while the formula is violated. A note, if any, is beside phi."""
+    highest, red while the formula is violated. A note, if any, is beside phi, or the time."""
     width, height = frames[0].size
     head = TITLE + 24 if title else 0
     sheet = Image.new(
@@ -36,6 +41,9 @@ def strip(
         x, y = EDGE + number * (width + GAP), EDGE + head
         sheet.paste(frame, (x, y))
         _below(draw, (x, y + height), width, value, phi, label, notes[number] if notes else "")
+        if times:
+            small = ImageFont.load_default(size=SMALL)
+            draw.text((x + width - 1, y + height + 23), times[number], QUIET, small, anchor="ra")
     out = io.BytesIO()
     sheet.save(out, format="PNG", compress_level=7)
     return out.getvalue()

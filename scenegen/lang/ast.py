@@ -141,6 +141,31 @@ class Quantifier(Node):
     body: Expr
 
 
+@dataclass(frozen=True, slots=True)
+class Interval(Node):
+    lowest: Expr
+    highest: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Temporal(Node):
+    """A formula over later moments; without a window over all that are left."""
+
+    operator: Literal["always", "eventually", "next", "initially", "finally"]
+    window: Interval | None
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Until(Node):
+    """`left` up to the moment of `right`: without that moment ("until") or with it ("until_with")."""
+
+    operator: Literal["until", "until_with"]
+    window: Interval | None
+    left: Expr
+    right: Expr
+
+
 Expr = (
     Name
     | Quantity
@@ -160,16 +185,12 @@ Expr = (
     | Implies
     | Range
     | Quantifier
+    | Temporal
+    | Until
 )
 
 
 # ---- statements ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Interval(Node):
-    lowest: Expr
-    highest: Expr
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +265,23 @@ class Label(Node):
     formula: Expr
 
 
-Statement = Workspace | Objects | Region | Constant | Definition | Require | Import | Label
+@dataclass(frozen=True, slots=True)
+class Time(Node):
+    """`time AMOUNT WORD`, where the word should be `steps`, or `time SPAN every AMOUNT`."""
+
+    amount: Expr
+    word: Name | None = None
+    span_: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Moves(Node):
+    """`moves one` or `moves all`: what moves in a step."""
+
+    which: Name
+
+
+Statement = Workspace | Objects | Region | Constant | Definition | Require | Import | Label | Time | Moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,8 +320,16 @@ def children(node: Expr | Argument) -> tuple[Expr | Argument, ...]:
             return (node.base,)
         case Index():
             return (node.base, node.index)
+        case Temporal():
+            return (*_ends(node.window), node.value)
+        case Until():
+            return (node.left, *_ends(node.window), node.right)
         case _:
             return ()
+
+
+def _ends(window: Interval | None) -> tuple[Expr, ...]:
+    return () if window is None else (window.lowest, window.highest)
 
 
 def expressions(statement: Statement) -> tuple[Expr, ...]:
@@ -303,5 +348,9 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
             return (statement.value,)
         case Import():
             return (statement.path,)
+        case Time():
+            return (*_ends(statement.span_), statement.amount)
+        case Moves():
+            return ()
         case _:
             return (statement.formula,)

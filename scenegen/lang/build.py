@@ -16,7 +16,7 @@ from scenegen.lang import ast
 
 # margins know no strictness: `<` means `<=`, and the tree says so
 _COMPARE = {"≤": "<=", "≥": ">=", "<": "<=", ">": ">="}
-_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*)$")
+_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)$")
 
 
 class _Part(NamedTuple):
@@ -138,6 +138,15 @@ class Builder:
     def label(self, items: list[Any]) -> ast.Label:
         return ast.Label(_name(items[0]), items[2], **_at(items))
 
+    def time_steps(self, items: list[Any]) -> ast.Time:
+        return ast.Time(items[1], _name(items[2]), None, **_at(items))
+
+    def time_span(self, items: list[Any]) -> ast.Time:
+        return ast.Time(items[3], None, items[1], **_at(items))
+
+    def moves(self, items: list[Any]) -> ast.Moves:
+        return ast.Moves(_name(items[1]), **_at(items))
+
     # ---- formulas
 
     def implies(self, items: list[Any]) -> ast.Implies:
@@ -151,6 +160,14 @@ class Builder:
 
     def negation(self, items: list[Any]) -> ast.Not:
         return ast.Not(items[1], **_at(items))
+
+    def temporal(self, items: list[Any]) -> ast.Temporal:
+        operator: Any = str(items[0])
+        return ast.Temporal(operator, items[1] if len(items) > 2 else None, items[-1], **_at(items))
+
+    def until(self, items: list[Any]) -> ast.Until:
+        operator: Any = str(items[1])
+        return ast.Until(operator, items[2] if len(items) > 3 else None, items[0], items[-1], **_at(items))
 
     def quantifier(self, items: list[Any]) -> ast.Quantifier:
         domain, body = _nodes(items)

@@ -7,7 +7,21 @@ from collections.abc import Sequence
 from typing import Literal
 
 from scenegen.errors import Span
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
+from scenegen.lang.core import (
+    Apply,
+    Atom,
+    Const,
+    Coord,
+    Core,
+    Everywhere,
+    Junction,
+    Moment,
+    Node,
+    Until,
+    Window,
+    children,
+    moved,
+)
 from scenegen.lang.describe import describe
 from scenegen.primitives import MATH, PRIMITIVES, Footprint
 from scenegen.primitives.units import Unit
@@ -34,6 +48,8 @@ class CoreBuilder:
         self._index: dict[object, int] = {}
         self._negation: dict[int, int] = {TRUE: FALSE, FALSE: TRUE}
         self._sides: dict[int, tuple[int, int]] = {}  # of an atom, the numbers that it compares
+        self.moving = 0  # objects that have coordinates of the moment before, too: all, in a spec over time
+        self.called: dict[int, str] = {}  # numbers that have words of their own: speed(mug)
 
     def _add(self, node: Node, key: object) -> int:
         known = self._index.get(key)
@@ -52,6 +68,10 @@ class CoreBuilder:
     def coord(self, index: int, axis: int) -> int:
         known = self._index.get((index, axis))
         return self._add(Coord(index, axis), (index, axis)) if known is None else known
+
+    def before(self, index: int, axis: int) -> int:
+        """The coordinate of an object at the moment before; at the first moment, at that one."""
+        return self.coord(self.moving + index, axis)
 
     def value(self, number: int) -> float | None:
         """The value of a constant number, None of one that depends on the scene."""
@@ -106,7 +126,7 @@ class CoreBuilder:
 
     def text(self, number: int) -> str:
         """A number as the text of an atom shows it."""
-        return describe(self.nodes, self.objects, number)
+        return self.called.get(number) or describe(self.nodes, self.objects, number)
 
     # ---- formulas
 
@@ -157,17 +177,63 @@ class CoreBuilder:
             if isinstance(node, Atom):
                 self._opposite(top, node)
                 continue
-            assert isinstance(node, Junction)
-            waiting = [part for part in node.args if part not in self._negation]
+            below = children(node)
+            waiting = [part for part in below if part not in self._negation]
             if waiting:
                 stack.extend(waiting)
                 continue
             stack.pop()
-            text = _negated(node.text) if node.text else ""
-            turned = self.junction("max" if node.kind == "min" else "min", [self._negation[p] for p in node.args], text)
+            turned = self._turned(node, [self._negation[part] for part in below])
             self._negation[top] = turned
             self._negation.setdefault(turned, top)
         return self._negation[formula]
+
+    def _turned(self, node: Node, parts: Sequence[int]) -> int:
+        """The negation of a formula whose parts have the negations `parts`."""
+        if isinstance(node, Everywhere):
+            return self.everywhere(not node.holds)
+        assert isinstance(node, Junction | Window | Until | Moment)
+        text = _negated(node.text) if node.text else ""
+        if isinstance(node, Moment):
+            return self.moment(node.which, parts[0], text)
+        kind: Literal["min", "max"] = "max" if node.kind == "min" else "min"
+        if isinstance(node, Window):
+            return self.window(kind, parts[0], node.lowest, node.highest, text)
+        if isinstance(node, Until):
+            return self.until(kind, parts[0], parts[1], node.lowest, node.highest, node.closed, text)
+        return self.junction(kind, parts, text)
+
+    # ---- formulas over time
+
+    def everywhere(self, holds: bool) -> int:
+        """What holds at every moment, or at none, beside formulas that end with the horizon."""
+        made = self._add(Everywhere(holds), ("everywhere", holds))
+        self._negation.setdefault(made, self._add(Everywhere(not holds), ("everywhere", not holds)))
+        return made
+
+    def window(self, kind: Literal["min", "max"], part: int, lowest: int, highest: int, text: str = "") -> int:
+        """The least or largest value over a window of moments."""
+        if part in (TRUE, FALSE):
+            if lowest == 0 or (part == TRUE) == (kind == "min"):
+                return part  # no window from now on is empty; and of none the least is infinity
+            part = self.everywhere(part == TRUE)
+        if lowest == highest == 0:
+            return part
+        return self._add(Window(kind, part, lowest, highest, text), ("window", kind, part, lowest, highest))
+
+    def until(
+        self, kind: Literal["min", "max"], left: int, right: int, lowest: int, highest: int, closed: bool, text: str
+    ) -> int:
+        """`left` until `right`, or the dual of that."""
+        left, right = (self.everywhere(part == TRUE) if part in (TRUE, FALSE) else part for part in (left, right))
+        key = ("until", kind, left, right, lowest, highest, closed)
+        return self._add(Until(kind, left, right, lowest, highest, closed, text), key)
+
+    def moment(self, which: Literal["first", "last", "steps"], part: int, text: str = "") -> int:
+        """A formula at the first or the last moment, or at all but the first."""
+        if part in (TRUE, FALSE):
+            return part
+        return self._add(Moment(which, part, text), ("moment", which, part))
 
     # ---- the end
 

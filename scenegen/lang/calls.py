@@ -8,9 +8,10 @@ from scenegen.lang import ast
 from scenegen.lang.context import Context
 from scenegen.lang.functions import function, key_of, list_function
 from scenegen.lang.heights import height_function
+from scenegen.lang.motion import step_function
 from scenegen.lang.provenance import Frame
 from scenegen.lang.resolve import bind
-from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, Declared
+from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import ListValue, Value
 
@@ -27,6 +28,8 @@ def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: Fra
         return expanded
     if name in HEIGHTS:
         return height_function(lowering, name, list(values.values()), node, frame)
+    if name in STEPS:
+        return step_function(lowering, name, values, node, frame)
     if name in LIST_FUNCTIONS:
         return list_function(lowering, name, values["items"], node, frame)
     given = list(values.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,13 +16,15 @@ from scenegen.errors.declarations import (
     NO_FREE_OBJECT,
     SPEC_TOO_LARGE,
 )
+from scenegen.errors.temporal import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHOUT_TIME
 from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.constants import check_constants
-from scenegen.lang.core import Coord, Core, children
+from scenegen.lang.core import Coord, Core, Temporal, children
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.headings import headings_compared
+from scenegen.lang.horizon import Horizon, Movers
 from scenegen.lang.imports import Placed, Project, inline
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
@@ -35,6 +38,8 @@ from scenegen.lang.scope import LABEL, Scope, collect
 from scenegen.lang.spec import CheckedSpec, Pose, Region, Support
 from scenegen.lang.stage import Stage, refusal
 from scenegen.lang.supports import choices, empty, heights, spread, standing_on, supports
+from scenegen.lang.temporal import horizon, movers
+from scenegen.lang.timed import MOST_VALUES, Timed, endless, split
 from scenegen.lang.trampoline import run
 from scenegen.lang.unused import unused
 from scenegen.lang.values import AnyValue
@@ -100,7 +105,11 @@ def _expand(
             shapes.extend([looks] * len(places))
         with stage:
             fixed.update(zip(places, pose(lowering, thing, space), strict=False))
+    lasts, moves = _time(placed, lowering, stage)
     stage.close()
+    if lasts is not None:
+        builder.moving = len(builder.objects)
+        builder.objects += tuple(f"{name} before" for name in builder.objects)
     lowering.coerce.footprints = tuple(looks.footprint for looks in shapes)
     lowering.coerce.fixed = fixed
     for declared in scope.regions.values():
@@ -125,13 +134,20 @@ def _expand(
     core = builder.finish(labels, None if requirement == TRUE else requirement)
     _refuse_constants(core, placed, bare, scope, stage)
     stage.close()
+    timed = None
+    if lasts is not None:
+        timed = split(core, lasts, moves, builder.moving)
+        if len(timed.nodes) * lasts.moments > MOST_VALUES:
+            raise TooLarge(f"has too many formulas over time for {lasts.steps:,} steps")
+        _refuse_endless(timed, placed, bare, stage)
+        stage.close()
     regions = tuple(
         Region(name, place.footprint, (*place.center, 0.0), place.z)
         for name, place in lowering.areas.items()
         if name != "workspace"
     )
     text = canonical(placed, bare, scope, shapes)
-    warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core)]
+    warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core), *lowering.noticed]
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
         source.name,
@@ -146,7 +162,40 @@ def _expand(
         tuple(lowering.heights or ()) if raised else (),
         dict(lowering.choices),
         tuple(warnings),
+        timed,
     )
+
+
+def _time(placed: Sequence[Placed], lowering: Lowering, stage: Stage) -> tuple[Horizon | None, Movers]:
+    """How long a motion lasts and what moves in a step; None for a spec of single scenes."""
+    moves: Movers = "one"
+    for one in placed:
+        with stage:
+            if isinstance(one.statement, ast.Time):
+                lowering.horizon = run(horizon(lowering, one.source, one.statement))
+            elif isinstance(one.statement, ast.Moves):
+                moves = movers(one.source, one.statement)
+                if not lowering.scope.timed:
+                    raise SpecError(MOVES_WITHOUT_TIME(one.statement.span(one.source)))
+    return lowering.horizon, moves
+
+
+def _refuse_endless(timed: Timed, placed: Sequence[Placed], bare: ast.Expr | None, stage: Stage) -> None:
+    """A formula that looks beyond the last moment in every motion has no finite phi."""
+    found = endless(timed)
+    most = timed.horizon.steps - 1
+    for one in placed:
+        if isinstance(one.statement, ast.Label):
+            name = one.statement.name.id
+            value = found[timed.labels[name]][0]
+            if math.isinf(value):
+                here = one.statement.formula.span(one.source)
+                sign = "minus " if value < 0.0 else ""
+                stage.problems.append(LOOKS_BEYOND(here, name=f"`{name}`", sign=sign, most=most))
+    if timed.requirement is not None and (found[timed.requirement] == -math.inf).any():
+        first = next(one for one in placed if isinstance(one.statement, ast.Require))
+        here = first.statement.span(first.source)
+        stage.problems.append(LOOKS_BEYOND(here, name="what is required", sign="minus ", most=most))
 
 
 def _supports(
@@ -171,6 +220,11 @@ def _supports(
     lowering.heights = heights(len(shapes), found, names, spans)
     if not found:
         return space, []
+    if lowering.horizon is not None:
+        for thing in scope.things.values():
+            one = thing.declaration
+            if one is not None and one.choice:
+                raise SpecError(CHOICE_OVER_TIME(one.name.span(thing.source)))
     chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
     lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
     lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
@@ -218,6 +272,8 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, sta
                 part = lowering.coerce.formula(value, "what `require` demands")
                 if part == FALSE or _never(part, lowering.builder):
                     raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
+                if _steps(part, lowering.builder):  # before moment 0 there is no step
+                    part = lowering.builder.moment("steps", part)
                 problem = clashing(lowering, part, lowering.supports)
                 if problem is not None:
                     raise SpecError(problem)
@@ -228,12 +284,29 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, sta
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
 
 
+def _steps(formula: int, builder: CoreBuilder) -> bool:
+    """Whether a formula takes the moment before."""
+    if not builder.moving:
+        return False
+    stack, seen = [formula], set[int]()
+    while stack:
+        index = stack.pop()
+        if index < 0 or index in seen:
+            continue
+        seen.add(index)
+        node = builder.nodes[index]
+        if isinstance(node, Coord) and node.object >= builder.moving:
+            return True
+        stack.extend(children(node))
+    return False
+
+
 def _never(formula: int, builder: CoreBuilder) -> bool:
     """Whether a formula that no coordinate takes part in does not hold."""
     stack, seen = [formula], set[int]()
     while stack:
         index = stack.pop()
-        if index < 0 or isinstance(builder.nodes[index], Coord):
+        if index < 0 or isinstance(builder.nodes[index], Coord | Temporal):
             return False  # found soon in almost every formula
         if index not in seen:
             seen.add(index)

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from scenegen.assets import Shape
-from scenegen.errors import Kind, Span, SpecError
+from scenegen.errors import Diagnostic, Kind, Span, SpecError
 from scenegen.lang import ast
 from scenegen.lang.builder import CoreBuilder
 from scenegen.lang.coercion import Coercion
+from scenegen.lang.horizon import Horizon
 from scenegen.lang.places import Area
 from scenegen.lang.provenance import Frame
 from scenegen.lang.scope import Scope
@@ -41,6 +42,8 @@ class Context(Protocol):
     levels: dict[str, int]
     used: set[str]
     values: dict[str, Value]
+    horizon: Horizon | None
+    noticed: list[Diagnostic]
 
     def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
         """Raises SpecError where a quantifier takes too many rounds."""

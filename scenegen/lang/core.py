@@ -64,7 +64,55 @@ class Junction:
     text: str = ""
 
 
-Node = Const | Coord | Apply | Atom | Junction
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The least ("min") or largest ("max") value of a formula at the moments t + lowest to t + highest, both included;
+    moments after the last do not take part, and the least of none is infinity."""
+
+    kind: Literal["min", "max"]
+    arg: int
+    lowest: int
+    highest: int
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Until:
+    """The largest value ("max"), over the moments t' from t + lowest to t + highest, of the minimum of `right` at t'
+    and of `left` from t to before t'; where it is `closed`, to t' itself. "min" is its dual: minimum and maximum change
+    places everywhere."""
+
+    kind: Literal["min", "max"]
+    left: int
+    right: int
+    lowest: int
+    highest: int
+    closed: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The value of a formula at the first or at the last moment, whatever t is; "steps": its value at t, but at moment
+    0, before which there is no step, infinity."""
+
+    which: Literal["first", "last", "steps"]
+    arg: int
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Everywhere:
+    """A formula that holds at every moment, with infinity, or at none, with minus infinity."""
+
+    holds: bool
+
+
+Temporal = Window | Until | Moment | Everywhere
+"""Formulas over time. Only the core of a spec over time has them; scenegen.lang.timed takes them out of it, and no
+reader of a core formula ever meets one."""
+
+Node = Const | Coord | Apply | Atom | Junction | Window | Until | Moment | Everywhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +161,10 @@ def moved(node: Node, place: Mapping[int, int]) -> Node:
         return Atom(place[node.margin], node.text, node.unit, node.spans)
     if isinstance(node, Junction):
         return Junction(node.kind, tuple([place[arg] for arg in node.args]), node.text)
+    if isinstance(node, Window | Moment):
+        return replace(node, arg=place[node.arg])
+    if isinstance(node, Until):
+        return replace(node, left=place[node.left], right=place[node.right])
     return node
 
 
@@ -120,7 +172,11 @@ def children(node: Node) -> Sequence[int]:
     """The nodes that a node is computed from."""
     if isinstance(node, Apply | Junction):
         return node.args
-    return (node.margin,) if isinstance(node, Atom) else ()
+    if isinstance(node, Atom):
+        return (node.margin,)
+    if isinstance(node, Window | Moment):
+        return (node.arg,)
+    return (node.left, node.right) if isinstance(node, Until) else ()
 
 
 def last_uses(core: Core, instead: Mapping[int, Sequence[int]] = MappingProxyType({})) -> list[list[int]]:

@@ -58,8 +58,10 @@ def fold(
             add(algebra.atom(index, node, values[node.margin]))
         elif isinstance(node, Junction):
             add(junction(index, node, [values[arg] for arg in node.args]))
-        else:
+        elif isinstance(node, Const):
             add(algebra.constant(index, node))
+        else:
+            raise TypeError(f"a formula over time has no value in one scene: {type(node).__name__}")
         if dead is not None:
             for child in dead[index]:
                 if free is not None:

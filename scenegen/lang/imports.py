@@ -27,8 +27,10 @@ from scenegen.errors.declarations import (
     SPEC_WITHOUT_FILE,
     TOO_MANY_IMPORTS,
 )
+from scenegen.errors.temporal import TIME_IN_IMPORT
 from scenegen.lang import ast
 from scenegen.lang.parse import MAX_CHARACTERS, parse, read_source
+from scenegen.lang.tokens import has_time
 
 MAX_BYTES = 64_000_000
 MAX_FILES = 1000
@@ -103,6 +105,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
     out: list[Placed] = []
     seen: set[Path] = set()
     characters = len(module.source.text)
+    timed = any(isinstance(statement, ast.Time) for statement in module.statements)
     first = project.file.resolve() if project.file is not None else None
     open_files: list[Path | None] = [first]
     walks: list[tuple[Source, Iterator[ast.Statement]]] = [(module.source, iter(module.statements))]
@@ -126,7 +129,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
             if len(seen) >= MAX_FILES:
                 problems.append(TOO_MANY_IMPORTS(here, limit=MAX_FILES))
                 break
-            imported = _imported(statement.path.value, path, here, project)
+            imported = _imported(statement.path.value, path, here, project, timed)
         except SpecError as error:
             problems.extend(error.diagnostics)
             continue
@@ -140,12 +143,15 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
     return out, problems
 
 
-def _imported(written: str, path: Path, here: Span, project: Project) -> ast.Module:
+def _imported(written: str, path: Path, here: Span, project: Project, timed: bool) -> ast.Module:
     data = project.read(written, here, "a .spec file")
     shown = _shown(path, project)
     project.sources[shown] = path
     try:
-        module = parse(read_source(shown, data))
+        source = read_source(shown, data)
+        if not timed and has_time(source.text):
+            raise SpecError(TIME_IN_IMPORT(here, path=written))
+        module = parse(source, timed)
     except SpecError as error:  # what is wrong with all of a file has no place in it
         found = (one if one.span is not None else dataclasses.replace(one, span=here) for one in error.diagnostics)
         raise SpecError(*found) from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from scenegen.lang import ast
 from scenegen.lang.breaking import break_lines
 from scenegen.lang.parse import parse
 from scenegen.lang.pieces import CLOSE, INDENT, OPEN, Break, Item, Part, expand, statement_pieces
-from scenegen.lang.tokens import KEYWORDS, Token, column, scan, spelling
+from scenegen.lang.tokens import KEYWORDS, TEMPORAL, Token, column, has_time, scan, spelling
 
 _OPERATORS = frozenset(("&", "|", "!", "->", "<=", ">=", "+", "-", "*", "/"))
 
@@ -61,8 +62,9 @@ def format_source(source: Source) -> str:
 
 
 def _read(text: str) -> _Text:
-    scanned = list(scan(text))
-    dropped = _grouping(scanned)
+    timed = has_time(text)
+    scanned = list(scan(text, timed=timed))
+    dropped = _grouping(scanned, KEYWORDS | TEMPORAL if timed else KEYWORDS)
     tokens: list[Token] = []
     comments: list[list[_Comment]] = [[]]
     blank, opens = False, -1
@@ -84,7 +86,7 @@ def _read(text: str) -> _Text:
     return _Text(tokens, comments)
 
 
-def _grouping(tokens: Sequence[Token]) -> set[int]:
+def _grouping(tokens: Sequence[Token], keywords: AbstractSet[str]) -> set[int]:
     """The indices of parentheses that leave no trace in the tree: not those of a call, nor those of a point."""
     found: set[int] = set()
     opened: list[tuple[int, bool]] = []  # the bracket, whether it groups
@@ -95,7 +97,7 @@ def _grouping(tokens: Sequence[Token]) -> set[int]:
             continue
         variables = token.text != "in" and (variables or spelling(token) in ("forall", "exists"))
         if token.text in ("(", "["):
-            call = before is not None and before.kind == "name" and before.text not in KEYWORDS
+            call = before is not None and before.kind == "name" and before.text not in keywords
             opened.append((index, token.text == "(" and not call))
         elif token.text == "," and opened and not variables:
             opened[-1] = (opened[-1][0], False)

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from scenegen.assets import Shape
-from scenegen.errors import Kind, Span, SpecError
+from scenegen.errors import Diagnostic, Kind, Span, SpecError
 from scenegen.errors.language import (
     DIVISION_BY_SCENE,
     DIVISION_BY_ZERO,
@@ -29,6 +29,7 @@ from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.calls import call
 from scenegen.lang.coercion import Coercion
 from scenegen.lang.functions import joined
+from scenegen.lang.horizon import Horizon
 from scenegen.lang.places import Area
 from scenegen.lang.provenance import Frame
 from scenegen.lang.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
@@ -37,6 +38,8 @@ from scenegen.lang.scope import Scope
 from scenegen.lang.select import index, member
 from scenegen.lang.spec import Choice, Support
 from scenegen.lang.template import placeholders
+from scenegen.lang.temporal import temporal
+from scenegen.lang.time_syntax import UNITS_OF_TIME
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
     FormulaValue,
@@ -90,6 +93,8 @@ class Lowering:
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self.values: dict[str, Value] = {}
+        self.horizon: Horizon | None = None
+        self.noticed: list[Diagnostic] = []  # warnings
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
 
     def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
@@ -193,6 +198,9 @@ class Lowering:
             case ast.Call():
                 called: Value = yield call(self, node, env, frame)
                 return called
+            case ast.Temporal() | ast.Until():
+                later: Value = yield temporal(self, node, env, frame)
+                return later
             case ast.Range():
                 raise self.error(STRAY_RANGE, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
@@ -275,7 +283,10 @@ class Lowering:
         return NumberValue(result, unit, origin=self.origin(node, frame))
 
     def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: Frame) -> SpecError:
-        return self.error(UNIT_MISMATCH, node, frame, left=mismatch.left.words, verb=verb, right=mismatch.right.words)
+        facts = {"left": mismatch.left.words, "verb": verb, "right": mismatch.right.words}
+        if mismatch.left.time or mismatch.right.time:
+            facts["times"] = UNITS_OF_TIME
+        return self.error(UNIT_MISMATCH, node, frame, **facts)
 
     def refuse_degrees(self, numbers: Sequence[NumberValue]) -> None:
         """A bare number beside an angle counts in radians; one beyond a turn was meant in degrees."""

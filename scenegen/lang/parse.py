@@ -6,6 +6,7 @@ import contextlib
 import re
 from dataclasses import replace
 from functools import cache
+from itertools import islice
 from typing import Any
 
 from lark import Lark
@@ -23,29 +24,42 @@ from scenegen.errors.syntax import (
     SPEC_TOO_LONG,
     TOO_MANY_QUANTIFIERS,
 )
+from scenegen.errors.temporal import TOO_MANY_OVER_TIME
 from scenegen.lang import ast
 from scenegen.lang import parser_tables as tables
 from scenegen.lang.build import Builder
 from scenegen.lang.recovery import blank, next_opening
+from scenegen.lang.tokens import TEMPORAL, has_time, scan
 
 _ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
+
+_OVER_TIME = re.compile(rf"\b(?:{'|'.join(sorted(TEMPORAL))})\b")
 
 _SURROGATES = re.compile("[\ud800-\udfff]")  # halves of characters: text in memory can hold one alone, no file can
 
 MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
+MAX_OVER_TIME = 20_000  # operators of time, written out
 MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the variables along
 MOST_ERRORS = 20  # of one run; whoever has more has one mistake that causes the others
 
-_STATEMENT_RULES = frozenset("workspace objects region const define require import_ label".split())
+_STATEMENT_RULES = frozenset(
+    "workspace objects region const define require import_ label time_steps time_span moves".split()
+)
 
 
-def parse(source: Source) -> ast.Module:
-    """The syntax tree of a spec's text. Raises SpecError with the first mistake of every statement that has one."""
+def parse(source: Source, timed: bool | None = None) -> ast.Module:
+    """The syntax tree of a spec's text. Raises SpecError with the first mistake of every statement that has one.
+
+    `timed` says whether the words of time are keywords; left out: where the text has a `time` statement."""
     problem = _unreadable(source)
     if problem is not None:
         raise SpecError(problem)
-    tree, problems = _statement_by_statement(source, _parser())
+    timed = has_time(source.text) if timed is None else timed
+    many = _too_many_over_time(source) if timed else None
+    if many is not None:
+        raise SpecError(many)
+    tree, problems = _statement_by_statement(source, _parser(timed), timed)
     if problems:
         raise SpecError(*problems)
     module = _module(source, tree)
@@ -65,7 +79,11 @@ def parse_tolerant(source: Source) -> tuple[ast.Module | None, list[Diagnostic]]
     if problem is not None:
         return None, [problem]
     builder = _Keeping()
-    tree, problems = _statement_by_statement(source, tables.parser(builder), builder.kept)
+    timed = has_time(source.text)
+    many = _too_many_over_time(source) if timed else None
+    if many is not None:
+        return None, [many]
+    tree, problems = _statement_by_statement(source, tables.parser(builder, timed), timed, builder.kept)
     module = _module(source, tree) if not problems else ast.Module(source, tuple(builder.kept), None)
     deep = _too_deep(module)
     if deep is not None:
@@ -119,7 +137,7 @@ class _Keeping:
 
 
 def _statement_by_statement(
-    source: Source, parser: Lark, kept: list[ast.Statement] | None = None
+    source: Source, parser: Lark, timed: bool, kept: list[ast.Statement] | None = None
 ) -> tuple[Any, list[Diagnostic]]:
     """The tree (of what follows the last mistake) and the first mistake of every statement, at most MOST_ERRORS.
 
@@ -134,7 +152,7 @@ def _statement_by_statement(
         except (UnexpectedToken, UnexpectedCharacters) as error:
             from scenegen.lang.syntax_errors import explain, stop  # five modules that correct specs do not need
 
-            problem, stopped = explain(Source(source.name, text), error), stop(text, error)
+            problem, stopped = explain(Source(source.name, text), error, timed), stop(text, error)
         except UnexpectedInput as error:  # Lark has no other kind today
             return None, [*problems, CANNOT_PARSE(file=source.name, reason=str(error))]
         problem = _here(problem, source)
@@ -159,8 +177,8 @@ def _here(problem: Diagnostic, source: Source) -> Diagnostic:
 
 
 @cache
-def _parser() -> Lark:
-    return tables.parser(Builder())
+def _parser(timed: bool) -> Lark:
+    return tables.parser(Builder(), timed)
 
 
 def _has_content(text: str) -> bool:
@@ -193,6 +211,15 @@ def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None
             return TOO_MANY_QUANTIFIERS(node.span(source), limit=MAX_QUANTIFIERS)
         stack.extend((child, inside) for child in reversed(ast.children(node)))
     return None
+
+
+def _too_many_over_time(source: Source) -> Diagnostic | None:
+    """Told before the text is parsed, which would take many seconds."""
+    if sum(1 for _ in _OVER_TIME.finditer(source.text)) <= MAX_OVER_TIME:
+        return None
+    words = (token for token in scan(source.text, timed=True) if token.kind == "name" and token.text in TEMPORAL)
+    beyond = next(islice(words, MAX_OVER_TIME, None), None)
+    return None if beyond is None else TOO_MANY_OVER_TIME(Span(source, beyond.start, beyond.end), limit=MAX_OVER_TIME)
 
 
 def plain_breaks(text: str) -> str:

@@ -17,7 +17,8 @@ import lark
 
 from scenegen.resources import grammar_file
 
-TABLES = "spec.tables.json"
+TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it
+_TIMED, _UNTIMED = "//time ", "// untimed\n"  # what marks a line that counts with time only, without time only
 _OPTIONS: dict[str, Any] = {"parser": "lalr", "maybe_placeholders": False, "keep_all_tokens": True}
 
 
@@ -80,25 +81,30 @@ def _whole_number_keys(pairs: dict[str, Any]) -> dict[Any, Any]:
 
 
 @cache
-def _text() -> str:
-    return grammar_file("spec.lark").read_text(encoding="utf-8")
+def grammar_text(timed: bool) -> str:
+    """The grammar of specs without time, or of those with it: some lines of the one file count in one of them only."""
+    lines = grammar_file("spec.lark").read_text(encoding="utf-8").splitlines(keepends=True)
+    if timed:
+        lines = [line for line in lines if not line.endswith(_UNTIMED)]
+    return "".join(line.removeprefix(_TIMED) if timed else line for line in lines)
 
 
 @cache
-def _finished() -> Any:
+def _finished(timed: bool) -> Any:
     try:
-        raw = grammar_file(TABLES).read_text(encoding="utf-8")
+        raw = grammar_file(TABLES[timed]).read_text(encoding="utf-8")
         tables = json.loads(raw, object_hook=_whole_number_keys)
-        return tables if tables["fingerprint"] == fingerprint(_text()) else None
+        return tables if tables["fingerprint"] == fingerprint(grammar_text(timed)) else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def parser(transformer: Any) -> lark.Lark:
-    """A parser that hands each reduced rule to the method of that name of `transformer`."""
-    tables = _finished()
+def parser(transformer: Any, timed: bool = False) -> lark.Lark:
+    """A parser that hands each reduced rule to the method of that name of `transformer`; `timed`, for a spec with
+    time."""
+    tables = _finished(timed)
     if tables is None:
-        return build(_text(), transformer=transformer)
+        return build(grammar_text(timed), transformer=transformer)
     load: Any = lark.Lark._load_from_dict  # what Lark's own standalone parsers call
     loaded: lark.Lark = load(tables["data"], tables["memo"], transformer=transformer)
     return loaded
@@ -106,7 +112,8 @@ def parser(transformer: Any) -> lark.Lark:
 
 def main() -> None:
     """Rewrite the tables (`make tables`)."""
-    grammar_file(TABLES).write_text(serialize(_text()), encoding="utf-8")
+    for timed, name in TABLES.items():
+        grammar_file(name).write_text(serialize(grammar_text(timed)), encoding="utf-8")
 
 
 if __name__ == "__main__":

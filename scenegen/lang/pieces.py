@@ -16,7 +16,7 @@ WIDTH = 100  # columns; a longer formula is broken before its outermost operator
 INDENT = 4
 
 # binding strength, loosest first; a part is put in parentheses where it binds more loosely than its place demands
-IMPLIES, OR, AND, NOT, COMPARE, SUM, TERM, UNARY, POSTFIX = range(1, 10)
+IMPLIES, OR, AND, UNTIL, NOT, COMPARE, SUM, TERM, UNARY, POSTFIX = range(1, 11)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,9 @@ def strength(node: ast.Expr | ast.Argument) -> int:
             return OR
         case ast.And():
             return AND
-        case ast.Not():
+        case ast.Until():
+            return UNTIL
+        case ast.Not() | ast.Temporal():
             return NOT
         case ast.Compare():
             return COMPARE
@@ -200,6 +202,15 @@ def _pieces(part: Part) -> Pieces:
         case ast.Not(value):
             # `!a <= b` means !(a <= b), but nobody reads it so
             yield from ("!", Part(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent))
+        case ast.Temporal(word, window, value):
+            yield from (word, *_window(window), SPACE)
+            yield Part(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent)
+        case ast.Until(word, window, left, right):
+            last = Part(right, UNTIL, part.indent, joins=isinstance(right, ast.Until))
+            if not part.joins:
+                yield OPEN
+            yield from (Part(left, UNTIL + 1), Indent(part.indent), LINE, word, *_window(window), SPACE, last)
+            yield from (Indent(-part.indent), *(() if part.joins else (CLOSE,)))
         case ast.And(parts):
             yield from _operation(part, [Part(one, AND + 1) for one in parts], ["&"] * len(parts))
         case ast.Or(parts):
@@ -257,6 +268,12 @@ def head(statement: ast.Statement) -> Pieces:
             yield from ("import", SPACE, f'"{path.value}"')
         case ast.Label(name):
             yield from (name.id, ":")
+        case ast.Time(amount, word, span) if span is None:
+            yield from ("time", SPACE, Part(amount, SUM), SPACE, "steps" if word is None else word.id)
+        case ast.Time(amount, _, span):
+            yield from ("time", SPACE, *_window(span), SPACE, "every", SPACE, Part(amount, SUM))
+        case ast.Moves(which):
+            yield from ("moves", SPACE, which.id)
 
 
 def tail(statement: ast.Statement) -> Part | None:
@@ -285,6 +302,11 @@ def statement_pieces(statement: ast.Statement) -> Pieces:
 
 def _interval(interval: ast.Interval) -> Pieces:
     yield from ("[", Part(interval.lowest, SUM), ",", SPACE, Part(interval.highest, SUM), "]")
+
+
+def _window(window: ast.Interval | None) -> Pieces:
+    if window is not None:
+        yield from _interval(window)
 
 
 def _declaration(one: ast.Declaration) -> Pieces:

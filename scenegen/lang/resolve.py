@@ -34,11 +34,13 @@ from scenegen.errors.language import (
     UNNAMED_AFTER_NAMED,
     WRONG_NUMBER_OF_ARGUMENTS,
 )
+from scenegen.errors.temporal import TIME_MISSING
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, Declared, Scope, Signature
+from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
+from scenegen.lang.tokens import TEMPORAL
 from scenegen.pose import NAMES
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
@@ -79,7 +81,7 @@ def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
         yield from _parameters(statement, source)
         bound = {parameter.name.id for parameter in statement.parameters}
     for expr in ast.expressions(statement):
-        constant = isinstance(statement, ast.Constant | ast.Workspace)
+        constant = isinstance(statement, ast.Constant | ast.Workspace | ast.Time)
         # a default is written where the parameters are not yet known
         visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
         yield from _expression(expr, visible, scope, source, constant)
@@ -197,6 +199,9 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     if signature is None:
         if scope.knows(name):
             yield NOT_A_RELATION(here, name=name)
+            return
+        if name in STEPS or name in TEMPORAL:
+            yield TIME_MISSING(here, word=name)
             return
         if name in SHAPES or name in AREAS:
             kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")

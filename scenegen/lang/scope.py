@@ -82,6 +82,7 @@ class Scope:
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
     inferred: bool = False
+    timed: bool = False  # whether it has a `time` statement, and with it the functions of steps
     replaced: dict[str, Declared] = field(default_factory=dict)  # definitions of the prelude that the spec has anew
     _signatures: dict[str, Signature] = field(default_factory=dict, repr=False)
 
@@ -98,13 +99,13 @@ class Scope:
         return self.constants.get(name) or self.regions.get(name) or self.labels.get(name)
 
     def functions(self) -> set[str]:
-        return {*self.definitions, *signatures()}
+        return {*self.definitions, *signatures(self.timed)}
 
     def signature(self, name: str) -> Signature | None:
         """How `name` may be called; None where nothing of that name can be."""
         declared = self.definitions.get(name)
         if declared is None:
-            return signatures().get(name)
+            return signatures(self.timed).get(name)
         if name not in self._signatures:
             assert isinstance(declared.statement, ast.Definition)
             self._signatures[name] = signature_of(declared.statement)
@@ -121,7 +122,7 @@ class Scope:
         """How the definition or function that a call means may be called."""
         declared = self.definition(name, caller)
         if declared is None:
-            return signatures().get(name)
+            return signatures(self.timed).get(name)
         if declared is self.definitions.get(name):
             return self.signature(name)
         assert isinstance(declared.statement, ast.Definition)
@@ -173,9 +174,29 @@ REPLACEABLE = (
 _PARAMETERS = {"reach": ("a", "heading"), "room": ("a", "area")}
 
 
+STEPS = {
+    "displacement": "how far a moved since the moment before; metres; 0 at moment 0",
+    "speed": "displacement over the time of a step; metres per second",
+    "spin": "how fast a turned since the moment before, in either direction; radians per second; 0 at moment 0",
+    "still": "a did not move in the step, nor turn: by at most `within`, metres and radians alike",
+    "moved": "a moved in the step, or turned: by at least `by`, metres and radians alike",
+    "carried": "a's pose in the frame of b stayed the same in the step",
+}
+_STEPS = {
+    "still": Signature("still", ("a", "within"), 1, usage="still(a, within = 1 mm)"),
+    "moved": Signature("moved", ("a", "by"), 1, usage="moved(a, by = 1 mm)"),
+    "carried": Signature("carried", ("a", "b"), 2, usage="carried(a, b)"),
+}
+
+
 @cache
-def signatures() -> Mapping[str, Signature]:
-    """The functions that no definition makes: coordinates, primitives and functions of lists."""
+def signatures(timed: bool = False) -> Mapping[str, Signature]:
+    """The functions that no definition makes: coordinates, primitives, functions of lists; `timed`: of steps, too."""
+    if timed:
+        return {
+            **signatures(),
+            **{name: _STEPS.get(name) or Signature(name, ("a",), 1, usage=f"{name}(a)") for name in STEPS},
+        }
     table = {axis: Signature(axis, ("a",), 1, usage=f"{axis}(a)") for axis in NAMES}
     for primitive in PRIMITIVES.values():
         if not (primitive.operator or primitive.hidden):
@@ -201,6 +222,7 @@ def collect(source: Source, placed: Sequence[Placed], bare: ast.Expr | None) -> 
     """The scope of a spec's statements over the prelude, and a diagnostic for each name with two meanings."""
     base = prelude()
     scope = Scope(source, base.source)
+    scope.timed = any(isinstance(one.statement, ast.Time) for one in placed)
     for statement in base.statements:
         if isinstance(statement, ast.Constant):
             scope.constants[statement.name.id] = Declared(base.source, statement.name, statement)
@@ -209,7 +231,14 @@ def collect(source: Source, placed: Sequence[Placed], bare: ast.Expr | None) -> 
     problems: list[Diagnostic] = []
     places: dict[str, Span] = {}
     workspace: Span | None = None
+    once: dict[type, Span] = {}
     for one in placed:
+        if isinstance(one.statement, ast.Time | ast.Moves):
+            here = one.statement.span(one.source)
+            first = once.setdefault(type(one.statement), here)
+            if first is not here:
+                what = "the time" if isinstance(one.statement, ast.Time) else "what moves"
+                problems.append(DEFINED_TWICE(here, what=what, first=first.place))
         if isinstance(one.statement, ast.Workspace):
             here = one.statement.span(one.source)
             if workspace is not None:
@@ -270,7 +299,11 @@ def _clash(scope: Scope, kind: str, name: str, here: Span, places: Mapping[str, 
         return DEFINED_TWICE(here, what=f"`{name}`", first=places[name].place)
     if name in BUILT_IN:
         return BUILT_IN_NAME(here, name=name, what="built in", use="be defined")
-    if kind == "definition" and name not in REPLACEABLE and (name in scope.definitions or name in signatures()):
+    if (
+        kind == "definition"
+        and name not in REPLACEABLE
+        and (name in scope.definitions or name in signatures(scope.timed))
+    ):
         what = "a relation of the prelude" if name in scope.definitions else "a built-in function"
         return BUILT_IN_NAME(here, name=name, what=what, use="be defined again")
     if kind not in ("definition", "constant") and name in scope.constants:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scenegen.assets import Shape, shape_of
 from scenegen.errors import Diagnostic
 from scenegen.lang.core import Core
+from scenegen.lang.timed import Timed
 from scenegen.pose import span_of
 from scenegen.primitives import Footprint
 from scenegen.scene.workspace import Workspace
@@ -76,7 +77,8 @@ class CheckedSpec:
     each object that the spec declares to stand on something (`on`) to its support; `heights` is then how high each
     object's lowest point is above the table, and empty where no object has a support. `choices` maps the index of each
     object that stands on one of several surfaces to these; its height, and that of what it carries, is None.
-    `warnings` is what the checker noticed and let pass.
+    `warnings` is what the checker noticed and let pass. `timed` is what a spec over time means; its `core` has formulas
+    over time then, which no reader of cores takes.
     """
 
     name: str
@@ -91,6 +93,7 @@ class CheckedSpec:
     heights: tuple[float | None, ...] = ()
     choices: Mapping[int, Choice] = field(default_factory=dict)
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+    timed: Timed | None = None
 
     def __post_init__(self) -> None:
         if not self.shapes:
@@ -99,6 +102,8 @@ class CheckedSpec:
     @property
     def objects(self) -> tuple[str, ...]:
         """The objects, without the switches of choices."""
+        if self.timed is not None:
+            return self.timed.objects
         return self.core.objects[: len(self.core.objects) - len(self.choices)]
 
     @property
@@ -117,7 +122,7 @@ class CheckedSpec:
 
     def box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Lowest and highest value of every row of (3N, B) storage, each (3N,); equal for objects held in place."""
-        lowest, highest = self.workspace.box(len(self.core.objects))
+        lowest, highest = self.workspace.box(len(self.core.objects if self.timed is None else self.objects))
         for index, pose in self.fixed.items():
             held = span_of(index, len(pose))
             lowest[held] = highest[held] = pose

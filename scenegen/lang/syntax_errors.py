@@ -40,7 +40,8 @@ from scenegen.errors.syntax import (
 from scenegen.lang.brackets import BINARY, bracket, open_brackets, unclosed
 from scenegen.lang.expected import expected, shown
 from scenegen.lang.foreign_syntax import explain_foreign_syntax
-from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending
+from scenegen.lang.time_syntax import UNITS_OF_TIME, explain_time
+from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending, has_time
 
 # operators of other languages -> what to write here
 _FOREIGN = {  # what to write instead
@@ -65,8 +66,8 @@ _FOREIGN = {  # what to write instead
 _KNOWN = frozenset("()[],.:<>+-*/&|!≤≥∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 
 
-def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Diagnostic:
-    """The diagnostic for what Lark could not accept."""
+def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed: bool = False) -> Diagnostic:
+    """The diagnostic for what Lark could not accept; `timed`: in a spec with time."""
     text = source.text
     if isinstance(error, UnexpectedToken) and error.token.type != "$END":
         start, end = int(error.token.start_pos or 0), int(error.token.end_pos or 0)
@@ -77,7 +78,8 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters) -> Di
     else:
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
-        _unfinished(source, start, end, accepts)
+        explain_time(source, start, end, accepts, timed)
+        or _unfinished(source, start, end, accepts)
         or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
         or bracket(source, start)
@@ -162,7 +164,7 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         return _unnamed_formula(here, accepts)
     between = text[len(before) : start]
     if previous[:1].isdigit() and word.isidentifier() and word not in KEYWORDS and "\n" not in between:
-        return UNKNOWN_UNIT(here, name=word)
+        return UNKNOWN_UNIT(here, name=word, times=UNITS_OF_TIME if has_time(text) else None)
     if stack and "COMMA" in accepts:
         return MISSING_OPERATOR(here, before=shown(word), comma="`,`")
     names = previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between

@@ -85,6 +85,8 @@ class Template(CoreBuilder):
         self.given: list[int] = []
         self._known: dict[object, int] = {}
         self._texts: dict[str, Text] = {}
+        self.called = below.called
+        self.moving = below.moving
         self.nodes = cast(list[Node], _Overlay(below.nodes, self.own))
         self.objects = cast(tuple[str, ...], _Overlay(below.objects, self._names))
 
@@ -120,6 +122,29 @@ class Template(CoreBuilder):
         if index not in self._names:
             return self.below.coord(index, axis)
         return self._step(("coord", index, axis), Coord(index, axis))
+
+    def before(self, index: int, axis: int) -> int:
+        raise Depends  # which step is taken from which object: every round by itself
+
+    def everywhere(self, holds: bool) -> int:
+        return self.below.everywhere(holds)
+
+    def window(self, kind: Literal["min", "max"], part: int, lowest: int, highest: int, text: str = "") -> int:
+        if part in self.own or self._format(text)[1]:
+            raise Depends
+        return self.below.window(kind, part, lowest, highest, text)
+
+    def until(
+        self, kind: Literal["min", "max"], left: int, right: int, lowest: int, highest: int, closed: bool, text: str
+    ) -> int:
+        if left in self.own or right in self.own or self._format(text)[1]:
+            raise Depends
+        return self.below.until(kind, left, right, lowest, highest, closed, text)
+
+    def moment(self, which: Literal["first", "last", "steps"], part: int, text: str = "") -> int:
+        if part in self.own or self._format(text)[1]:
+            raise Depends
+        return self.below.moment(which, part, text)
 
     def value(self, number: int) -> float | None:
         if number in self.constant:
@@ -176,7 +201,7 @@ class Template(CoreBuilder):
         return self._step(("negate", formula), Junction("min", (formula,)))
 
     def text(self, number: int) -> str:
-        text = describe(self.nodes, self.objects, number)
+        text = self.called.get(number) or describe(self.nodes, self.objects, number)
         marks = list(_MARK.finditer(text))
         more = sum((self._longest if mark[1] == "o" else NUMBER_LENGTH) - len(mark[0]) for mark in marks)
         if text.endswith("...") or (marks and len(text) + more > LONGEST):

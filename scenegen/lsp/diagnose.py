@@ -40,6 +40,8 @@ def problems(document: Document) -> list[Problem]:
     if not isinstance(checked, CheckedSpec):
         return [_problem(document, one) for one in checked]
     found = [_problem(document, one) for one in checked.warnings]
+    if checked.timed is not None:
+        return found  # bounds and clashes are those of single scenes
     beyond = list(_overflow(document, checked))
     return found + (beyond or [_problem(document, one) for one in infeasible(checked)])
 

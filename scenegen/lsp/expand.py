@@ -87,6 +87,8 @@ def extents(document: Document, offset: int) -> list[Extent]:
     if part is None:
         return []
     module, spec = part
+    if spec.timed is not None:
+        return []  # the bounds of single scenes say nothing of motions
     statement, path = path_to(module, offset)
     if not path or isinstance(statement, ast.Workspace | ast.Objects | ast.Region | ast.Import):
         return []
@@ -97,7 +99,11 @@ def of_constant(document: Document, name: str) -> Extent | None:
     """The value of a constant; None if the text gives it none."""
     part = document.salvaged
     node = ast.Name(name)
-    found = [] if part is None else _outcomes(document, *part, [(document.source, node)], [node])
+    found = (
+        []
+        if part is None or part[1].timed is not None
+        else _outcomes(document, *part, [(document.source, node)], [node])
+    )
     return found[0] if found else None
 
 

@@ -15,7 +15,7 @@ from typing import Literal
 
 from scenegen.errors import Source
 from scenegen.lang.recovery import openings
-from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, scan
+from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, has_time, scan
 
 Kind = Literal["object", "region", "constant", "definition", "label", "parameter", "variable"]
 Role = Literal["declaration", "value", "call", "member", "argument", "asset", "import"]
@@ -109,7 +109,7 @@ def index(source: Source, path: Path | None = None) -> Index:
 
 
 def _statements(text: str) -> Iterator[Statement]:
-    tokens = [token for token in scan(text) if token.kind != "comment"]
+    tokens = [token for token in scan(text, timed=has_time(text)) if token.kind != "comment"]
     starts = [start for start, _ in openings(text, tokens)]
     at = 0
     for following in (*starts, len(text) + 1):

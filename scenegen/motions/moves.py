@@ -12,7 +12,7 @@ import numpy as np
 
 from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.variables import Flags, Variables, legal, unit_steps
-from scenegen.pose import TWO_PI
+from scenegen.pose import THETA, TWO_PI
 
 Change = Callable[[MotionProblem, Variables, np.random.Generator], tuple[Variables, Flags]]
 
@@ -141,6 +141,15 @@ def redraw_first(problem: MotionProblem, now: Variables, rng: np.random.Generato
     return Variables(first, now.mover, now.unit), np.ones(count, dtype=bool)
 
 
+def redraw_heading(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
+    """One object's first heading drawn anew: it turns with all that follows."""
+    first, count = now.first.copy(), now.count
+    thing, motion = rng.integers(len(problem.names), size=count), np.arange(count)
+    low, high = problem.lowest[thing, THETA], problem.highest[thing, THETA]
+    first[thing, THETA, motion] = low + (high - low) * rng.random(count)
+    return Variables(first, now.mover, now.unit), np.ones(count, dtype=bool)
+
+
 def shift_start(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """One object shifted until one of its steps, which makes up for it: it ends where it did."""
     first, unit, here = now.first.copy(), now.unit.copy(), _one_step(now, rng)
@@ -203,7 +212,7 @@ def changes(problem: MotionProblem) -> tuple[Change, ...]:
     """The changes that apply to a problem."""
     made: tuple[Change, ...] = ()
     if (problem.highest > problem.lowest).any():
-        made += (shift_first, shift_first, redraw_first)
+        made += (shift_first, shift_first, redraw_first, redraw_heading)
     if problem.steps and len(problem.movable):
         made += (shift_step, shift_step, redraw_step, redraw_segment, shift_segment, exchange_steps, reverse_segment)
         made += (shift_start, transfer, transfer)

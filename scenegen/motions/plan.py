@@ -12,7 +12,7 @@ import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.chains import Chains
-from scenegen.motions.problem import Array, MotionProblem
+from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.schedule import Schedule, generator, make_schedule, statistics
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.digest import digest
@@ -20,9 +20,10 @@ from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.sampler import probability
 
-PILOT = 16_384  # motions that decide between rejection and splitting
-BATCH = 4096  # motions of a piece of rejection
-ENOUGH = 16  # in the rarest cell of the pilot's: then rejection is cheap
+BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
+PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
+ENOUGH = 4  # hits of the rarest cell that tell how rare it is
+MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
 
 
 def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array:
@@ -165,16 +166,27 @@ def effective_share(pieces: float, chains: int, watched: Array) -> float | None:
     return round(min(1.0, float(1.0 / (chains * between[varies] / variance[varies]).mean())), 4)
 
 
+def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
+    """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
+    rng, drawn = generator(problem.request.seed, -2), 0
+    counts = np.zeros(problem.cells.count, dtype=np.intp)
+    while drawn < PILOT * BATCH and counts.min() < ENOUGH:
+        budget.check()
+        cell = problem.cells.find(problem.scores(poses_of(problem, draw(problem, BATCH, rng))))
+        counts += np.bincount(cell[cell >= 0], minlength=len(counts))
+        drawn += BATCH
+    return counts, drawn
+
+
 def make_plan(problem: MotionProblem, budget: Budget, method: str = "auto") -> MotionRejection | MotionSplitting | None:
     """Rejection where a pilot hits every cell of the range often, or `method` says so; else splitting; None if that
     does not reach the range. Raises StoppedError when time is up."""
     if method in ("auto", "rejection"):
-        scores = problem.scores(poses_of(problem, draw(problem, PILOT, generator(problem.request.seed, -2))))
-        cell = problem.cells.find(scores)
-        counts = np.bincount(cell[cell >= 0], minlength=problem.cells.count)
-        if counts.min() >= ENOUGH or (method == "rejection" and counts.any()):
+        counts, drawn = pilot(problem, budget)
+        cost = problem.request.n / problem.cells.count * drawn / max(1, counts.min())
+        if (counts.min() >= ENOUGH and cost <= MOST) or (method == "rejection" and counts.any()):
             reached = tuple(map(int, np.flatnonzero(counts)))
-            return MotionRejection(problem, reached, counts.sum() / PILOT, budget)
+            return MotionRejection(problem, reached, counts.sum() / drawn, budget)
         if method == "rejection":
             return None
     schedule = make_schedule(problem, budget)

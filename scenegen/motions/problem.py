@@ -29,11 +29,11 @@ class MotionProblem:
     hold a coordinate. In each step one object moves (`moves` "one": chosen uniformly among those that can move), or all
     do, by a displacement uniform over the disc of its `radius` (N,), metres, and a turn uniform over -turn to turn,
     `turn` (N,), radians. Objects with neither stay where they are. The whole is conditioned on all centres within
-    lowest to highest at every moment, and on `required` >= 0.
+    lowest to highest at every moment, and on the requirement's margin >= 0.
 
-    `phi` maps poses (N, 3, steps + 1, B) to (L, B), `required` to (B,); both must be picklable for several processes.
-    Headings that they get may lie outside [0, 2 pi).
-    `scores` has the labels' phi in its first rows, then those of GATES.
+    `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
+    where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
+    processes. `scores` has the same rows, then the room (see GATES).
     """
 
     names: tuple[str, ...]
@@ -43,9 +43,8 @@ class MotionProblem:
     highest: Array
     radius: Array
     turn: Array
-    phi: Score
+    score: Score
     request: SampleRequest
-    required: Score | None = None
     moves: Moves = "one"
     dt: float = 1.0
     cells: Cells = field(init=False)
@@ -85,7 +84,6 @@ class MotionProblem:
     def scores(self, poses: Array) -> Array:
         """phi of all labels, the requirement and the room, (N, 3, steps + 1, B) -> (L + 2, B)."""
         out = np.empty((len(self.labels) + len(GATES), poses.shape[-1]))
-        out[: len(self.labels)] = self.phi(poses)
-        out[-2] = np.inf if self.required is None else self.required(poses)
+        out[:-1] = self.score(poses)
         out[-1] = self.room(poses)
         return out

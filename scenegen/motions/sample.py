@@ -17,7 +17,7 @@ from scenegen.sampling.problem import Budget
 
 
 @dataclass(frozen=True, slots=True)
-class MotionSet:
+class Sampled:
     """Motions: `poses` (n, T + 1, N, 3) in metres and radians, `movers` (n, T), an object's index or -1 where all
     move, and `phi` (n, L). `info` says how they were drawn; `complete` is False if time, or the search, ended with
     fewer than the request's n."""
@@ -33,7 +33,7 @@ class MotionSet:
         return len(self.poses)
 
 
-def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto") -> MotionSet:
+def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto") -> Sampled:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
     `workers`. If the range is not reached there are none. Raises RequestError if time is up before the plan is made,
     AssertionError for a motion that fails the check."""
@@ -61,7 +61,7 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
         scores = problem.scores(poses)
     assert (cells.find(scores) >= 0).all(), "a motion is out of range"
     motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
-    return MotionSet(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
+    return Sampled(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
 
 
 def _rows(problem: MotionProblem) -> int:

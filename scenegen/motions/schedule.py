@@ -14,7 +14,7 @@ from scenegen.sampling.splitting.chains import Region, which_cell
 
 STREAM = 11  # random numbers of motions, separate from those of scenes
 KEPT = 0.5
-FEWEST, PIECES = 256, 8
+FEWEST, PIECES = 64, 4
 LEVELS, STALL = 400, 20
 LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
 LONGEST = 64  # rounds of moves until then, at most
@@ -53,7 +53,7 @@ def statistics(problem: MotionProblem, chains: Chains) -> Array:
 
 def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
     """The schedule of a problem; None if its range is not reached. Raises StoppedError when time is up."""
-    chains_of_piece = max(FEWEST, 8 * problem.cells.count, -(-problem.request.n // PIECES))
+    chains_of_piece = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
     chains_of_piece = min(chains_of_piece, 4096)
     moves = 10 + problem.steps + len(problem.names)
     chains = Chains.start(problem, max(1024, chains_of_piece), generator(problem.request.seed, -1), budget)

@@ -7,7 +7,7 @@ import pytest
 
 from scenegen.errors import Source
 from scenegen.lang.parse import parse_tolerant
-from scenegen.lang.tokens import KEYWORDS, scan
+from scenegen.lang.tokens import KEYWORDS, TEMPORAL, scan
 from scenegen.resources import grammar_file, shipped_specs
 
 from .textmate import Grammar, report
@@ -97,8 +97,27 @@ def test_the_keywords_are_those_of_the_language(text):
         assert scope.startswith(("keyword.", "storage.", "constant.language")), word
         assert not scopes_of(tree, f"{word}_{word}")[0][1].startswith(("keyword.", "storage.")), word
     words = set(re.findall(r"[a-z]{2,}", " ".join(_patterns(json.loads(text))).replace(r"\b", " ")))
-    units = {"mm", "cm", "rad", "deg", "turn"}
-    assert words - reserved - units == {"objects"} | CLAUSES
+    units = {"mm", "cm", "rad", "deg", "turn", "ms", "min"}
+    over_time = {*TEMPORAL, "with", "time", "steps", "every", "moves", "one", "all"} - {"until_with"}
+    assert words - reserved - units == {"objects"} | CLAUSES | over_time
+
+
+def test_scopes_over_time(grammar, golden, request):
+    grammar_tests = request.config.rootpath / "tests" / "editors"
+    text = (grammar_tests / "over_time.spec").read_text(encoding="utf-8")
+    assert parse_tolerant(Source("over_time.spec", text))[1] == []
+    golden("editors/over_time.txt", report(grammar.tokenize(text)))
+    found = scopes_of(grammar, text)
+    for token in scan(text, timed=True):
+        if token.text in TEMPORAL:
+            assert found[token.start][1] == "keyword.operator.temporal.scenegen", token
+
+
+@pytest.mark.parametrize("word", sorted(TEMPORAL))
+def test_words_of_time_are_names_where_they_are_used_as_such(word, grammar):
+    for text in (f"leftOf({word}, mug)", f"a: {word}.left", f"object mug, {word}", f"object {word} at (0, 0)"):
+        scope = next(scope for said, scope in scopes_of(grammar, text).values() if said == word)
+        assert scope.startswith("variable."), (text, scope)
 
 
 def test_operators_are_those_of_the_language(grammar):

@@ -4,11 +4,12 @@ from hypothesis import given, settings
 
 from scenegen.errors import Source
 from scenegen.lang import ast
+from scenegen.lang.layout import format_source
 from scenegen.lang.parse import parse
 from scenegen.lang.print import dump, print_module
 
 from ..laws import examples
-from .trees import expressions, ladders, statements, tuples
+from .trees import expressions, horizons, ladders, statements, timed_statements, tuples
 
 NOWHERE = Source("", "")
 
@@ -37,3 +38,12 @@ def test_the_ladder(tree):
 @given(tuples(statements, least=1, most=5))
 def test_statements(trees):
     there_and_back(ast.Module(NOWHERE, trees, None))
+
+
+@settings(max_examples=examples(300), deadline=None, derandomize=True)
+@given(horizons, tuples(timed_statements, most=4))
+def test_over_time(horizon, trees):
+    there_and_back(ast.Module(NOWHERE, (horizon, *trees), None))
+    text = Source("a.spec", print_module(ast.Module(NOWHERE, (horizon, *trees), None)))
+    formatted = format_source(text)
+    assert format_source(Source("a.spec", formatted)) == formatted

@@ -54,14 +54,24 @@ def test_a_byte_order_mark_and_other_line_ends_are_fine(data):
 def test_the_grammar_is_free_of_conflicts():
     """strict: Lark proves that no two actions of the parser and no two terminals collide."""
     pytest.importorskip("interegular")
-    tables.build(GRAMMAR, strict=True)
+    for timed in (False, True):
+        tables.build(tables.grammar_text(timed), strict=True)
     with pytest.raises(lark.exceptions.GrammarError):
         tables.build('start: a | b\na: "x"\nb: "x"\n', strict=True)
 
 
-def test_the_finished_tables_are_those_of_the_grammar():
-    held = (ROOT / "grammar" / tables.TABLES).read_text(encoding="utf-8")
-    assert held == tables.serialize(GRAMMAR), "stale: run `make tables`"
+@pytest.mark.parametrize("timed", [False, True])
+def test_the_finished_tables_are_those_of_the_grammar(timed):
+    held = (ROOT / "grammar" / tables.TABLES[timed]).read_text(encoding="utf-8")
+    assert held == tables.serialize(tables.grammar_text(timed)), "stale: run `make tables`"
+
+
+def test_what_the_grammar_has_of_time():
+    """Nothing of it counts without time, and nothing that it replaces counts with it."""
+    still, timed = tables.grammar_text(False), tables.grammar_text(True)
+    assert "until" in timed and "untimed" not in timed.split("?ladder")[1] and "//time" not in timed.split("start:")[1]
+    for name in ("OVER_TIME", "UNTIL", "EVERY", "MOVES"):
+        assert not [line for line in still.splitlines() if name in line and not line.startswith("//")]
 
 
 @pytest.fixture
@@ -71,11 +81,11 @@ def stale(tmp_path, monkeypatch):
     def spoil(text):
         (tmp_path / "spec.lark").write_text(GRAMMAR, encoding="utf-8")
         if text is not None:
-            (tmp_path / tables.TABLES).write_text(text, encoding="utf-8")
+            (tmp_path / tables.TABLES[False]).write_text(text, encoding="utf-8")
         tables._finished.cache_clear()
         _parser.cache_clear()
         monkeypatch.setattr(tables, "grammar_file", tmp_path.joinpath)
-        return tables._finished()
+        return tables._finished(False)
 
     yield spoil
     monkeypatch.undo()
@@ -85,7 +95,7 @@ def stale(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kind", ["other fingerprint", "missing", "garbage", "not even an object", "no data"])
 def test_tables_that_do_not_fit_are_passed_over(kind, stale):
-    held = json.loads((ROOT / "grammar" / tables.TABLES).read_text(encoding="utf-8"))
+    held = json.loads((ROOT / "grammar" / tables.TABLES[False]).read_text(encoding="utf-8"))
     spoilt = {
         "other fingerprint": json.dumps(held | {"fingerprint": "0" * 64}),
         "missing": None,
@@ -95,7 +105,7 @@ def test_tables_that_do_not_fit_are_passed_over(kind, stale):
     }
     source = Source("a.spec", "task: !p -> [a, (1 cm, 2)][1].left\nsafe: forall i in 1..2: q")
     expected = dump(parse(source), places=True)
-    assert tables._finished() is not None
+    assert tables._finished(False) is not None
     assert stale(spoilt[kind]) is None
     if kind == "missing":  # the same for all: the parser is built from the grammar, in seconds
         assert dump(parse(source), places=True) == expected

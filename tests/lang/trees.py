@@ -3,7 +3,7 @@
 from hypothesis import strategies as st
 
 from scenegen.lang import ast
-from scenegen.lang.syntax_errors import KEYWORDS
+from scenegen.lang.tokens import KEYWORDS, TEMPORAL
 
 ids = st.one_of(
     st.sampled_from("a b mug plate x theta m cm e5 inside objects _ A1".split()),
@@ -77,4 +77,34 @@ statements = st.one_of(
     st.builds(ast.Require, small),
     st.builds(ast.Import, texts),
     st.builds(ast.Label, names, small),
+)
+
+# ---- with time: its words are no names there
+timed_ids = ids.filter(lambda word: word not in TEMPORAL)
+windows = st.none() | st.builds(ast.Interval, quantities, quantities)
+
+
+def over_time(below):
+    """The ladder with the operators of time."""
+    words = st.sampled_from(["always", "eventually"])
+    return st.one_of(
+        operators(below),
+        st.builds(ast.Temporal, words, windows, below),
+        st.builds(ast.Temporal, st.sampled_from(["next", "initially", "finally"]), st.none(), below),
+        st.builds(ast.Until, st.sampled_from(["until", "until_with"]), windows, below, below),
+        st.builds(ast.Quantifier, st.just("forall"), st.just((ast.Name("p"),)), st.just(ast.Name("objects")), below),
+    )
+
+
+timed_ladders = st.recursive(st.just(ast.Name("a")), over_time, max_leaves=8)
+rates = st.builds(ast.Quantity, numbers, st.sampled_from(["s", "ms", "min", "m/s", "cm/s", "deg/s", "rad/s", "turn/s"]))
+timed_statements = st.one_of(
+    st.builds(ast.Label, timed_ids.map(ast.Name), timed_ladders),
+    st.builds(ast.Require, timed_ladders),
+    st.builds(ast.Moves, st.sampled_from(["one", "all"]).map(ast.Name)),
+    st.builds(ast.Constant, timed_ids.map(ast.Name), rates),
+)
+horizons = st.one_of(
+    st.builds(ast.Time, quantities, st.just(ast.Name("steps"))),
+    st.builds(ast.Time, rates, st.none(), st.builds(ast.Interval, rates, rates)),
 )

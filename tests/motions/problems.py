@@ -43,14 +43,28 @@ def travels(poses):  # all objects start left and end right
     return np.minimum(left.min(axis=0), right.min(axis=0))[None]
 
 
-def problem(phi, wanted, *, objects=2, steps=4, n=1000, seed=0, spread="base", radius=0.15, turn=0.5, **more):
+class Score:
+    """phi of the labels, then the requirement's margin."""
+
+    def __init__(self, phi, required):
+        self.phi, self.required = phi, required
+
+    def __call__(self, poses):
+        margin = np.full(poses.shape[-1], np.inf) if self.required is None else self.required(poses)
+        return np.concatenate([self.phi(poses), margin[None]])
+
+
+def problem(
+    phi, wanted, *, objects=2, steps=4, n=1000, seed=0, spread="base", radius=0.15, turn=0.5, required=None, **more
+):
     labels = tuple(wanted)
     corner = np.tile([0.4, 0.4, TWO_PI], (objects, 1))
     lowest = corner * [-1.0, -1.0, 0.0]
     request = SampleRequest({k: Range(*v) for k, v in wanted.items()}, n=n, seed=seed, spread=spread)
     reach = np.full(objects, radius), np.full(objects, turn)
     names = tuple(f"o{k}" for k in range(objects))
-    return MotionProblem(names, labels, steps, lowest, corner, *reach, phi, request, **more)
+    score = Score(phi, required)
+    return MotionProblem(names, labels, steps, lowest, corner, *reach, score, request, **more)
 
 
 def held(made, thing):

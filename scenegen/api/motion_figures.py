@@ -1,0 +1,105 @@
+"""Figures of motions: an animation, a strip of moments, phi over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.figures import Look
+from scenegen.api.labels import chosen_label
+from scenegen.errors import RequestError, quoted
+from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.figures.strip import animation, strip
+from scenegen.formats.folder import whole_files
+from scenegen.lang.check import check_text
+from scenegen.lang.interpret import phi as evaluate
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import as_rows
+from scenegen.primitives import NUMPY
+from scenegen.validation import as_path
+
+if TYPE_CHECKING:
+    from scenegen.api.motions import MotionSet
+
+Array = npt.NDArray[np.float64]
+
+KINDS = ("gif", "strip", "phi")
+SHOWN = 6  # moments of a strip
+
+
+def figures(
+    motions: MotionSet,
+    out: str | Path,
+    *kinds: str,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> tuple[Path, ...]:
+    """See `MotionSet.figures`."""
+    from scenegen.render.request import check_request, usual_size
+
+    folder = as_path("out", out)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=KINDS))
+    if not kinds:
+        wanted = f"something to draw, after the folder; there are {quoted(KINDS)}"
+        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
+    head = motions.motion(0).header
+    size = usual_size(head) if size is None else size
+    check_request((view,), size, workers)
+    look = Look(view, size, distinct, workers, None)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    chosen = chosen_label(spec.labels, label)
+    made: dict[str, bytes] = {}
+    for number in range(len(motions)):
+        name = f"motion_{number + 1:0{max(4, len(str(len(motions))))}d}"
+        made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
+    with whole_files(folder) as put:
+        for name, data in made.items():
+            put(name, data)
+    return tuple(folder / name for name in made)
+
+
+def _one(
+    motions: MotionSet, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: Look
+) -> dict[str, bytes]:
+    from PIL import Image
+
+    signals = over_time(spec, motions.poses[number])
+    values = np.nan_to_num(signals[label], posinf=0.0, neginf=0.0).tolist()
+    made: dict[str, bytes] = {}
+    if "phi" in kinds:
+        from scenegen.figures.over_time import over_time as chart
+
+        made["_phi.png"] = chart(motions.times.tolist(), {name: row.tolist() for name, row in signals.items()})
+    if "gif" not in kinds and "strip" not in kinds:
+        return made
+    drawn = list(look.pictures(motions.motion(number).file()))
+    if "gif" in kinds:
+        made[".gif"] = animation(drawn, values, label)
+    if "strip" in kinds:
+        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
+        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
+        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        times = [f"t = {motions.times[place]:g} s" for place in picked]
+        title = motions.header.spec.title.rstrip(".")
+        made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=times)
+    return made
+
+
+def over_time(spec: CheckedSpec, poses: Array) -> dict[str, Array]:
+    """phi of each label of one motion (T + 1, N, 3) at every moment: from there on for formulas over time, which may be
+    infinite where they look beyond the last."""
+    if spec.timed is not None:
+        from scenegen.motions.scores import TraceScores
+
+        rows = TraceScores(spec.timed).signals(np.ascontiguousarray(poses.transpose(1, 2, 0))[..., None])
+        return dict(zip(spec.labels, rows[..., 0], strict=True))
+    values = evaluate(spec.core, list(as_rows(poses)), NUMPY)
+    return {name: np.array(np.broadcast_to(values[name], len(poses))) for name in spec.labels}

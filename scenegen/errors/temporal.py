@@ -1,0 +1,120 @@
+"""Errors about time: horizons, windows, and specs over time where scenes are wanted."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+TIME_MISSING = Kind(
+    "time-missing",
+    "`{word}` is about time, and this spec has none",
+    "every scene stands by itself",
+    "say how long a motion lasts: time 20 steps, or time [0, 10 s] every 0.5 s",
+)
+TIME_IN_IMPORT = Kind(
+    "time-in-import",
+    "only an imported file says how long a motion lasts",
+    "{path} has a `time` statement",
+    "move `time ...` from there into this spec",
+)
+UNKNOWN_TIME_WORD = Kind(
+    "unknown-time-word",
+    "unknown word `{name}` after a number of steps",
+    "expected `steps`",
+    (NEAREST, "write time 20 steps, or time [0, 10 s] every 0.5 s"),
+)
+UNKNOWN_MOVERS = Kind(
+    "unknown-movers",
+    "unknown word `{name}`",
+    "expected `one` or `all`",
+    (NEAREST, "write moves one: in each step one object moves; or moves all"),
+)
+MOVES_WITHOUT_TIME = Kind(
+    "moves-without-time",
+    "`moves` is about steps, and this spec has none",
+    help="say how long a motion lasts: time 20 steps",
+)
+NOT_A_TIME = Kind(
+    "not-a-time",
+    "{what} is in {wanted}, not {found}",
+    help="times are in s, ms or min: 0.5 s",
+)
+HORIZON_OUT_OF_RANGE = Kind(
+    "horizon-out-of-range",
+    "a motion cannot have {steps:,.15g} steps",
+    "it has 1 to {limit:,}",
+)
+NOT_FROM_ZERO = Kind(
+    "not-from-zero",
+    "time begins at 0, not at {start:g} s",
+    help="write time [0, {length:g} s] every ...",
+)
+NOT_WHOLE_STEPS = Kind(
+    "not-whole-steps",
+    "{amount:g}{unit} is not a whole number of steps",
+    "[[a step is {dt:g} s]]",
+    "write {mended}",
+)
+EMPTY_WINDOW = Kind(
+    "empty-window",
+    "this window is empty",
+    "it ends before it begins",
+    "write {swapped}",
+)
+WINDOW_IN_THE_PAST = Kind(
+    "window-in-the-past",
+    "this window begins before now",
+    "`{operator}` looks at this moment and later ones",
+    "let it begin at 0",
+)
+WINDOW_BEYOND = Kind(
+    "window-beyond",
+    "this window begins after the last moment",
+    "it begins {lowest:,} steps from now, and a motion has {steps:,}",
+    "let it begin earlier, or let time last longer",
+)
+WINDOW_CUT = Kind(
+    "window-cut",
+    "this window ends after the last moment",
+    "it ends {highest:,} steps from now, and a motion has {steps:,}: what lies beyond is not looked at",
+    "leave out the window, or let time last longer",
+    severity="warning",
+)
+NO_WINDOW_HERE = Kind(
+    "no-window-here",
+    "`{operator}` takes no window",
+    help="write {operator} f, or eventually[2, 5] f",
+)
+LOOKS_BEYOND = Kind(
+    "looks-beyond",
+    "{name} looks beyond the last moment: phi is {sign}infinity in every motion",
+    "of no moment the least is infinity, and the largest minus infinity",
+    "let what is around end earlier, such as always[0, {most}] for what `next` looks at",
+)
+CHOICE_OVER_TIME = Kind(
+    "choice-over-time",
+    "`on any of` has no place in a spec over time",
+    "what an object stands on stays the same in a motion",
+    "name one surface",
+)
+TIME_NOT_HERE = Kind(
+    "time-not-here",
+    "{file} is a spec over time: this takes specs of single scenes",
+    help="score motions with spec.trace_robustness(), or leave out `time` and the words of time",
+)
+NOT_OVER_TIME = Kind(
+    "not-over-time",
+    "{file} is a spec of single scenes: its motions have no phi",
+    help="say how long a motion lasts: time 20 steps; for scenes call spec.robustness()",
+)
+TIME_UNFINISHED = Kind(
+    "time-unfinished",
+    "this `time` statement is not finished",
+    "expected `steps` after a number, or `every` and a time after an interval",
+    "write time 20 steps, or time [0, 10 s] every 0.5 s",
+)
+TOO_MANY_OVER_TIME = Kind(
+    "too-many-over-time",
+    "a spec has no more than {limit:,} operators of time",
+    "this is one more",
+    "give parts of the formula a name with `def`, or range over them with `forall`",
+)

@@ -1,0 +1,53 @@
+"""From a spec over time and a request to a problem for the samplers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from scenegen.bounds.effort import Effort, StoppedError
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.motions import NO_BOUND_ON_STEPS
+from scenegen.errors.requests import NO_TIME_TO_CHECK
+from scenegen.lang.spec import CheckedSpec
+from scenegen.motions.bounds import phi_bounds, step_bounds
+from scenegen.motions.problem import MotionProblem
+from scenegen.motions.scores import TraceScores
+from scenegen.pose import PLACE, THETA, row_of, rows_of
+from scenegen.sampling.fixed_objects import hold_fixed
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.request import SampleRequest, check_request
+
+
+def make_problem(
+    spec: CheckedSpec, request: SampleRequest, budget: Budget | None = None
+) -> tuple[MotionProblem, tuple[Diagnostic, ...]]:
+    """The problem, and warnings about the request. Raises RequestError for a request that is wrong or out of the bounds
+    of phi, for an object of which nothing says how far it moves in a step, and where time is up."""
+    timed = spec.timed
+    assert timed is not None
+    effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
+    lowest, highest, fixed = hold_fixed(spec, request.fix)
+    try:
+        bounds = phi_bounds(timed, lowest, highest, effort)
+    except StoppedError:
+        raise RequestError(NO_TIME_TO_CHECK()) from None
+    checked, warnings = check_request(dataclasses.replace(request, fix=fixed), bounds)
+    radius, turn = step_bounds(timed)
+    for thing, name in enumerate(timed.objects):
+        place = [row_of(thing, axis) for axis in PLACE]
+        if (lowest[place] == highest[place]).all():
+            radius[thing] = 0.0
+            if lowest[row_of(thing, THETA)] == highest[row_of(thing, THETA)]:
+                turn[thing] = 0.0
+        if np.isinf(radius[thing]):
+            raise RequestError(NO_BOUND_ON_STEPS(name=name))
+    turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
+    shape = (len(timed.objects), len(rows_of(0)))
+    made = MotionProblem(
+        names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
+        highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
+        moves=timed.moves, dt=timed.horizon.dt,
+    )  # fmt: skip
+    return made, warnings

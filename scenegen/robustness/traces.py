@@ -1,0 +1,120 @@
+"""phi over motions in torch: state formulas by today's robustness, moment by moment, then windows over time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from scenegen.lang.timed import Timed, over_time
+from scenegen.pose import NAMES, SIZE, row_count
+from scenegen.robustness.compile import Robustness
+from scenegen.robustness.transforms import plain
+
+STATES = 1 << 18  # states at a time, where no gradient is wanted
+
+
+class TraceRobustness:
+    """phi of every label of a spec over time, for any number of motions of N objects at the moments 0 to T.
+
+    A label's phi is its formula's value at moment 0 (Donze and Maler, "Robust satisfaction of temporal logic over
+    real-valued signals", FORMATS 2010, in discrete time with closed windows that end with the motion). Values are exact
+    minima and maxima, differentiable; time grows with T log T at most, whatever the windows. Works in the dtype and on
+    the device of its input.
+    """
+
+    def __init__(self, timed: Timed) -> None:
+        self.timed = timed
+        self.labels = tuple(timed.labels)
+        self.objects = timed.objects
+        self.horizon = timed.horizon
+        self._state = Robustness(timed.state)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TraceRobustness, (self.timed,)
+
+    def __call__(self, poses: Tensor, *, signals: bool = False) -> Tensor:
+        """(B, T + 1, N, 3) poses -> (B, L); with `signals`, the value at every moment: (B, T + 1, L). What looks beyond
+        the last moment is infinite there: the least value of no moment is infinity, the largest minus infinity.
+
+        Raises ValueError for another shape or dtype, and for NaN or infinite coordinates.
+        """
+        values = self._values(poses, list(self.timed.labels.values()))
+        out = torch.stack(values, dim=-1)
+        return out if signals else out[:, 0]
+
+    def required(self, poses: Tensor, *, signals: bool = False) -> Tensor:
+        """(B, T + 1, N, 3) poses -> (B,), the least value over time of what the spec requires: it holds where this is
+        >= 0. With `signals`, the value at every moment: (B, T + 1). Requirements of steps are infinite at moment 0.
+        Without requirements all is infinity. Raises ValueError as calls do."""
+        if self.timed.requirement is None:
+            self._refuse(poses)
+            value = poses.new_full(poses.shape[:2], math.inf)
+        else:
+            (value,) = self._values(poses, [self.timed.requirement])
+        return value if signals else value.amin(-1)
+
+    def _values(self, poses: Tensor, wanted: list[int]) -> list[Tensor]:
+        self._refuse(poses)
+        batch, moments = poses.shape[:2]
+        some = max(1, STATES // moments)
+        if batch <= some or (poses.requires_grad and torch.is_grad_enabled()):
+            return self._some(poses, wanted)
+        parts = [self._some(part, wanted) for part in torch.split(poses, some)]
+        return [torch.cat(columns) for columns in zip(*parts, strict=True)]
+
+    def _some(self, poses: Tensor, wanted: list[int]) -> list[Tensor]:
+        batch, moments = poses.shape[:2]
+        if self.timed.steps:
+            before = torch.cat([poses[:, :1], poses[:, :-1]], dim=1)
+            states = torch.cat([poses, before], dim=2)
+        else:
+            states = poses
+        rows = states.permute(2, 3, 0, 1).reshape(row_count(states.shape[2]), batch * moments)
+        signals = self._state.rows(rows, check=False).reshape(len(self._state.labels), batch, moments)
+
+        def everywhere(value: float) -> Tensor:
+            return poses.new_full((batch, moments), value)
+
+        values = over_time(_Torch(), self.timed, signals.unbind(0), everywhere)
+        return [values[node] for node in wanted]
+
+    def _refuse(self, poses: Tensor) -> None:
+        if not isinstance(poses, Tensor):
+            raise TypeError(f"poses must be a torch tensor, not {type(poses).__name__}; use torch.from_numpy(poses)")
+        want = (self.horizon.moments, len(self.objects), SIZE)
+        if poses.ndim != 4 or tuple(poses.shape[1:]) != want:
+            shape = f"(B, {want[0]}, {want[1]}, {want[2]})"
+            raise ValueError(
+                f"poses must have the shape {shape}, one ({', '.join(NAMES)}) per object and moment,"
+                f" not {tuple(poses.shape)}"
+            )
+        if poses.dtype not in (torch.float32, torch.float64):
+            raise ValueError(f"coordinates must be float32 or float64, not {str(poses.dtype).removeprefix('torch.')}")
+        if not bool(torch.isfinite(plain(poses).detach().sum())):
+            bad = (~torch.isfinite(plain(poses))).nonzero()
+            if len(bad):
+                trace, moment, which, axis = (int(index) for index in bad[0])
+                name = self.objects[which]
+                raise ValueError(f"{NAMES[axis]} of `{name}` at moment {moment} of motion {trace} is not finite")
+
+
+class _Torch:
+    """Arrays of torch, for scenegen.lang.windows."""
+
+    minimum = staticmethod(torch.minimum)
+    maximum = staticmethod(torch.maximum)
+
+    @staticmethod
+    def shift(a: Tensor, by: int, fill: float) -> Tensor:
+        moments = a.shape[-1]
+        by = min(by, moments)
+        return torch.nn.functional.pad(a[..., by:], (0, by), value=fill)
+
+    @staticmethod
+    def first(value: float, everywhere: Any) -> Tensor:
+        out: Tensor = everywhere(-math.inf)
+        out[..., 0] = value
+        return out

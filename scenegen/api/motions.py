@@ -71,7 +71,6 @@ class MotionSet:
         write(path, MotionArrays(self.header, self.poses, self.phi, self.facts))
         return path
 
-
     def dump(self) -> bytes:
         """The bytes of the .json file."""
         import io
@@ -169,7 +168,7 @@ def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
     steps = np.hypot(*np.moveaxis(np.diff(made.poses[..., :2], axis=1), -1, 0))
     facts = {"moved": (steps > 0.0).any(axis=1).sum(axis=1).astype(np.float64), "way": steps.sum(axis=(1, 2))}
     ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
-    info = {key: value for key, value in made.info.items()}
+    info = dict(made.info)
     scenes = make_header(spec.declared, info, RequestData(phi={}, n=request.n))
     header = MotionFile(
         spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions, sampler=info,

@@ -27,7 +27,11 @@ def sample_motions(
     from scenegen.formats.motions.table import format_of
     from scenegen.needs import need
 
-    given: dict[str, object] = {"resume": storing.resume, "engine": storing.engine != "local", "address": storing.address}
+    given: dict[str, object] = {
+        "resume": storing.resume,
+        "engine": storing.engine != "local",
+        "address": storing.address,
+    }
     given |= {"shard_size": storing.shard_size, "out": out is not None and names_set(out)}
     for argument, value in given.items():
         if value:

@@ -56,6 +56,3 @@ def over_time(times: Sequence[float], phi: Mapping[str, Sequence[float]]) -> byt
     out = io.BytesIO()
     page.save(out, format="PNG", compress_level=7)
     return out.getvalue()
-
-
-

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.figures.sheet import INK, PAPER, QUIET, RGB, SMALL, WARM, cut
+from scenegen.figures.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
 
 COOL = (36, 120, 88)
 EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, space below a picture

@@ -76,7 +76,7 @@ def _bound(core: Core, margin: int, count: int) -> tuple[int, bool, float] | Non
         case _:
             pass
     match node:
-        case Apply("dist", args) if len(args) == 4:  # noqa: PLR2004 - x and y, twice
+        case Apply("dist", args) if len(args) == 4:
             thing = _same_object(core, args[:2], args[2:], (X, Y), count)
             return None if thing is None else (thing, False, limit)
         case Apply("abs", (arg,)):
@@ -120,8 +120,9 @@ def _same_object(
 def phi_bounds(timed: Timed, lowest: Array, highest: Array, effort: Effort) -> dict[str, tuple[float, float]]:
     """What phi of each label can be at most, from interval bounds of the state formulas in the box (3N,): minima and
     maxima over time are monotone in them."""
-    box = [np.concatenate([ends, ends]) if timed.steps else ends for ends in (lowest, highest)]
-    ends = label_bounds(timed.state, *box, effort)
+    if timed.steps:  # every object as it stands now, and as it stood before
+        lowest, highest = np.tile(lowest, 2), np.tile(highest, 2)
+    ends = label_bounds(timed.state, lowest, highest, effort)
 
     def everywhere(value: float) -> Array:
         return np.full(timed.horizon.moments, value)

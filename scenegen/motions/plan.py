@@ -5,6 +5,7 @@ A motion is a column of a block: the poses at all moments, then the mover of eac
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -32,15 +33,14 @@ def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array
         mover = problem.movable[variables.mover]
     else:
         mover = np.full_like(variables.mover, -1)
-    return np.concatenate([poses.reshape(-1, variables.count), mover.astype(np.float64)])
+    rows = poses.reshape(math.prod(poses.shape[:-1]), variables.count)
+    return np.concatenate([rows, mover.astype(np.float64)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _MotionPlan(Plan):
     problem: MotionProblem  # type: ignore[assignment]  # runs need its request and cells alone
     cells_reached: tuple[int, ...]
-
-    patience: ClassVar[int] = 8
 
     @property
     def reached(self) -> tuple[int, ...]:
@@ -56,6 +56,7 @@ class MotionRejection(_MotionPlan):
     stop: Stop = NEVER
 
     method: ClassVar[str] = "rejection"
+    patience: ClassVar[int | None] = None  # the pilot has hit every cell; time alone ends a run
 
     @property
     def plan_digest(self) -> str:
@@ -97,6 +98,7 @@ class MotionSplitting(_MotionPlan):
     stop: Stop = NEVER
 
     method: ClassVar[str] = "splitting"
+    patience: ClassVar[int | None] = 8
     fewest: ClassVar[int] = 4
 
     @property

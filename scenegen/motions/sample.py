@@ -70,4 +70,5 @@ def _rows(problem: MotionProblem) -> int:
 
 def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:
     poses, movers = rows[: len(rows) - problem.steps], rows[len(rows) - problem.steps :]
-    return poses.reshape(len(problem.names), 3, problem.steps + 1, -1), movers.T.astype(np.intp)
+    shape = (len(problem.names), 3, problem.steps + 1, rows.shape[1])
+    return poses.reshape(shape), movers.T.astype(np.intp)

@@ -17,7 +17,7 @@ KEPT = 0.5
 FEWEST, PIECES = 64, 4
 LEVELS, STALL = 400, 20
 LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
-LONGEST = 64  # rounds of moves until then, at most
+LONGEST = 32  # rounds of moves until then, at most
 LUCK = 2.5
 ROUNDS = 24  # of weights that even out the cells
 
@@ -56,7 +56,7 @@ def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
     chains_of_piece = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
     chains_of_piece = min(chains_of_piece, 4096)
     moves = 10 + problem.steps + len(problem.names)
-    chains = Chains.start(problem, max(1024, chains_of_piece), generator(problem.request.seed, -1), budget)
+    chains = Chains.start(problem, max(512, chains_of_piece), generator(problem.request.seed, -1), budget)
     regions: list[Region] = []
     low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
     held = low.copy()

@@ -15,9 +15,11 @@ HEAD = "object mug, plate\ntime {steps} steps\n{moves}require forall a in object
 
 SPECS = {
     "meet": HEAD.format(steps=4, moves="") + "task: eventually closeTo(mug, plate, 15 cm)",
-    "all move": HEAD.format(steps=3, moves="moves all\n") + "task: finally leftOf(mug, plate) & initially rightOf(mug, plate)",
+    "all move": HEAD.format(steps=3, moves="moves all\n")
+    + "task: finally leftOf(mug, plate) & initially rightOf(mug, plate)",
     "apart": HEAD.format(steps=5, moves="") + "require noOverlap()\ntask: always[2, 4] farFrom(mug, plate, 40 cm)",
-    "turn": HEAD.format(steps=3, moves="") + "require spin(mug) <= 60 deg/s\ntask: eventually angle(mug, NORTH, 20 deg)",
+    "turn": HEAD.format(steps=3, moves="")
+    + "require spin(mug) <= 60 deg/s\ntask: eventually angle(mug, NORTH, 20 deg)",
     "until": HEAD.format(steps=6, moves="") + "task: leftOf(mug, plate) until closeTo(mug, plate, 12 cm)",
     "half second": "object mug, plate at (0.5, 0.5)\ntime [0, 2 s] every 0.5 s\nrequire speed(mug) <= 30 cm/s\n"
     "task: next farFrom(mug, plate, 20 cm) & finally closeTo(mug, plate, 10 cm)",
@@ -101,13 +103,17 @@ def test_motions_are_in_range_and_keep_their_bounds(name):
     ],
 )
 def test_bounds_of_steps_are_read_from_requirements(required, far, turn):
-    spec = scenegen.parse(f"object mug\ntime [0, 1 s] every 0.5 s\nrequire {required}\ntask: eventually leftOf(mug, (0.5, 0.5))")
+    spec = scenegen.parse(
+        f"object mug\ntime [0, 1 s] every 0.5 s\nrequire {required}\ntask: eventually leftOf(mug, (0.5, 0.5))"
+    )
     found = step_bounds(spec.over_time)
     assert np.allclose(np.concatenate(found), [far, turn])
 
 
 def test_an_object_without_a_bound_is_an_error():
-    spec = scenegen.parse("object mug, plate\ntime 2 steps\nrequire speed(mug) <= 0.1\ntask: eventually leftOf(mug, plate)")
+    spec = scenegen.parse(
+        "object mug, plate\ntime 2 steps\nrequire speed(mug) <= 0.1\ntask: eventually leftOf(mug, plate)"
+    )
     with pytest.raises(RequestError, match="nothing says how far `plate` moves in a step"):
         scenegen.sample_motions(spec, (0.0, None))
     held = scenegen.sample_motions(spec, (0.0, None), n=5, fix={"plate": (0.5, 0.5)})

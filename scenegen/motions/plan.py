@@ -121,9 +121,10 @@ class MotionSplitting(_MotionPlan):
         for number, region in enumerate(plan.regions):
             survived = chains.narrow(region)
             if not survived:
-                rows = (problem.steps + 1) * 3 * len(problem.names) + problem.steps
                 facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
-                return Piece(np.empty((rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
+                return Piece(
+                    np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts
+                )
             share *= survived if number < plan.levels else 1.0
             chains.run(plan.moves)
         taken = chains.run(plan.settling)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import LENGTHS, TWO_PI
+from scenegen.pose import LENGTHS, TWO_PI, row_count
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.request import SampleRequest
 
@@ -58,6 +58,11 @@ class MotionProblem:
     def reach(self) -> Array:
         """(N, 3): how far a step can take each coordinate."""
         return np.stack([self.radius, self.radius, self.turn], axis=1)
+
+    @property
+    def rows(self) -> int:
+        """How many numbers a motion is in storage: the poses at all moments, then the mover of each step."""
+        return (self.steps + 1) * row_count(len(self.names)) + self.steps
 
     @property
     def movable(self) -> Index:

@@ -46,7 +46,7 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
             raise RequestError(
                 NO_TIME_TO_TELL(tried="levels of motions", undecided=cells.count, count=cells.count)
             ) from None
-        columns, info = [np.empty((_rows(problem), 0))], dict[str, object]()
+        columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
         if plan is not None:
             run = run_blocks(plan, labels, workers=problem.request.workers or 1, spent=lambda: budget.spent)
             while True:
@@ -62,10 +62,6 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
     assert (cells.find(scores) >= 0).all(), "a motion is out of range"
     motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
     return Sampled(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
-
-
-def _rows(problem: MotionProblem) -> int:
-    return (problem.steps + 1) * 3 * len(problem.names) + problem.steps
 
 
 def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:

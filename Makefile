@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster lint goldens docs errors pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors lint goldens docs errors pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -68,6 +68,11 @@ test-cluster: $(STAMP) ## sets on a Ray cluster of three nodes and in an object 
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[cluster]"
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m cluster tests/cluster
 
+RTAMT_PAIRS ?= 100000
+test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAIRS=100000
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[monitors]"
+	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/robustness/test_against_rtamt.py
+
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base
 	$(BIN)/python tests/compare_checkouts.py $(OLD) .
@@ -99,6 +104,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/training.py
 	$(BIN)/python benchmarks/language.py
 	$(BIN)/python benchmarks/robustness.py
+	$(BIN)/python benchmarks/traces.py
 	$(BIN)/python benchmarks/sampling.py
 	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py

@@ -11,6 +11,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 
 INSTALL = {
     "mujoco": 'pip install "scenegen[mujoco]"',
+    "pyarrow": 'pip install "scenegen[parquet]"',
     "pybullet": "pip install pybullet",
     "torch": "pip install torch, or its much smaller CPU build: "
     "pip install torch --index-url https://download.pytorch.org/whl/cpu",

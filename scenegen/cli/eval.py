@@ -27,7 +27,10 @@ EVERY = 10_000  # sub-formulas of a label that --json has at most
 def evaluate(
     spec: SpecFile,
     scenes: Annotated[
-        Path, typer.Argument(help="A scenes file of the same objects.", metavar="SCENES", show_default=False)
+        Path,
+        typer.Argument(
+            help="A scenes file of the same objects, or a trajectory.", metavar="SCENES", show_default=False
+        ),
     ],
     explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
     scene: Annotated[
@@ -35,6 +38,9 @@ def evaluate(
     ] = None,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document instead, with every digit.", show_default=False)
+    ] = False,
+    resample: Annotated[
+        bool, typer.Option("--resample", help="Interpolate a trajectory whose rows are at other times.")
     ] = False,
     root: Root = None,
 ) -> int:
@@ -46,21 +52,34 @@ def evaluate(
       scenegen eval my.spec scenes.json --explain --scene 3
       scenegen eval my.spec scenes.json --json
       scenegen eval my.spec scenes.json | cut -f 2 | sort -g
+      scenegen eval over_time.spec trajectory.csv
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
     this very spec, its stored values are compared, and the exit status is 1 if any is off by more than 1e-9.
 
     With --scene (or where the file holds a single scene), --explain prints the value of every sub-formula of that scene
     and marks the atom that decides phi: it alone would have to change for phi to change.
+
+    A spec over time takes a trajectory instead: a .csv, .jsonl or .parquet file with the columns t, mug.x, mug.y,
+    mug.theta and so on (seconds, metres, radians), one row a moment. What decides phi is printed with its moment.
     """
     from scenegen.api.scenes import check_count, read_scenes, requirement
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
+    from scenegen.cli.trajectory import evaluate_trajectory
     from scenegen.errors import RequestError
     from scenegen.lang.core import REQUIRE
 
     checked = load(spec, root)
+    if checked.horizon is not None:
+        if scene is not None:
+            rule, remedy = "shows one scene, and this is a spec of motions", "leave it out"
+            raise RequestError(OUT_OF_PLACE(option="--scene", rule=rule, remedy=remedy))
+        return evaluate_trajectory(checked, scenes, resample=resample, json=json)
+    if resample:
+        rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
+        raise RequestError(OUT_OF_PLACE(option="--resample", rule=rule, remedy=remedy))
     found = read_scenes(scenes)
     check_count(found)
     if scene is not None and not explain:

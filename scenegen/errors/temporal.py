@@ -99,7 +99,7 @@ CHOICE_OVER_TIME = Kind(
 TIME_NOT_HERE = Kind(
     "time-not-here",
     "{file} is a spec over time: this takes specs of single scenes",
-    help="score motions with spec.trace_robustness(), or leave out `time` and the words of time",
+    help="score motions with `scenegen eval` or spec.trace_robustness(), or leave out `time` and the words of time",
 )
 NOT_OVER_TIME = Kind(
     "not-over-time",
@@ -117,4 +117,41 @@ TOO_MANY_OVER_TIME = Kind(
     "a spec has no more than {limit:,} operators of time",
     "this is one more",
     "give parts of the formula a name with `def`, or range over them with `forall`",
+)
+NOT_A_TRAJECTORY = Kind(
+    "not-a-trajectory",
+    "{file} is not a trajectory: {reason}",
+    help="a trajectory is a table (.csv, .jsonl, .parquet) with the columns t, mug.x, mug.y, mug.theta",
+)
+TRAJECTORY_COLUMN = Kind(
+    "trajectory-column",
+    "{file} has no column `{name}`",
+    help=(NEAREST, "its columns are {known:list}"),
+)
+TRAJECTORY_ROW = Kind("trajectory-row", "{file}: row {row} has {given} values, not {wanted}")
+TRAJECTORY_CELL = Kind("trajectory-cell", "{file}: `{name}` in row {row} is `{value}`, not a finite number")
+TRAJECTORY_ORDER = Kind(
+    "trajectory-order",
+    "{file}: time goes from {before:g} s to {time:g} s in row {row}",
+    help="sort the rows by time, and keep one for each",
+)
+TRAJECTORY_TIMES = Kind(
+    "trajectory-times",
+    "{file}: row {row} is at {found:g} s, and this moment of the spec is at {wanted:g} s",
+    help="with <resample> poses between rows are interpolated",
+)
+TRAJECTORY_ENDS = Kind(
+    "trajectory-ends",
+    "{file} has the time from {first:g} s to {last:g} s, and motions of the spec go from 0 s to {end:g} s",
+    help="record all of it, or let `time` end earlier",
+)
+TRAJECTORY_TOO_LONG = Kind(
+    "trajectory-too-long",
+    "{file} has {rows:,} rows, and motions of the spec have {moments:,} moments",
+    help="let `time` last longer; with <resample> rows beyond its end are not looked at",
+)
+TRAJECTORY_UNUSED = Kind(
+    "trajectory-unused",
+    "{file} has columns that the spec does not need: {columns:list}",
+    severity="note",
 )

@@ -1,0 +1,46 @@
+"""Monitoring: phi of trajectories that were recorded elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.spec import Spec, check_spec
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_UNUSED
+from scenegen.formats.trajectories import motion, read_table
+from scenegen.lang.moments import Scored, score
+from scenegen.lang.timed import Timed
+from scenegen.validation import as_path
+
+
+def read_trajectory(
+    spec: Spec, path: str | Path, *, resample: bool = False
+) -> tuple[npt.NDArray[np.float64], list[Diagnostic]]:
+    """The poses of a trajectory at the moments of a spec over time, (T + 1, N, 3), and notes about what was left out.
+
+    CSV, JSON Lines or Parquet: `t` in seconds, `mug.x`, `mug.y`, `mug.theta`, ... in metres and radians, one row a
+    moment. With `resample`, rows at other times are interpolated. Raises RequestError for a spec without `time`, and
+    DataError for what is no such trajectory.
+    """
+    check_spec(spec)
+    path = as_path("path", path)
+    timed = _timed(spec)
+    horizon = timed.horizon
+    times = np.arange(horizon.moments, dtype=np.float64) * np.float64(horizon.dt)
+    poses, unused = motion(read_table(path), timed.objects, spec.declared.fixed, times, resample)
+    notes = [TRAJECTORY_UNUSED(file=path, columns=unused)] if unused else []
+    return poses, notes
+
+
+def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> Scored:
+    """phi of one motion, (T + 1, N, 3), at every moment, and what decides it; in numpy, float64."""
+    return score(_timed(spec), poses)
+
+
+def _timed(spec: Spec) -> Timed:
+    if spec.over_time is None:
+        raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+    return spec.over_time

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from scenegen.assets import Shape
@@ -21,7 +21,7 @@ from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.constants import check_constants
-from scenegen.lang.core import Coord, Core, Temporal, children
+from scenegen.lang.core import Coord, Core, Junction, Node, Temporal, children
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.headings import headings_compared
 from scenegen.lang.horizon import Horizon, Movers
@@ -272,8 +272,8 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, sta
                 part = lowering.coerce.formula(value, "what `require` demands")
                 if part == FALSE or _never(part, lowering.builder):
                     raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
-                if _steps(part, lowering.builder):  # before moment 0 there is no step
-                    part = lowering.builder.moment("steps", part)
+                part, *later = _by_time(part, lowering.builder)
+                parts.extend(later)
                 problem = clashing(lowering, part, lowering.supports)
                 if problem is not None:
                     raise SpecError(problem)
@@ -284,20 +284,40 @@ def _requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, sta
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
 
 
-def _steps(formula: int, builder: CoreBuilder) -> bool:
-    """Whether a formula takes the moment before."""
-    if not builder.moving:
-        return False
+def _by_time(formula: int, builder: CoreBuilder) -> list[int]:
+    """What a requirement demands of single moments; in a spec over time also what it demands of several of them, and of
+    steps, at all moments but the first: before that there is no step."""
+    if not builder.moving or formula < 0:
+        return [formula]
+    still: list[int] = []
+    steps: list[int] = []
+    later: list[int] = []
+    stack = [formula]
+    while stack:
+        node = builder.nodes[index := stack.pop()]
+        if isinstance(node, Junction) and node.kind == "min":
+            stack.extend(reversed(node.args))
+        elif _takes(index, builder, lambda one: isinstance(one, Coord) and one.object >= builder.moving):
+            steps.append(index)
+        else:
+            (later if _takes(index, builder, lambda one: isinstance(one, Temporal)) else still).append(index)
+    if not steps and not later:
+        return [formula]
+    made = builder.junction("min", still)
+    return [made, *later, builder.moment("steps", builder.junction("min", steps))]
+
+
+def _takes(formula: int, builder: CoreBuilder, what: Callable[[Node], bool]) -> bool:
+    """Whether a node of some kind takes part in a formula."""
     stack, seen = [formula], set[int]()
     while stack:
         index = stack.pop()
-        if index < 0 or index in seen:
-            continue
-        seen.add(index)
-        node = builder.nodes[index]
-        if isinstance(node, Coord) and node.object >= builder.moving:
-            return True
-        stack.extend(children(node))
+        if index >= 0 and index not in seen:
+            seen.add(index)
+            node = builder.nodes[index]
+            if what(node):
+                return True
+            stack.extend(children(node))
     return False
 
 

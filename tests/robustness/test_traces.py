@@ -151,6 +151,24 @@ def test_what_steps_are_worth():
     assert float(run.required(poses)) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_each_conjunct_of_a_requirement_by_itself():
+    """Only what a step takes part in is left out at the first moment, wherever it stands; supports are kept, too."""
+    spec = scenegen.parse(
+        "time 2 steps object tray, mug on tray, cup "
+        "require (forall p in [tray, cup]: speed(p) <= 1 & x(p) <= 1) & finally (y(cup) <= 1) & noCollision() "
+        "task: always leftOf(mug, cup)"
+    )
+    run = spec.trace_robustness()
+    poses = torch.zeros(1, 3, 3, 3, dtype=torch.float64)
+    poses[0, :, 2, :2] = 3.0
+    assert run.required(poses, signals=True)[0].tolist() == pytest.approx([-2.0] * 3)
+    poses[0, :, 2, 0], poses[0, :, 2, 1] = 0.9, torch.tensor([0.0, 0.5, 1.5])
+    assert run.required(poses, signals=True)[0].tolist() == pytest.approx([-0.5] * 3)
+    poses[0, :, 2, 1] = torch.tensor([0.0, 1.0, 0.7])
+    first, second, third = run.required(poses, signals=True)[0].tolist()
+    assert second == pytest.approx(0.0) and first == third > 0.0, "a speed of 1 in the first step"
+
+
 def test_held_objects_stay_and_what_is_not_required_holds():
     spec = scenegen.parse("time 3 steps object a, b at (0.5, 0.5) task: always (speed(a) <= speed(b) + 1)")
     run = spec.trace_robustness()

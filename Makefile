@@ -108,6 +108,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py
 	$(BIN)/python benchmarks/curriculum.py
+	$(BIN)/python benchmarks/layouts.py
 	$(BIN)/python benchmarks/view.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)

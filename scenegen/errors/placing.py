@@ -28,3 +28,9 @@ PLACEMENT_BLOCKED = Kind(
     help="declare the fixtures in the spec, or give `ensure_valid_placement=False`",
 )
 NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
+NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
+TOO_FEW_LAYOUTS = Kind(
+    "too-few-layouts",
+    "{scenes} scenes for {environments} environments",
+    help="each environment needs at least one: draw more scenes",
+)

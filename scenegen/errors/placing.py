@@ -34,3 +34,8 @@ TOO_FEW_LAYOUTS = Kind(
     "{scenes} scenes for {environments} environments",
     help="each environment needs at least one: draw more scenes",
 )
+OBJECT_WITHOUT_JOINT = Kind(
+    "object-without-joint",
+    "`{name}` has no free joint, so no state says where it is",
+    help="hold it in place in the spec, with `at`",
+)

@@ -12,13 +12,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 # name -> the module of this package that defines it
-_PUBLIC = {"Placement": "placement", "phi_space": "starts"}
+_PUBLIC = {"InitStates": "states", "Placement": "placement", "init_states": "states", "phi_space": "starts"}
 
-__all__ = ["Placement", "phi_space"]
+__all__ = ["InitStates", "Placement", "init_states", "phi_space"]
 
 if TYPE_CHECKING:
     from scenegen.robosuite.placement import Placement
     from scenegen.robosuite.starts import phi_space
+    from scenegen.robosuite.states import InitStates, init_states
 
 
 def __getattr__(name: str) -> Any:

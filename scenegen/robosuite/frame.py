@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -56,3 +56,23 @@ def inverse(quaternion: Numbers) -> Array:
     """The reverse rotation of a unit quaternion."""
     w, x, y, z = quaternion
     return np.array([w, -x, -y, -z])
+
+
+def upright(model: Any) -> Array:
+    """The quaternion of an object that stands as it should at heading 0.
+
+    robosuite's objects may have an `init_quat`; many of LIBERO's have to be turned about x or y first: `rotation` is
+    then a range of angles in radians for `rotation_axis`, or maps axes to ranges. Turns about z are headings.
+    """
+    rotation, axis = getattr(model, "rotation", None), getattr(model, "rotation_axis", None)
+    turns = rotation if isinstance(rotation, Mapping) else {axis: rotation}
+    found = np.array([1.0, 0.0, 0.0, 0.0])
+    for index, name in enumerate("xy"):
+        angles = turns.get(name)
+        if angles is None:
+            continue
+        half = 0.5 * (float(np.mean([min(angles), max(angles)])) if isinstance(angles, Iterable) else float(angles))
+        turn = np.array([math.cos(half), 0.0, 0.0, 0.0])
+        turn[1 + index] = math.sin(half)
+        found = times(turn, found)
+    return times(found, model.init_quat) if getattr(model, "init_quat", None) is not None else found

@@ -25,7 +25,7 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.interpret import phi as score
 from scenegen.pose import as_rows
 from scenegen.primitives import NUMPY
-from scenegen.robosuite.frame import Frame, inverse, times
+from scenegen.robosuite.frame import Frame, inverse, times, upright
 from scenegen.robosuite.starts import Start, Wanted, is_strategy, make_starts
 from scenegen.scene.data import RequestData
 from scenegen.scene.workspace import turned
@@ -157,9 +157,7 @@ class Placement:
                 found[which] = pose[0], pose[1], 2.0 * np.arctan2(pose[6], pose[3])
                 continue
             body = sim.model.body_name2id(model.root_body)
-            attitude = sim.data.body_xquat[body]
-            if hasattr(model, "init_quat"):
-                attitude = times(attitude, inverse(model.init_quat))
+            attitude = times(sim.data.body_xquat[body], inverse(upright(model)))
             found[which] = self._frame.pose(sim.data.body_xpos[body], attitude)
         return found
 
@@ -218,9 +216,7 @@ class Placement:
             z += lift.get(model.name, 0.0) if isinstance(lift, Mapping) else lift
             if on_top:
                 z -= model.bottom_offset[-1]
-            if hasattr(model, "init_quat"):
-                quaternion = times(quaternion, model.init_quat)
-            found[model.name] = (float(x), float(y), float(z)), quaternion, model
+            found[model.name] = (float(x), float(y), float(z)), times(quaternion, upright(model)), model
         return found
 
 

@@ -11,8 +11,8 @@ from scenegen.curriculum.strategies import strategy
 from scenegen.curriculum.tasks import PhiBox
 from scenegen.errors import RequestError
 from scenegen.robosuite import Placement, phi_space
-from scenegen.robosuite.frame import Frame, inverse, times
-from tests.robosuite.stubs import Corner, Thing, Turned, simulation
+from scenegen.robosuite.frame import Frame, inverse, times, upright
+from tests.robosuite.stubs import Corner, Thing, Tipped, Turned, simulation
 
 TEXT = """
 workspace [-0.2, 0.2] x [-0.2, 0.2]
@@ -54,7 +54,11 @@ def test_the_same_seed_gives_the_same_scenes_and_another_gives_others():
     assert drawn[0] == drawn[1] and not set(drawn[0]) & set(drawn[2]) and len(set(drawn[0])) == 5
 
 
-@pytest.mark.parametrize("things", [None, [Turned("cubeA"), Thing("cubeB", 0.025)]], ids=["upright", "laid"])
+@pytest.mark.parametrize(
+    "things",
+    [None, [Turned("cubeA"), Thing("cubeB", 0.025)], [Tipped("cubeA"), Tipped("cubeB", 0.025)]],
+    ids=["upright", "laid", "tipped"],
+)
 @pytest.mark.parametrize("turn", [0.0, -math.pi / 2, 2.5])
 def test_phi_is_read_back_from_a_simulation(turn, things):
     here = placement(turn=turn, things=things)
@@ -200,5 +204,12 @@ def test_frames_and_quaternions():
     assert frame.pose(at, quaternion) == pytest.approx((0.1, 0.0, 0.0))
     one = np.array([0.5, 0.5, -0.5, 0.5])
     assert times(one, inverse(one)) == pytest.approx([1, 0, 0, 0])
+    half = math.sqrt(0.5)
+    assert upright(Thing("plain")) == pytest.approx([1, 0, 0, 0])
+    tips = [Tipped("ranges"), Tipped("axis", rotation=(1.5, math.pi - 1.5), rotation_axis="x"), Turned("turned")]
+    for one in tips:
+        assert upright(one) == pytest.approx([half, half, 0, 0])
+    assert upright(Tipped("heading", rotation=(1.0, 2.0), rotation_axis="z")) == pytest.approx([1, 0, 0, 0])
+    assert upright(Tipped("y", rotation=math.pi, rotation_axis="y")) == pytest.approx([0, 0, 1, 0])
     i, j, k = np.eye(4)[1:]
     assert times(i, j) == pytest.approx(k) and times(j, i) == pytest.approx(-k)

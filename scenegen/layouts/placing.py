@@ -13,7 +13,7 @@ from scenegen.api.poses7 import poses7
 from scenegen.api.scene_arrays import SceneArrays
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.validation import as_number
+from scenegen.validation import as_number, as_point
 
 Array = npt.NDArray[np.float64]
 Origins: TypeAlias = 'Literal["base", "middle"] | Mapping[str, float]'
@@ -53,12 +53,3 @@ def lifts(scenes: SceneArrays, origins: Origins) -> Array:
         raise RequestError(WRONG_VALUE(argument="origins", value=repr(origins), wanted=wanted))
     half = 0.5 if origins == "middle" else 0.0
     return half * np.array([one.shape.height for one in scenes.header.objects])
-
-
-def as_point(name: str, value: object) -> tuple[float, float, float]:
-    """Raises RequestError for what is no point."""
-    try:
-        x, y, z = (float(one) for one in value)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a point (x, y, z)")) from None
-    return x, y, z

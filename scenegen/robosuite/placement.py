@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
@@ -15,6 +16,7 @@ from scenegen.curriculum.tasks import Outcome
 from scenegen.errors import RequestError
 from scenegen.errors.placing import (
     ALREADY_PLACED,
+    NAME_TWICE,
     NO_START_YET,
     OBJECT_NOT_PLACED,
     OBJECT_NOT_THERE,
@@ -30,7 +32,7 @@ from scenegen.robosuite.starts import Start, Wanted, is_strategy, make_starts
 from scenegen.scene.data import RequestData
 from scenegen.scene.workspace import turned
 from scenegen.training.datasets.arrange import with_switches
-from scenegen.validation import as_int, as_seconds
+from scenegen.validation import as_int, as_number, as_point, as_seconds
 
 Array = npt.NDArray[np.float64]
 Placed: TypeAlias = "dict[str, tuple[tuple[float, float, float], Array, Any]]"
@@ -71,13 +73,15 @@ class Placement:
         name: str = "Placement",
     ) -> None:
         check_spec(spec)
-        for own in names or {}:
-            if own not in spec.objects:
-                raise RequestError(UNKNOWN_CHOICE(what="object", name=str(own), known=spec.objects))
         self.name, self.spec, self.rest = name, spec, rest
-        self.names = {own: (names or {}).get(own, own) for own in spec.objects}
-        self.reference_pos = _point("reference_pos", reference_pos)
-        self.turn, self.z_offset = float(turn), z_offset
+        self.names = _names(spec, {} if names is None else names)
+        self.reference_pos = as_point("reference_pos", reference_pos)
+        self.turn = as_number("turn", turn)
+        self.z_offset = (
+            {key: as_number(f"z_offset[{key!r}]", lift) for key, lift in z_offset.items()}
+            if isinstance(z_offset, Mapping)
+            else as_number("z_offset", z_offset)
+        )
         self.ensure_valid_placement = ensure_valid_placement
         self.mujoco_objects: list[Any] = []
         self.start: Start | None = None
@@ -201,11 +205,11 @@ class Placement:
         if reference is None:
             return self.reference_pos
         if not isinstance(reference, str):
-            return _point("reference", reference)
+            return as_point("reference", reference)
         if reference not in placed:
             raise RequestError(UNKNOWN_REFERENCE(name=reference, known=tuple(placed)))
         at, _, model = placed[reference]
-        x, y, z = _point("reference", at)
+        x, y, z = as_point("reference", at)
         return x, y, z + (float(model.top_offset[-1]) if on_top else 0.0)
 
     def _placed(self, start: Start, objects: list[tuple[int, Any]], on_top: bool) -> Placed:
@@ -213,19 +217,26 @@ class Placement:
         for which, model in objects:
             (x, y, z), quaternion = self._frame.place(start.poses[which].tolist())
             lift = self.z_offset
-            z += lift.get(model.name, 0.0) if isinstance(lift, Mapping) else lift
+            z += lift.get(model.name, 0.0) if isinstance(lift, dict) else lift
             if on_top:
                 z -= model.bottom_offset[-1]
             found[model.name] = (float(x), float(y), float(z)), times(quaternion, upright(model)), model
         return found
 
 
-def _point(name: str, value: Any) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(one) for one in value)
-    except (TypeError, ValueError):
-        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a point (x, y, z)")) from None
-    return x, y, z
+def _names(spec: Spec, names: Mapping[str, str]) -> dict[str, str]:
+    """The environment's name of each object of the spec. Raises RequestError."""
+    if not isinstance(names, Mapping):
+        wanted = 'names by name: names={"mug": "Can"}'
+        raise RequestError(WRONG_VALUE(argument="names", value=repr(names), wanted=wanted))
+    for own in names:
+        if own not in spec.objects:
+            raise RequestError(UNKNOWN_CHOICE(what="object", name=str(own), known=spec.objects))
+    found = {own: names.get(own, own) for own in spec.objects}
+    for name, count in Counter(found.values()).items():
+        if count > 1:
+            raise RequestError(NAME_TWICE(name=name))
+    return found
 
 
 def _clear(found: Placed, fixtures: Placed) -> bool:

@@ -122,6 +122,12 @@ def test_bad_requests_are_answered():
         ("unknown-label", lambda: placement({"goal": (0, None)}).sample()),
         ("range-not-a-pair", lambda: placement(3)),
         ("wrong-value", lambda: placement(seed="one")),
+        ("wrong-value", lambda: placement(turn=math.nan)),
+        ("wrong-value", lambda: placement(z_offset="high")),
+        ("wrong-value", lambda: Placement(SPEC, names=["cubeA"])),
+        ("wrong-value", lambda: Placement(SPEC, reference_pos=(0, 0, math.inf))),
+        ("name-twice", lambda: Placement(SPEC, names={"red": "cubeB"})),
+        ("labels-of-task", lambda: placement(lambda: PhiBox((0.0, 0.0), (0.1, 0.1))).sample()),
     ]
     for code, act in cases:
         with pytest.raises(RequestError) as error:

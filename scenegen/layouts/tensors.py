@@ -76,23 +76,30 @@ class Layouts:
         self._left: Taken | None = None
 
     def take(self, count: int) -> Taken:
-        """The next `count` layouts. Raises RequestError where there are not so many within the time limit."""
+        """The next `count` layouts. A draw ends at the time limit with what it has found; raises RequestError where
+        it has found none."""
         count = _positive("count", count)
-        have = 0 if self._left is None else len(self._left.poses)
-        if have < count:
-            self._draw(max(self._ahead, count - have))
         left = self._left
-        assert left is not None
+        while left is None or len(left.poses) < count:
+            have = 0 if left is None else len(left.poses)
+            fresh = self._draw(max(self._ahead, count - have))
+            left = fresh if left is None else _joined(left, fresh)
         self._left = Taken(left.poses[count:], left.phi[count:])
         return Taken(left.poses[:count], left.phi[:count])
 
-    def _draw(self, count: int) -> None:
+    def _draw(self, count: int) -> Taken:
         import torch
 
         source = np.random.SeedSequence([self._seed, STREAM, self._draws])
         seed = int(source.generate_state(1)[0])
         request = SampleRequest(
-            self._phi, count, seed=seed, method=self._method, timeout=self._timeout, workers=self._workers
+            self._phi,
+            count,
+            seed=seed,
+            method=self._method,
+            timeout=self._timeout,
+            workers=self._workers,
+            keep_partial=True,
         )
         scenes = draw_scenes(self.spec, request)
         self._draws += 1
@@ -100,10 +107,13 @@ class Layouts:
         poses = placed(scenes, self._origin, self._turn, self._origins)[order][..., self._order]
         phi = np.stack(list(scenes.phi.values()), axis=1)[order]
         dtype = torch.float32 if self._dtype is None else self._dtype
-        fresh = [torch.from_numpy(one).to(self._device, dtype) for one in (poses, phi)]
-        if self._left is not None:
-            fresh = [torch.cat(pair) for pair in zip(self._left, fresh, strict=True)]
-        self._left = Taken(*fresh)
+        return Taken(*(torch.from_numpy(one).to(self._device, dtype) for one in (poses, phi)))
+
+
+def _joined(first: Taken, second: Taken) -> Taken:
+    from torch import cat
+
+    return Taken(*(cat(pair) for pair in zip(first, second, strict=True)))
 
 
 def _positive(name: str, value: object) -> int:

@@ -1,6 +1,7 @@
 """Batches of layouts as tensors."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,23 @@ def test_takes_go_on_without_repeating_and_are_the_same_again():
     assert len(poses) == 91 and len(torch.unique(poses, dim=0)) == 91
     assert torch.equal(poses, taken(10, 30, 1, 50))
     assert not torch.equal(poses[:10], taken(10, seed=1))
+
+
+def test_draws_that_end_early_are_followed_by_others(monkeypatch):
+    """What a draw has found when its time is up is used."""
+    from scenegen.layouts import tensors
+
+    asked = []
+
+    def few(spec, request):
+        asked.append(request)
+        return draw(spec, replace(request, n=7))
+
+    draw = tensors.draw_scenes
+    monkeypatch.setattr(tensors, "draw_scenes", few)
+    poses, phi = Layouts(SPEC, WANTED, quaternion="wxyz", ahead=20).take(20)
+    assert len(torch.unique(poses, dim=0)) == len(phi) == 20
+    assert [one.n for one in asked] == [20, 20, 20] and all(one.keep_partial for one in asked)
 
 
 def test_the_frame_of_a_simulator():

@@ -6,13 +6,13 @@ STAMP  := .venv/.installed
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 SPREAD := -n auto --maxprocesses 4 --dist loadfile
 # Tests that take a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
-ALL    := not slow and not browser and not cluster
+ALL    := not slow and not browser and not cluster and not robosuite
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors lint goldens docs errors pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,7 +38,7 @@ test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder,
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "$(ALL) and not long" $(SPREAD)
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
-	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster"
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -72,6 +72,11 @@ RTAMT_PAIRS ?= 100000
 test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAIRS=100000
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[monitors]"
 	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/robustness/test_against_rtamt.py
+
+# beside .venv, whose mujoco is newer than robosuite's
+test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
+	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/robosuite
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base
@@ -109,6 +114,7 @@ bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/tables.py
 	$(BIN)/python benchmarks/strategies.py
 	$(BIN)/python benchmarks/curriculum.py
+	$(BIN)/python benchmarks/layouts.py
 	$(BIN)/python benchmarks/view.py
 
 experiments: $(STAMP) ## the paper's experiments with every model, into docs/experiments: hours (docs/experiments/README.md)

@@ -27,6 +27,24 @@ def as_seconds(name: str, value: object) -> float:
     return float(value)
 
 
+def as_number(name: str, value: object) -> float:
+    """A finite number. Raises RequestError."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a finite number"))
+    return float(value)
+
+
+def as_point(name: str, value: object) -> tuple[float, float, float]:
+    """Three finite numbers. Raises RequestError."""
+    try:
+        x, y, z = (float(one) for one in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        x = y = z = math.nan
+    if not math.isfinite(x + y + z):
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a point (x, y, z)"))
+    return x, y, z
+
+
 def as_words(name: str, value: object, example: str) -> tuple[str, ...]:
     """A list of words, not one by itself, whose letters would be taken for words. Raises RequestError."""
     if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):

@@ -27,6 +27,7 @@ GROUPS = {
     "stores": "Sets of scenes, stores and clusters",
     "models": "Training, models, metrics",
     "learning": "Environments and curricula",
+    "placing": "Environments of other libraries",
     "page": "The page",
     "program": "The program and the machine",
 }

@@ -1,0 +1,32 @@
+"""Start layouts for simulators that run many environments at once: tensors (B, N, 7), and files of layouts.
+
+from scenegen.layouts import Layouts
+layouts = Layouts(spec, (0, None), quaternion="wxyz", device="cuda")
+poses, phi = layouts.take(len(env_ids))
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+# name -> the module of this package that defines it
+_PUBLIC = {"Layouts": "tensors", "Taken": "tensors", "write_arena_pool": "arena"}
+
+__all__ = ["Layouts", "Taken", "write_arena_pool"]
+
+if TYPE_CHECKING:
+    from scenegen.layouts.arena import write_arena_pool
+    from scenegen.layouts.tensors import Layouts, Taken
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'scenegen.layouts' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"scenegen.layouts.{_PUBLIC[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,34 @@
+"""robosuite: its environments start from scenes of a spec.
+
+    from scenegen.robosuite import Placement
+    env = robosuite.make("Stack", robots="Panda", placement_initializer=Placement(spec, (-0.2, 0), reference_pos=...))
+
+Nothing here imports robosuite: a placement works with the objects that the environment gives it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+# name -> the module of this package that defines it
+_PUBLIC = {"InitStates": "states", "Placement": "placement", "init_states": "states", "phi_space": "starts"}
+
+__all__ = ["InitStates", "Placement", "init_states", "phi_space"]
+
+if TYPE_CHECKING:
+    from scenegen.robosuite.placement import Placement
+    from scenegen.robosuite.starts import phi_space
+    from scenegen.robosuite.states import InitStates, init_states
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'scenegen.robosuite' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"scenegen.robosuite.{_PUBLIC[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,97 @@
+"""Objects, samplers and simulations with the interface of robosuite's, as far as a placement uses them."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+
+@dataclass(eq=False)
+class Thing:
+    name: str
+    half: float = 0.02
+    horizontal_radius: float = 0.03
+
+    @property
+    def joints(self):
+        return [f"{self.name}_joint0"]
+
+    @property
+    def root_body(self):
+        return f"{self.name}_main"
+
+    @property
+    def bottom_offset(self):
+        return np.array([0.0, 0.0, -self.half])
+
+    @property
+    def top_offset(self):
+        return np.array([0.0, 0.0, self.half])
+
+
+@dataclass(eq=False)
+class Turned(Thing):
+    """An object whose model is laid on its side when it is placed."""
+
+    init_quat: tuple = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+
+
+@dataclass(eq=False)
+class Tipped(Thing):
+    """An object of LIBERO: upright only when it is turned about x; its heading is free."""
+
+    rotation: object = field(default_factory=lambda: {"x": (np.pi / 2, np.pi / 2), "z": (0.0, 2 * np.pi)})
+    rotation_axis: str | None = None
+
+
+@dataclass(eq=False)
+class Corner:
+    """A sampler that puts its objects at one place."""
+
+    mujoco_objects: list = field(default_factory=list)
+    at: tuple = (0.5, 0.5, 0.8)
+
+    def sample(self, fixtures=None, reference=None, on_top=True):
+        own = {one.name: (self.at, np.array([1.0, 0.0, 0.0, 0.0]), one) for one in self.mujoco_objects}
+        return {**(fixtures or {}), **own}
+
+
+def simulation(placed):
+    """The state right after the placed objects were put into a simulation."""
+    bodies = [model.root_body for _, _, model in placed.values()]
+    return SimpleNamespace(
+        model=SimpleNamespace(body_name2id=bodies.index),
+        data=SimpleNamespace(
+            body_xpos=np.array([at for at, _, _ in placed.values()]),
+            body_xquat=np.array([quaternion for _, quaternion, _ in placed.values()]),
+        ),
+    )
+
+
+class Simulation:
+    """Bodies with free joints, one after the other in qpos; a robot's joint comes first."""
+
+    def __init__(self, things):
+        self._joints = [one.joints[0] for one in things]
+        self.data = self
+        self.model = SimpleNamespace(body_name2id=[one.root_body for one in things].index)
+        self.time, self.qpos, self.qvel = 0.5, np.full(1 + 7 * len(things), 0.25), np.ones(1 + 6 * len(things))
+
+    def get_state(self):
+        time, qpos, qvel = self.time, self.qpos.copy(), self.qvel.copy()
+        return SimpleNamespace(time=time, qpos=qpos, qvel=qvel, flatten=lambda: np.concatenate([[time], qpos, qvel]))
+
+    def set_state(self, state):
+        self.time, self.qpos, self.qvel = state.time, state.qpos.copy(), state.qvel.copy()
+
+    def set_joint_qpos(self, joint, value):
+        start = 1 + 7 * self._joints.index(joint)
+        self.qpos[start : start + 7] = value
+
+    def set_joint_qvel(self, joint, value):
+        start = 1 + 6 * self._joints.index(joint)
+        self.qvel[start : start + 6] = value
+
+    def forward(self):
+        poses = self.qpos[1:].reshape(-1, 7)
+        self.body_xpos, self.body_xquat = poses[:, :3], poses[:, 3:]

@@ -1,0 +1,164 @@
+"""Placement in robosuite's own environments: 1,000 resets each, and phi where the simulator says that things are."""
+
+import logging
+import math
+import time
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.robosuite import Placement, init_states
+
+pytestmark = pytest.mark.robosuite
+
+STACK = """
+workspace [-0.15, 0.15] x [-0.15, 0.15]
+object cubeA = box(4 cm, 4 cm, 4 cm), cubeB = box(5 cm, 5 cm, 5 cm)
+require noOverlap()
+task: closeTo(cubeA, cubeB, 12 cm) & leftOf(cubeA, cubeB)
+"""
+PICK_PLACE = """
+workspace [-0.17, 0.17] x [-0.12, 0.12]
+object Milk = box(4 cm, 4 cm, 14 cm), Bread = box(5 cm, 4 cm, 5 cm), Cereal = box(10 cm, 3 cm, 15 cm)
+object Can = cylinder(2.7 cm, 8 cm)
+require noOverlap()
+task: closeTo(Milk, Can, 12 cm) & farFrom(Bread, Can, 10 cm)
+"""
+NUTS = """
+workspace [-0.25, 0.25] x [-0.2, 0.05]
+object SquareNut = box(16 cm, 9 cm, 2 cm), RoundNut = box(18 cm, 11 cm, 2 cm)
+require noOverlap()
+task: closeTo(SquareNut, RoundNut, 20 cm) & leftOf(SquareNut, RoundNut)
+"""
+# the name of the environment, its spec, what is its table, and how high above it robosuite's own samplers put things
+ENVIRONMENTS = [
+    ("Stack", STACK, "table_offset", 0.01),
+    ("PickPlace", PICK_PLACE, "bin1_pos", 0.0),
+    ("NutAssembly", NUTS, "table_offset", 0.02),
+]
+RESETS, LOW, HIGH = 1000, -0.1, 0.0
+SETTLED = 0.005  # metres
+
+
+@pytest.fixture
+def make():
+    suite = pytest.importorskip("robosuite", reason="needs robosuite: make test-robosuite installs it")
+    logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
+
+    def made(name, **settings):
+        quiet = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False}
+        return suite.make(name, robots="Panda", **quiet, **settings)
+
+    return made
+
+
+def settle(env, seconds=1.0):
+    """Physics for a while; the arm is held, so that only the objects move."""
+    import mujoco
+
+    model, data = env.sim.model._model, env.sim.data._data
+    jointed = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE)
+    places, speeds = model.jnt_qposadr[jointed], model.jnt_dofadr[jointed]
+    held = data.qpos[places].copy()
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        data.qpos[places], data.qvel[speeds] = held, 0.0
+    mujoco.mj_forward(model, data)
+
+
+@pytest.mark.parametrize(("name", "text", "table", "above"), ENVIRONMENTS, ids=[one[0] for one in ENVIRONMENTS])
+def test_a_thousand_resets(make, name, text, table, above):
+    env = make(name, hard_reset=False)
+    here = Placement(
+        scenegen.parse(text), (LOW, HIGH), reference_pos=getattr(env, table), turn=-math.pi / 2, z_offset=above, seed=1
+    )
+    here.use_in(env)
+    spent, plain = [], here.sample
+
+    def timed():
+        begin = time.process_time()
+        placed = plain()
+        spent.append(time.process_time() - begin)
+        return placed
+
+    here.sample = timed
+    at_once, settled, seen = [], [], set()
+    for _ in range(RESETS):
+        env.reset()
+        wanted = here.phi["task"]
+        assert LOW <= wanted <= HIGH
+        seen.add(wanted)
+        at_once.append(abs(here.phi_in(env.sim)["task"] - wanted))
+        settle(env)
+        settled.append(abs(here.phi_in(env.sim)["task"] - wanted))
+    milliseconds = 1e3 * np.array(spent)
+    print(f"{name}: {len(seen)} starts; phi off by at most {max(at_once):.1e} at reset")
+    print(f"after settling: {np.median(settled):.1e} (median), {max(settled):.1e} (most)")
+    print(f"placement: {milliseconds.mean():.2f} ms (mean), {np.median(milliseconds):.2f} (median)")
+    assert len(seen) == RESETS
+    assert max(at_once) < 1e-9
+    assert max(settled) < SETTLED
+    assert milliseconds.mean() < 2.0
+
+
+@pytest.mark.parametrize(("name", "text", "table", "above"), ENVIRONMENTS, ids=[one[0] for one in ENVIRONMENTS])
+def test_hard_resets_make_new_models(make, name, text, table, above):
+    env = make(name, hard_reset=True)
+    here = Placement(scenegen.parse(text), (LOW, HIGH), reference_pos=getattr(env, table), z_offset=above)
+    here.use_in(env)
+    for _ in range(3):
+        env.reset()
+        assert here.phi_in(env.sim)["task"] == pytest.approx(here.phi["task"], abs=1e-9)
+
+
+def test_as_an_argument(make):
+    here = Placement(scenegen.parse(STACK), (0.0, None), reference_pos=(0.0, 0.0, 0.8), z_offset=0.01)
+    env = make("Stack", placement_initializer=here)
+    env.reset()
+    assert here.phi_in(env.sim)["task"] == pytest.approx(here.phi["task"], abs=1e-9)
+    assert here.phi["task"] >= 0.0
+
+
+def test_objects_that_the_spec_does_not_have_are_placed_by_robosuite(make):
+    env = make("PickPlace", hard_reset=False)
+    spec = scenegen.parse("workspace [-0.1, 0.1] x [-0.1, 0.1]\nobject Milk, Can\ntask: closeTo(Milk, Can, 12 cm)\n")
+    here = Placement(spec, (0.0, None), reference_pos=env.bin1_pos)
+    here.use_in(env)
+    for _ in range(5):
+        placed = here.sample()
+        assert set(placed) == {one.name for one in here.mujoco_objects} and len(placed) == 8
+        assert math.dist(placed["Milk"][0][:2], placed["Can"][0][:2]) <= 0.12
+
+
+@pytest.mark.parametrize(("name", "text", "table", "above"), ENVIRONMENTS, ids=[one[0] for one in ENVIRONMENTS])
+def test_init_states_go_there_and_back(make, tmp_path, name, text, table, above):
+    """What LIBERO's evaluation does with a file of init states, with an environment made anew."""
+    import torch
+
+    def fresh():
+        env = make(name, hard_reset=False)
+        here = Placement(scenegen.parse(text), (LOW, HIGH), reference_pos=getattr(env, table), z_offset=above)
+        here.use_in(env)
+        return env, here
+
+    env, here = fresh()
+    made = init_states(env, here, 50)
+    assert all(np.ptp(made.states[:, 1 + address]) > 0.01 for address in _addresses(env, here))
+    other, there = fresh()
+    there.sample()
+    states = torch.load(made.save(tmp_path / "task.pruned_init"), weights_only=False)
+    assert states.shape == (50, 1 + env.sim.model.nq + env.sim.model.nv) and states.dtype == np.float64
+    other.reset()
+    for state, wanted, read in zip(states, made.phi["task"], made.read["task"], strict=True):
+        other.sim.set_state_from_flattened(state)
+        other.sim.forward()
+        assert np.array_equal(other.sim.get_state().flatten(), state)
+        assert there.phi_in(other.sim)["task"] == pytest.approx(wanted, abs=1e-9) and LOW <= wanted <= HIGH
+        assert read == pytest.approx(wanted, abs=1e-9)
+
+
+def _addresses(env, here):
+    """Where in qpos the x of each placed object is."""
+    placed = [one for one in here.mujoco_objects if one.name in here.names]
+    return [env.sim.model.get_joint_qpos_addr(one.joints[0])[0] for one in placed]

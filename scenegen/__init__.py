@@ -35,6 +35,7 @@ _PUBLIC = {
     "settle": "settle",
     "SettledScenes": "settled",
     "Written": "written",
+    "grammar_of": "grammar",
     "train": "train",
     "Model": "model",
     "load_model": "model",
@@ -57,6 +58,7 @@ __all__ = [
     "StoredSet",
     "Written",
     "__version__",
+    "grammar_of",
     "load",
     "load_model",
     "load_pybullet",
@@ -74,6 +76,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from scenegen.api.grammar import grammar_of
     from scenegen.api.model import Model, load_model
     from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs

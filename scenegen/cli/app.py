@@ -65,6 +65,7 @@ COMMANDS: dict[str, str] = {
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.dataset:dataset",
+    "grammar": "scenegen.cli.grammar:grammar",
     "explain": "scenegen.cli.explain:explain",
     "view": "scenegen.cli.view:view",
     "lsp": "scenegen.cli.lsp:lsp",

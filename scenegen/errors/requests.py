@@ -15,6 +15,11 @@ UNKNOWN_CHOICE = Kind(
     "[[{path}: ]]unknown {what} `{name}`",
     help=(NEAREST, "the {plural} are {known:quoted}", "the {what}s are {known:quoted}"),
 )
+NO_VALID_SCENE = Kind(
+    "no-valid-scene",
+    "no scene was found that meets what {file} requires, so there is nothing to say about any",
+    help="`scenegen check` names the requirements that clash",
+)
 UNKNOWN_SETTING = Kind(
     "unknown-setting", "[[{path}: ]]{owner} has no setting `{name}`", help=(NEAREST, "its settings are {known:quoted}")
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from scenegen.assets import Shape
@@ -45,6 +45,9 @@ from scenegen.lang.unused import unused
 from scenegen.lang.values import AnyValue
 from scenegen.scene.workspace import Workspace
 
+More = Callable[[Lowering], Mapping[str, int]]
+"""Formulas of the core by label, made by somebody else; each has to take a coordinate."""
+
 
 def check_text(text: str, name: str = "<spec>") -> CheckedSpec:
     """Parse and check a spec's text. Raises SpecError with every mistake found; `name` is what they call the file."""
@@ -61,8 +64,9 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
     return check_module(parse(source), project)
 
 
-def check_module(module: ast.Module, project: Project | None = None) -> CheckedSpec:
-    """Check what was parsed already. Raises SpecError as `check` does."""
+def check_module(module: ast.Module, project: Project | None = None, more: More | None = None) -> CheckedSpec:
+    """Check what was parsed already. Raises SpecError as `check` does. `more` makes labels of its own, once all that
+    the spec declares is known."""
     source = module.source
     project = project or Project()
     placed, problems = inline(module, project)
@@ -73,13 +77,18 @@ def check_module(module: ast.Module, project: Project | None = None) -> CheckedS
     if problems:
         raise refusal(problems, source)
     try:
-        return _expand(source, placed, module.bare, scope, project)
+        return _expand(source, placed, module.bare, scope, project, more)
     except TooLarge as error:
         raise SpecError(SPEC_TOO_LARGE(file=source.name, reason=str(error))) from None
 
 
 def _expand(
-    source: Source, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, project: Project
+    source: Source,
+    placed: Sequence[Placed],
+    bare: ast.Expr | None,
+    scope: Scope,
+    project: Project,
+    more: More | None,
 ) -> CheckedSpec:
     builder = CoreBuilder(())
     texts = {one.source.name: len(one.source.text) for one in placed}
@@ -128,6 +137,8 @@ def _expand(
         _refuse_nothing_free(scope, fixed, stage)
         labels = _labels(placed, bare, lowering, stage)
         requirement = _requirement(placed, lowering, stage, standing)
+        if more is not None and not stage.problems:
+            labels.update(more(lowering))
     used = set(lowering.used)
     _uncalled_definitions(scope, lowering, stage)
     stage.close()

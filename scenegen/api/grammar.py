@@ -1,0 +1,79 @@
+"""Grammars of what a language model may say about a spec."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from scenegen.api.spec import Spec, parse
+from scenegen.errors import RequestError, Source
+from scenegen.errors.requests import NO_VALID_SCENE, UNKNOWN_CHOICE
+from scenegen.grammars.rules import Grammar
+
+WRITERS = ("lark", "gbnf", "json")
+SHAPES = ("goals", "formulas")
+PARTS = ("spec", "labels")
+
+
+def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "goals", only: str = "spec") -> str:
+    """A context-free grammar of specs about the declarations of a spec, or about objects by name.
+
+    `to`: "lark" (the dialect of llguidance), "json" (its JSON form) or "gbnf" (llama.cpp). With the shape "goals" each
+    label is a statement that some scene satisfies, or a choice of a few: all that the grammar makes passes `scenegen
+    check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. `only` =
+    "labels" leaves the declarations out of what the model writes. docs/language-models.md says more.
+
+    Raises RequestError for an unknown choice, and where no scene was found that meets what the spec requires; SpecError
+    for names that cannot be objects.
+    """
+    _one_of("dialect", to, WRITERS)
+    grammar = rules_of(about, shape=shape, only=only)
+    return _writers()[to](grammar)
+
+
+def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "spec") -> Grammar:
+    """The rules that `grammar_of` writes, as data. Raises what it raises."""
+    from scenegen.grammars.declared import declarations, label_names
+    from scenegen.grammars.goals import GOALS, grammar
+    from scenegen.grammars.scenes import valid_scenes
+    from scenegen.grammars.trial import findings
+
+    _one_of("shape", shape, SHAPES)
+    _one_of("part", only, PARTS)
+    spec = about if isinstance(about, Spec) else of_objects(about)
+    text = spec.source
+    scenes = None
+    if spec.horizon is None:
+        scenes = valid_scenes(spec.checked)
+        if scenes is None:
+            raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
+    found = findings(Source(spec.declared.name, text), scenes)
+    declared = declarations(text, spec.objects)
+    chosen: Any = shape
+    return grammar(found, declared if only == "spec" else "", label_names(text, GOALS), chosen)
+
+
+def of_objects(names: Sequence[str]) -> Spec:
+    """A spec that declares the objects, written as in an `object` statement, and says nothing of them that matters.
+    Raises SpecError for what is no object."""
+    from scenegen.lang import ast
+    from scenegen.lang.parse import parse as read
+
+    declared = f"object {', '.join(names)}"
+    (statement,) = read(Source("<objects>", declared)).statements
+    assert isinstance(statement, ast.Objects)
+    first = statement.declarations[0]
+    one = first.name.id if first.count is None else f"{first.name.id}[1]"
+    return parse(f"{declared}\ngoal: x({one}) >= 0\n", "<objects>")
+
+
+def _writers() -> Mapping[str, Callable[[Grammar], str]]:
+    from scenegen.grammars.gbnf import gbnf
+    from scenegen.grammars.lark import json, lark
+
+    return {"lark": lark, "gbnf": gbnf, "json": json}
+
+
+def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise RequestError(UNKNOWN_CHOICE(what=what, name=value, known=known))

@@ -1,0 +1,70 @@
+"""Scenes that meet what a spec requires: what can be said is held against them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.bounds.search import find
+from scenegen.lang.core import REQUIRE, Core, gated, part
+from scenegen.lang.interpret import phi
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import SIZE
+from scenegen.primitives import NUMPY
+
+Array = npt.NDArray[np.float64]
+
+SCENES = 512
+DRAWS = 40  # blocks of uniform scenes that are looked through
+ENOUGH = 64  # valid ones among them, or chains are run from those that there are
+ROUNDS = 400  # moves of one object each
+
+
+def valid_scenes(spec: CheckedSpec, seed: int = 0) -> Array | None:
+    """Up to SCENES scenes (3N, M) that meet what the spec requires, the same for the same seed; None where none was
+    found. Uniform ones where these are common enough; else moves of single objects lead from one to the next."""
+    lowest, highest = spec.box()
+    rng = np.random.default_rng(seed)
+    core = gated(spec.core)
+    if REQUIRE not in core.labels:
+        return _uniform(lowest, highest, rng)
+    core = part(core, (REQUIRE,))
+    kept: list[Array] = []
+    for _ in range(DRAWS):
+        rows = _uniform(lowest, highest, rng)
+        kept.append(rows[:, _valid(core, rows)])
+        if sum(one.shape[1] for one in kept) >= SCENES:
+            return np.concatenate(kept, axis=1)[:, :SCENES]
+    found = np.concatenate(kept, axis=1)
+    if not found.shape[1]:
+        witness = find(core, lowest, highest, {core.labels[REQUIRE]: (0.0, np.inf)}).witness
+        if witness is None:
+            return None
+        found = witness[:, None]
+    return found if found.shape[1] >= ENOUGH else _chains(core, lowest, highest, found, rng)
+
+
+def _uniform(lowest: Array, highest: Array, rng: np.random.Generator) -> Array:
+    return lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), SCENES))
+
+
+def _valid(core: Core, rows: Array) -> npt.NDArray[np.bool_]:
+    return np.broadcast_to(phi(core, list(rows), NUMPY)[REQUIRE], rows.shape[1]) >= 0.0
+
+
+def _chains(core: Core, lowest: Array, highest: Array, start: Array, rng: np.random.Generator) -> Array:
+    """Chains from valid scenes: in each round one object goes to a place of its own, near or far."""
+    rows = np.resize(start.T, (SCENES, len(lowest))).T.copy()
+    objects = len(lowest) // SIZE
+    for _ in range(ROUNDS):
+        moved = rows.copy()
+        which = SIZE * rng.integers(objects, size=SCENES)
+        near = rng.random(SCENES) < 0.5
+        for axis in range(SIZE):
+            at, ends = (which + axis, np.arange(SCENES)), (lowest[which + axis], highest[which + axis])
+            far = ends[0] + (ends[1] - ends[0]) * rng.random(SCENES)
+            step = rows[at] + 0.05 * (ends[1] - ends[0]) * rng.standard_normal(SCENES)
+            moved[at] = np.clip(np.where(near, step, far), *ends)
+        good = _valid(core, moved)
+        rows[:, good] = moved[:, good]
+    return rows

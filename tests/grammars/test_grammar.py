@@ -1,0 +1,148 @@
+"""Whatever a grammar makes, the checker takes: derivations of its rules, and of GBNF, are specs without a mistake."""
+
+import json
+import random
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import scenegen
+from scenegen.api.feasibility import doubts
+from scenegen.api.grammar import rules_of
+from scenegen.errors import RequestError, SpecError
+from scenegen.grammars.gbnf import gbnf
+from scenegen.grammars.lark import json as as_json
+from scenegen.grammars.lark import lark, pattern
+from scenegen.grammars.rules import Choice, Ref, Repeat, Seq
+
+sys.path.insert(0, str(Path(__file__).parent))
+from walks import derive, read_gbnf
+
+SPECS = {
+    "pair": "object mug, plate\ntask: leftOf(mug, plate)\n",
+    "inferred": "closeTo(mug, plate)",
+    "crowded": "object mug, plate, tray at (0.5, 0.5)\nobject block[2] = box(0.1, 0.1, 0.1) on tray\n"
+    "region mat = rect(0.3, 0, 0.7, 0.2)\nconst NEAR = 20 cm\ndef near(a, b, e = NEAR) = dist(a, b) <= e\n"
+    "require noCollision() & insideWorkspace()\nrequire easy\neasy: near(mug, plate, 60 cm)\ntask: near(mug, plate)\n",
+    "timed": "time 20 steps\nmoves one\nobject mug, plate\nrequire speed(mug) <= 20 cm/s\n"
+    "task: eventually leftOf(mug, plate)\n",
+}
+
+
+LONG = pytest.mark.long
+DERIVATIONS = {"pair": 30, "timed": 30, "inferred": 30, "crowded": 12}
+NAMES = ["pair", "timed", pytest.param("inferred", marks=LONG), pytest.param("crowded", marks=LONG)]
+
+
+@cache
+def rules_for(name):
+    return rules_of(scenegen.parse(SPECS[name]))
+
+
+def refused(text):
+    """What `scenegen check` has against a text."""
+    try:
+        spec = scenegen.parse(text)
+    except SpecError as error:
+        return str(error)
+    found = doubts(spec.checked) if spec.horizon is None else []
+    return next((str(one.problem) for one in found if one.proved), "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_random_derivations_check(name):
+    grammar, rng, count = rules_for(name), random.Random(0), DERIVATIONS[name]
+    texts = [derive(grammar, rng) for _ in range(count)] + [derive(read_gbnf(gbnf(grammar)), rng) for _ in range(5)]
+    assert len(set(texts)) > 0.9 * count
+    assert {text: why for text in texts if (why := refused(text))} == {}
+
+
+@LONG
+def test_what_no_scene_satisfies_is_left_out():
+    text = "object mug, plate\nrequire clearOf(mug, plate, 10 cm)\ntask: leftOf(mug, plate)\n"
+    written = lark(rules_of(scenegen.parse(text)))
+    assert '"leftOf("' in written and '"clearOf("' in written
+    assert "overlaps(p, q)" not in written and '"overlaps(" args1 ")"' not in written
+    assert refused(text + "goal1: overlaps(mug, plate)\n")
+
+
+@LONG
+def test_labels_that_others_use_stay():
+    start = derive(rules_for("crowded"), random.Random(1))
+    assert "easy: near(mug, plate, 60 cm)" in start and "task:" not in start
+
+
+@LONG
+def test_a_definition_of_the_spec_takes_part():
+    assert '"near("' in lark(rules_for("crowded")) and '"near("' not in lark(rules_for("pair"))
+
+
+@LONG
+def test_every_relation_takes_part():
+    from scenegen.lang import ast
+    from scenegen.lang.scope import prelude
+
+    written = lark(rules_for("crowded"))
+    names = [one.name.id for one in prelude().statements if isinstance(one, ast.Definition)]
+    # of constant heights these say nothing, and a point is no statement
+    left_out = {"mirrorImage"}
+    assert {name for name in names if f"{name}(" not in written} <= left_out | {"atLevel", "underneath", "stacked"}
+
+
+def test_words_of_time_where_there_is_time():
+    timed, still = lark(rules_for("timed")), lark(rules_for("pair"))
+    for word in ("always", "until_with", "initially", "displacement(", " cm/s"):
+        assert word in timed and word not in still
+
+
+def test_formulas_nest_and_parse():
+    grammar, rng = rules_of(scenegen.parse(SPECS["pair"]), shape="formulas"), random.Random(0)
+    for _ in range(30):
+        scenegen.parse(derive(grammar, rng))  # raises for a mistake; a contradiction is none
+
+
+def test_all_rules_are_there_and_used():
+    for grammar in map(rules_for, ("pair", "timed")):
+        stack, used = [Ref(grammar.start)], set()
+        while stack:
+            part = stack.pop()
+            if isinstance(part, Ref) and part.name not in used:
+                used.add(part.name)
+                stack.append(grammar.rules[part.name])
+            elif isinstance(part, Seq | Choice):
+                stack.extend(part.parts if isinstance(part, Seq) else part.options)
+            elif isinstance(part, Repeat):
+                stack.append(part.part)
+        assert used == grammar.rules.keys()
+
+
+def test_gbnf_has_the_same_rules():
+    grammar = rules_for("pair")
+    assert list(read_gbnf(gbnf(grammar)).rules) == ["root", *list(grammar.rules)[1:]]
+
+
+def test_ranges_of_numbers():
+    import re
+
+    for low, high in ((0, 9), (1, 100), (5, 50), (8, 25), (99, 1234), (7, 7), (1, 20)):
+        wanted = re.compile(pattern(low, high))
+        assert [n for n in range(1500) if wanted.fullmatch(str(n))] == list(range(low, high + 1))
+        assert not wanted.fullmatch(f"0{low}")
+
+
+def test_dialects_of_names(golden):
+    written = scenegen.grammar_of(["mug"])
+    golden("grammars/mug.lark", written)
+    grammar = rules_of(["mug"], only="labels")
+    assert json.loads(as_json(grammar))["grammars"][0]["lark_grammar"] == lark(grammar)
+    assert gbnf(grammar).startswith("root ::= goal1\n")
+
+
+def test_refusals():
+    for words in ({"to": "bnf"}, {"shape": "all"}, {"only": "task"}):
+        with pytest.raises(RequestError, match="unknown"):
+            scenegen.grammar_of(["mug"], **words)
+    with pytest.raises(SpecError):
+        scenegen.grammar_of(["9mug"])

@@ -1,0 +1,79 @@
+"""Random texts of a grammar: from our rules, and from GBNF as written."""
+
+from __future__ import annotations
+
+import random
+import re
+
+from scenegen.grammars.rules import Choice, Grammar, Ref, Repeat, Seq, Text, Whole
+
+STOP = 0.5  # of going on with a repetition
+
+
+def derive(grammar: Grammar, rng: random.Random) -> str:
+    """One text of the grammar: every choice is uniform."""
+    out: list[str] = []
+    stack = [grammar.rules[grammar.start]]
+    while stack:
+        part = stack.pop()
+        match part:
+            case Text(text):
+                out.append(text)
+            case Ref(name):
+                stack.append(grammar.rules[name])
+            case Whole(low, high):
+                out.append(str(rng.choice((low, high, rng.randint(low, high)))))
+            case Seq(parts):
+                stack.extend(reversed(parts))
+            case Choice(options):
+                stack.append(rng.choice(options))
+            case Repeat(one, least, most):
+                count = least
+                while count < most and rng.random() < STOP:
+                    count += 1
+                stack.extend([one] * count)
+    return "".join(out)
+
+
+TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|\[[0-9]-[0-9]\]|\{[0-9]+,[0-9]+\}|[a-z][a-z0-9]*|[()|?]|::=')
+ESCAPES = {"\\n": "\n", '\\"': '"', "\\\\": "\\"}
+
+
+def read_gbnf(text: str) -> Grammar:
+    """A grammar from the GBNF that we write: texts, ranges of digits, names, groups, `|`, `?` and {m,n}."""
+    rules = {}
+    for line in text.splitlines():
+        if line.startswith("#"):
+            continue
+        name, mark, *tokens = TOKEN.findall(line)
+        assert mark == "::=", line
+        part, rest = _options(tokens)
+        assert not rest, line
+        rules[name] = part
+    return Grammar(rules, "root")
+
+
+def _options(tokens):
+    options, row = [], []
+    while tokens and tokens[0] != ")":
+        token, *tokens = tokens
+        if token == "|":
+            options.append(Seq(tuple(row)))
+            row = []
+        elif token == "(":
+            part, tokens = _options(tokens)
+            assert tokens[0] == ")"
+            tokens = tokens[1:]
+            row.append(part)
+        elif token == "?":
+            row[-1] = Repeat(row[-1], 0, 1)
+        elif token.startswith("{"):
+            least, most = map(int, token[1:-1].split(","))
+            row[-1] = Repeat(row[-1], least, most)
+        elif token.startswith("["):
+            row.append(Whole(int(token[1]), int(token[3])))
+        elif token.startswith('"'):
+            row.append(Text(re.sub(r"\\.", lambda found: ESCAPES[found.group()], token[1:-1])))
+        else:
+            row.append(Ref(token))
+    return Choice((*options, Seq(tuple(row)))), tokens

@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors llms pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -97,6 +97,9 @@ docs: $(STAMP)   ## the site, into site/; no network needed
 
 errors: $(STAMP) ## docs/errors.md
 	$(BIN)/python docs/make_errors.py
+
+llms: $(STAMP)   ## docs/llms.txt, the reference for prompts
+	$(BIN)/python docs/make_llms.py
 
 pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py

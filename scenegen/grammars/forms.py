@@ -87,7 +87,7 @@ def _over(form: Form, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> Form:
 
 def samples(form: Form, words: Vocabulary) -> list[tuple[str, ...]]:
     """A few ways to fill a form in, for a first look: different objects in different places."""
-    found = []
+    found: list[tuple[str, ...]] = []
     for shift in range(3):
         taken: list[str] = []
         for kind in form.kinds:

@@ -15,9 +15,9 @@ from scenegen.primitives import NUMPY
 Array = npt.NDArray[np.float64]
 
 SCENES = 512
-DRAWS = 40  # blocks of uniform scenes that are looked through
+DRAWS = 12  # blocks of uniform scenes that are looked through
 ENOUGH = 64  # valid ones among them, or chains are run from those that there are
-ROUNDS = 400  # moves of one object each
+ROUNDS = 150  # moves of one object each
 
 
 def valid_scenes(spec: CheckedSpec, seed: int = 0) -> Array | None:

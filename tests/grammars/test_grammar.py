@@ -2,34 +2,18 @@
 
 import json
 import random
-import sys
 from functools import cache
-from pathlib import Path
 
 import pytest
 
 import scenegen
-from scenegen.api.feasibility import doubts
 from scenegen.api.grammar import rules_of
 from scenegen.errors import RequestError, SpecError
 from scenegen.grammars.gbnf import gbnf
 from scenegen.grammars.lark import json as as_json
 from scenegen.grammars.lark import lark, pattern
 from scenegen.grammars.rules import Choice, Ref, Repeat, Seq
-
-sys.path.insert(0, str(Path(__file__).parent))
-from walks import derive, read_gbnf
-
-SPECS = {
-    "pair": "object mug, plate\ntask: leftOf(mug, plate)\n",
-    "inferred": "closeTo(mug, plate)",
-    "crowded": "object mug, plate, tray at (0.5, 0.5)\nobject block[2] = box(0.1, 0.1, 0.1) on tray\n"
-    "region mat = rect(0.3, 0, 0.7, 0.2)\nconst NEAR = 20 cm\ndef near(a, b, e = NEAR) = dist(a, b) <= e\n"
-    "require noCollision() & insideWorkspace()\nrequire easy\neasy: near(mug, plate, 60 cm)\ntask: near(mug, plate)\n",
-    "timed": "time 20 steps\nmoves one\nobject mug, plate\nrequire speed(mug) <= 20 cm/s\n"
-    "task: eventually leftOf(mug, plate)\n",
-}
-
+from tests.grammars.walks import SPECS, derive, read_gbnf, refused
 
 LONG = pytest.mark.long
 DERIVATIONS = {"pair": 30, "timed": 30, "inferred": 30, "crowded": 12}
@@ -39,16 +23,6 @@ NAMES = ["pair", "timed", pytest.param("inferred", marks=LONG), pytest.param("cr
 @cache
 def rules_for(name):
     return rules_of(scenegen.parse(SPECS[name]))
-
-
-def refused(text):
-    """What `scenegen check` has against a text."""
-    try:
-        spec = scenegen.parse(text)
-    except SpecError as error:
-        return str(error)
-    found = doubts(spec.checked) if spec.horizon is None else []
-    return next((str(one.problem) for one in found if one.proved), "")
 
 
 @pytest.mark.parametrize("name", NAMES)

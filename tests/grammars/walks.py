@@ -1,11 +1,25 @@
-"""Random texts of a grammar: from our rules, and from GBNF as written."""
+"""Random texts of a grammar, from our rules and from GBNF as written, and what the checker has against them."""
 
 from __future__ import annotations
 
 import random
 import re
 
+import scenegen
+from scenegen.api.feasibility import doubts
+from scenegen.errors import SpecError
 from scenegen.grammars.rules import Choice, Grammar, Ref, Repeat, Seq, Text, Whole
+
+SPECS = {
+    "pair": "object mug, plate\ntask: leftOf(mug, plate)\n",
+    "inferred": "closeTo(mug, plate)",
+    "crowded": "object mug, plate, tray at (0.5, 0.5)\nobject block[2] = box(0.1, 0.1, 0.1) on tray\n"
+    "region mat = rect(0.3, 0, 0.7, 0.2)\nconst NEAR = 20 cm\ndef near(a, b, e = NEAR) = dist(a, b) <= e\n"
+    "require noCollision() & insideWorkspace()\nrequire easy\neasy: near(mug, plate, 60 cm)\ntask: near(mug, plate)\n",
+    "timed": "time 20 steps\nmoves one\nobject mug, plate\nrequire speed(mug) <= 20 cm/s\n"
+    "task: eventually leftOf(mug, plate)\n",
+}
+
 
 STOP = 0.5  # of going on with a repetition
 
@@ -77,3 +91,13 @@ def _options(tokens):
         else:
             row.append(Ref(token))
     return Choice((*options, Seq(tuple(row)))), tokens
+
+
+def refused(text):
+    """What `scenegen check` has against a text."""
+    try:
+        spec = scenegen.parse(text)
+    except SpecError as error:
+        return str(error)
+    found = doubts(spec.checked) if spec.horizon is None else []
+    return next((str(one.problem) for one in found if one.proved), "")

@@ -1,0 +1,34 @@
+"""docs/llms.txt is what `make llms` makes: short, and its examples check."""
+
+import re
+import runpy
+from pathlib import Path
+
+from scenegen.lang.check import check_text
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "llms.txt"
+
+
+def test_the_page_is_up_to_date():
+    made = runpy.run_path(str(ROOT / "docs" / "make_llms.py"))
+    assert made["page"]() == PAGE.read_text(encoding="utf-8"), "run make llms"
+
+
+def test_it_fits_a_prompt_and_its_examples_check():
+    text = PAGE.read_text(encoding="utf-8")
+    assert len(text) < 12_500  # two or three relations more than there are
+    examples = re.findall(r"^```spec\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    assert len(examples) == 2
+    for example in examples:
+        assert not check_text(example).warnings
+
+
+def test_it_names_all_there_is():
+    from scenegen.lang import ast
+    from scenegen.lang.scope import STEPS, prelude, signatures
+
+    text = PAGE.read_text(encoding="utf-8")
+    names = [one.name.id for one in prelude().statements if isinstance(one, ast.Definition | ast.Constant)]
+    known = [*names, *signatures(), *STEPS]
+    assert [name for name in known if not re.search(rf"\b{name}\b", text)] == []

@@ -80,7 +80,7 @@ def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     from scenegen.api.grammar import of_objects
     from scenegen.api.spec import load
     from scenegen.errors import RequestError
-    from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE
+    from scenegen.errors.requests import OUT_OF_PLACE
 
     if path is not None and objects is not None:
         rule = "stands for a spec, and there is one"
@@ -88,5 +88,6 @@ def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     if path is not None:
         return load(find_spec(path), root)
     if objects is None:
-        raise RequestError(MISSING_ARGUMENT(argument="objects", question="name some, or a spec"))
+        rule, remedy = "is about a spec or objects, and there is neither", "name a spec, or `--objects mug,plate`"
+        raise RequestError(OUT_OF_PLACE(option="a grammar", rule=rule, remedy=remedy))
     return of_objects([name.strip() for name in objects.split(",")])

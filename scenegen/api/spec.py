@@ -151,7 +151,7 @@ class Spec:
 def refuse_choices(spec: Spec, what: str) -> None:
     """Raises RequestError for a spec in which an object stands on one of several surfaces: `what` has no place for the
     surface chosen."""
-    for which in spec.checked.choices:
+    for which in spec.declared.choices:
         raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
 
 

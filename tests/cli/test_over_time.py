@@ -32,10 +32,6 @@ def test_check_and_fmt(scenegen):
 @pytest.mark.parametrize(
     "command",
     [
-        "sample carry.spec --phi task=0: -n 1",
-        "sample carry.spec -n 1 --out scenes.json",
-        "sample carry.spec -n 1 --out set/",
-        "range carry.spec",
         "train carry.spec --out model.pt",
         "dataset carry.spec -n 3 --out set/",
     ],

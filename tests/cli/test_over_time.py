@@ -25,8 +25,19 @@ def test_check_and_fmt(scenegen):
     assert "  task: initially leftOf(mug, plate) & finally rightOf(mug, plate)\n" in outcome.out
     (report,) = json.loads(scenegen("check", "carry.spec", "--json").out)
     assert report["ok"] and report["time"] == {"steps": 20, "dt": 0.5, "moves": "all"}
-    assert report["labels"] == {"task": [None, None]}
+    (low, high) = report["labels"]["task"]
+    assert low == pytest.approx(-1.0) and high == pytest.approx(1.0)
+    assert f"\n    phi in [{low:.4g}, {high:.4g}]\n" in outcome.out
     assert scenegen("fmt", "--check", "carry.spec").status == 0
+
+
+@pytest.mark.usefixtures("carry")
+def test_what_bounds_exclude(scenegen, here):
+    (here / "far.spec").write_text(CARRY.replace("rightOf(mug, plate)", "rightOf(mug, (1.5, 0.5))"))
+    outcome = scenegen("check", "far.spec")
+    assert outcome.status == 1
+    assert outcome.err.startswith("error[cannot-be-satisfied]: `task` can never be satisfied: phi is at most -0.5\n")
+    assert scenegen("check", "far.spec", "--allow-unsatisfiable").status == 0
 
 
 @pytest.mark.parametrize(

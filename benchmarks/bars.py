@@ -22,7 +22,8 @@ import numpy as np
 from scenegen.lang.check import check_text
 from scenegen.sampling import vast
 from scenegen.sampling.interval import Estimate
-from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.rarity import measure
+from scenegen.sampling.tails import OutOfReach
 
 Law = Callable[[float], float]
 

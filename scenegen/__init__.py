@@ -26,6 +26,7 @@ _PUBLIC = {
     "open_set": "stored",
     "MotionSet": "motions",
     "read_motions": "motions",
+    "Monitor": "monitor",
     "sample_motions": "motions",
     "pairs": "pairs",
     "load_pybullet": "simulate",
@@ -46,6 +47,7 @@ __all__ = [
     "DataError",
     "Diagnostic",
     "Model",
+    "Monitor",
     "MotionSet",
     "OutputError",
     "RequestError",
@@ -78,6 +80,7 @@ __all__ = [
 if TYPE_CHECKING:
     from scenegen.api.grammar import grammar_of
     from scenegen.api.model import Model, load_model
+    from scenegen.api.monitor import Monitor
     from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs
     from scenegen.api.rarity import rarity

@@ -53,8 +53,10 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     """The labels that no scene was found to satisfy, and the requirement, where none was found to meet it.
 
     Scenes are looked for first: most labels are done with that. What is left is searched for clashes, for about half a
-    second in all.
+    second in all. Of a spec over time only bounds are looked at.
     """
+    if spec.timed is not None:
+        return _over_time(spec)
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
     waiting = _not_at_once(core, box)
@@ -100,6 +102,15 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         if name == REQUIRE:
             break  # without it nothing else matters
     return found + [Doubt(name, False, None) for name in left_out]
+
+
+def _over_time(spec: CheckedSpec) -> list[Doubt]:
+    from scenegen.bounds.effort import Effort
+    from scenegen.motions.bounds import phi_bounds
+
+    assert spec.timed is not None
+    most = {name: high for name, (_, high) in phi_bounds(spec.timed, *spec.box(), Effort()).items()}
+    return [Doubt(name, True, CANNOT_BE_SATISFIED(name=name, most=high)) for name, high in most.items() if high < 0.0]
 
 
 def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.figures import Look
 from scenegen.api.labels import chosen_label
+from scenegen.api.scenes import SceneSet
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.figures.strip import animation, strip
 from scenegen.formats.folder import whole_files
+from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import as_rows
 from scenegen.primitives import NUMPY
 from scenegen.validation import as_path
-
-if TYPE_CHECKING:
-    from scenegen.api.motions import MotionSet
 
 Array = npt.NDArray[np.float64]
 
@@ -31,7 +29,7 @@ SHOWN = 6  # moments of a strip
 
 
 def figures(
-    motions: MotionSet,
+    motions: MotionArrays,
     out: str | Path,
     *kinds: str,
     view: str = "perspective",
@@ -50,15 +48,14 @@ def figures(
     if not kinds:
         wanted = f"something to draw, after the folder; there are {quoted(KINDS)}"
         raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
-    head = motions.motion(0).header
-    size = usual_size(head) if size is None else size
+    size = usual_size(scenes_header(motions.header)) if size is None else size
     check_request((view,), size, workers)
     look = Look(view, size, distinct, workers, None)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     chosen = chosen_label(spec.labels, label)
     made: dict[str, bytes] = {}
-    for number in range(len(motions)):
-        name = f"motion_{number + 1:0{max(4, len(str(len(motions))))}d}"
+    for number in range(len(motions.poses)):
+        name = f"motion_{number + 1:0{max(4, len(str(len(motions.poses))))}d}"
         made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
     with whole_files(folder) as put:
         for name, data in made.items():
@@ -67,29 +64,30 @@ def figures(
 
 
 def _one(
-    motions: MotionSet, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: Look
+    motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: Look
 ) -> dict[str, bytes]:
     from PIL import Image
 
     signals = over_time(spec, motions.poses[number])
     values = np.nan_to_num(signals[label], posinf=0.0, neginf=0.0).tolist()
+    times = np.arange(len(motions.poses[number])) * motions.header.time.dt
     made: dict[str, bytes] = {}
     if "phi" in kinds:
         from scenegen.figures.over_time import over_time as chart
 
-        made["_phi.png"] = chart(motions.times.tolist(), {name: row.tolist() for name, row in signals.items()})
+        made["_phi.png"] = chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
     if "gif" not in kinds and "strip" not in kinds:
         return made
-    drawn = list(look.pictures(motions.motion(number).file()))
+    drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "strip" in kinds:
         picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
         small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
         shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
-        times = [f"t = {motions.times[place]:g} s" for place in picked]
+        shown_at = [f"t = {times[place]:g} s" for place in picked]
         title = motions.header.spec.title.rstrip(".")
-        made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=times)
+        made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=shown_at)
     return made
 
 

@@ -13,10 +13,10 @@ from scenegen.api.request import Phi, check_request, read_phi
 from scenegen.api.sample import partial
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec, check_spec
+from scenegen.api.spec import Spec, check_spec, refuse_choices
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.motions import NOT_FOR_MOTIONS, TOO_FEW_MOTIONS
-from scenegen.errors.requests import CHOICES_NOT_HERE, UNKNOWN_CHOICE
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.temporal import NOT_OVER_TIME
 from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.formats.motions.table import read_motions as read
@@ -64,11 +64,14 @@ class MotionSet:
     def _scenes(self, poses: Array) -> SceneSet:
         return SceneSet(poses, {}, scenes_header(self.header))
 
+    def _arrays(self) -> MotionArrays:
+        return MotionArrays(self.header, self.poses, self.phi, self.facts)
+
     def save(self, path: str | Path) -> Path:
         """Write the motions, as .json, .jsonl, .parquet or .csv by the path's ending; the file appears whole or not at
         all. A .csv file holds numbers alone. Raises RequestError, OutputError."""
         path = as_path("path", path)
-        write(path, MotionArrays(self.header, self.poses, self.phi, self.facts))
+        write(path, self._arrays())
         return path
 
     def dump(self) -> bytes:
@@ -78,7 +81,7 @@ class MotionSet:
         from scenegen.formats.motions.text import write as write_text
 
         sink = io.BytesIO()
-        write_text(sink, MotionArrays(self.header, self.poses, self.phi, self.facts), ".json")
+        write_text(sink, self._arrays(), ".json")
         return sink.getvalue()
 
     def figures(
@@ -97,7 +100,9 @@ class MotionSet:
         that of the formula from there on. Raises RequestError, OutputError."""
         from scenegen.api.motion_figures import figures
 
-        return figures(self, out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
+        return figures(
+            self._arrays(), out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers
+        )
 
 
 def read_motions(path: str | Path) -> MotionSet:
@@ -147,8 +152,7 @@ def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
     check_spec(spec)
     if spec.over_time is None:
         raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
-    for which in spec.declared.choices:
-        raise RequestError(CHOICES_NOT_HERE(what="a motion", name=spec.objects[which]))
+    refuse_choices(spec, "a motion")
     for argument in ("settle", "raw"):
         if getattr(request, argument):
             raise RequestError(NOT_FOR_MOTIONS(argument=argument))

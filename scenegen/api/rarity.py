@@ -8,13 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.api.spec import Spec, check_spec
+from scenegen.api.spec import Spec, check_spec, refuse_choices
+from scenegen.bounds.effort import Effort
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
+from scenegen.errors.motions import NO_MOTION_MEETS, NO_MOTION_SATISFIES
 from scenegen.errors.requests import ALL_HELD, OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_LABEL
 from scenegen.sampling.interval import Estimate
-from scenegen.sampling.rarity import OutOfReach, Rarity, Reach, measure
+from scenegen.sampling.rarity import measure
 from scenegen.sampling.request import MAX_SEED
+from scenegen.sampling.tails import OutOfReach, Rarity, Reach
 from scenegen.sampling.vast import measure_vast, vast
 from scenegen.validation import as_int
 
@@ -81,9 +84,9 @@ class SpecRarity:
 def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity:
     """The range of phi of every label (or one) that can be reached, and how rare each part of it is.
 
-    Probabilities are those of the base distribution, among the scenes that meet what the spec requires; errors are half
-    of a 95 % interval of log10. The same arguments give the same numbers. Raises RequestError for an unknown label, and
-    where no scene is found that meets the requirement.
+    Probabilities are those of the base distribution, among the scenes (of a spec over time: the motions) that meet what
+    the spec requires; errors are half of a 95 % interval of log10. The same arguments give the same numbers. Raises
+    RequestError for an unknown label, and where nothing is found that meets the requirement.
     """
     check_spec(spec)
     seed = as_int("seed", seed)
@@ -91,15 +94,35 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
         raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
     if not 0 <= seed <= MAX_SEED:
         raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
-    lowest, highest = spec.checked.box()
+    lowest, highest = spec.declared.box()
     if not (lowest < highest).any():
         raise RequestError(ALL_HELD(consequence="phi has one value"))
     labels = spec.labels if label is None else (label,)
+    if spec.over_time is not None:
+        return _of_motions(spec, labels, seed)
     bounds = spec.bounds()
     found = _measure(spec, labels, bounds, seed)
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     never = {one.label for one in reports if one.reached[1] < 0.0}
     warnings = tuple(_clashes(spec, never)) if never else ()
+    return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
+
+
+def _of_motions(spec: Spec, labels: Sequence[str], seed: int) -> SpecRarity:
+    from scenegen.motions.bounds import phi_bounds
+    from scenegen.motions.rarity import measure
+
+    timed = spec.over_time
+    assert timed is not None
+    lowest, highest = spec.declared.box()
+    refuse_choices(spec, "a motion")
+    found = measure(spec.declared, labels, seed)
+    if isinstance(found, OutOfReach):
+        misses = -found.best if math.isfinite(found.best) else None
+        raise RequestError(NO_MOTION_MEETS(evaluations=found.evaluations, misses=misses))
+    bounds = phi_bounds(timed, lowest, highest, Effort())
+    reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
+    warnings = tuple(NO_MOTION_SATISFIES(name=one.label) for one in reports if one.reached[1] < 0.0)
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
 

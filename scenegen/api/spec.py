@@ -133,8 +133,15 @@ class Spec:
         return TraceRobustness(self._checked.timed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """What phi of each label can be at most, anywhere in the workspace (interval bounds: never too narrow)."""
+        """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too
+        narrow)."""
         from scenegen.bounds import spec_bounds
+
+        if self._checked.timed is not None:
+            from scenegen.bounds.effort import Effort
+            from scenegen.motions.bounds import phi_bounds
+
+            return phi_bounds(self._checked.timed, *self._checked.box(), Effort())
 
         return spec_bounds(self.checked)
 
@@ -151,7 +158,7 @@ class Spec:
 def refuse_choices(spec: Spec, what: str) -> None:
     """Raises RequestError for a spec in which an object stands on one of several surfaces: `what` has no place for the
     surface chosen."""
-    for which in spec.checked.choices:
+    for which in spec.declared.choices:
         raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
 
 

@@ -10,29 +10,33 @@ import numpy.typing as npt
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_UNUSED
-from scenegen.formats.trajectories import motion, read_table
+from scenegen.formats.trajectories import motion, read_tables
 from scenegen.lang.moments import Scored, score
 from scenegen.lang.timed import Timed
 from scenegen.validation import as_path
 
 
-def read_trajectory(
+def read_trajectories(
     spec: Spec, path: str | Path, *, resample: bool = False
-) -> tuple[npt.NDArray[np.float64], list[Diagnostic]]:
-    """The poses of a trajectory at the moments of a spec over time, (T + 1, N, 3), and notes about what was left out.
+) -> tuple[dict[int | None, npt.NDArray[np.float64]], list[Diagnostic]]:
+    """The poses of a file's trajectories at the moments of a spec over time, by the number that the file gives them
+    (None in a file of one that does not say), (T + 1, N, 3) each; and notes about what was left out.
 
     CSV, JSON Lines or Parquet: `t` in seconds, `mug.x`, `mug.y`, `mug.theta`, ... in metres and radians, one row a
-    moment. With `resample`, rows at other times are interpolated. Raises RequestError for a spec without `time`, and
-    DataError for what is no such trajectory.
+    moment; `motion` numbers several motions of a file. Or a file of motions that scenegen wrote. With `resample`, rows
+    at other times are interpolated. Raises RequestError for a spec without `time`, and DataError for what is no such
+    file.
     """
     check_spec(spec)
     path = as_path("path", path)
     timed = _timed(spec)
     horizon = timed.horizon
     times = np.arange(horizon.moments, dtype=np.float64) * np.float64(horizon.dt)
-    poses, unused = motion(read_table(path), timed.objects, spec.declared.fixed, times, resample)
-    notes = [TRAJECTORY_UNUSED(file=path, columns=unused)] if unused else []
-    return poses, notes
+    found: dict[int | None, npt.NDArray[np.float64]] = {}
+    left_out: list[str] = []
+    for table in read_tables(path):
+        found[table.number], left_out = motion(table, timed.objects, spec.declared.fixed, times, resample)
+    return found, [TRAJECTORY_UNUSED(file=path, columns=left_out)] if left_out else []
 
 
 def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> Scored:

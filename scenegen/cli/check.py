@@ -69,8 +69,8 @@ def check(
             )
             continue
         detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
-        found = doubts(spec.checked) if spec.horizon is None else []
-        detail("looked for scenes that satisfy the labels")
+        found = doubts(spec.declared)
+        detail("looked for what satisfies the labels")
         problems = [*spec.warnings, *_problems(found, allow_unsatisfiable)]
         ok = all(one.severity != "error" for one in problems)
         failed = failed or not ok
@@ -123,15 +123,10 @@ def _facts(spec: Spec) -> dict[str, Any]:
     return {
         "objects": list(spec.objects),
         "workspace": {"x": list(spec.workspace.x), "y": list(spec.workspace.y)},
-        "labels": {name: list(bounds) for name, bounds in _bounds(spec).items()},
+        "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
         **_time(spec),
     }
-
-
-def _bounds(spec: Spec) -> dict[str, tuple[float | None, float | None]]:
-    """The bounds of phi; over time none are known."""
-    return {**spec.bounds()} if spec.horizon is None else dict.fromkeys(spec.labels, (None, None))
 
 
 def _time(spec: Spec) -> dict[str, Any]:

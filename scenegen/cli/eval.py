@@ -42,6 +42,13 @@ def evaluate(
     resample: Annotated[
         bool, typer.Option("--resample", help="Interpolate a trajectory whose rows are at other times.")
     ] = False,
+    motion: Annotated[
+        int | None, typer.Option("--motion", help="This motion of several alone.", metavar="NUMBER")
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", help="Draw phi of a motion over time into this file, too.", metavar="FILE"),
+    ] = None,
     root: Root = None,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
@@ -52,7 +59,8 @@ def evaluate(
       scenegen eval my.spec scenes.json --explain --scene 3
       scenegen eval my.spec scenes.json --json
       scenegen eval my.spec scenes.json | cut -f 2 | sort -g
-      scenegen eval over_time.spec trajectory.csv
+      scenegen eval over_time.spec trajectory.csv --figure phi.png
+      scenegen eval over_time.spec motions.jsonl --motion 3
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
     this very spec, its stored values are compared, and the exit status is 1 if any is off by more than 1e-9.
@@ -60,26 +68,27 @@ def evaluate(
     With --scene (or where the file holds a single scene), --explain prints the value of every sub-formula of that scene
     and marks the atom that decides phi: it alone would have to change for phi to change.
 
-    A spec over time takes a trajectory instead: a .csv, .jsonl or .parquet file with the columns t, mug.x, mug.y,
-    mug.theta and so on (seconds, metres, radians), one row a moment. What decides phi is printed with its moment.
+    A spec over time takes trajectories instead: a .csv, .jsonl or .parquet file with the columns t, mug.x, mug.y,
+    mug.theta and so on (seconds, metres, radians), one row a moment, and motion where there are several; or a file of
+    motions that scenegen wrote. What decides phi is printed with its moment.
     """
     from scenegen.api.scenes import check_count, read_scenes, requirement
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.cli.trajectory import evaluate_trajectory
+    from scenegen.cli.trajectory import TrajectoryOptions, evaluate_trajectories
     from scenegen.errors import RequestError
     from scenegen.lang.core import REQUIRE
 
-    checked = load(spec, root)
+    checked, options = load(spec, root), TrajectoryOptions(resample, motion, figure)
     if checked.horizon is not None:
         if scene is not None:
             rule, remedy = "shows one scene, and this is a spec of motions", "leave it out"
             raise RequestError(OUT_OF_PLACE(option="--scene", rule=rule, remedy=remedy))
-        return evaluate_trajectory(checked, scenes, resample=resample, json=json)
-    if resample:
+        return evaluate_trajectories(checked, scenes, options, json=json)
+    for option in options.given:
         rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option="--resample", rule=rule, remedy=remedy))
+        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy=remedy))
     found = read_scenes(scenes)
     check_count(found)
     if scene is not None and not explain:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +12,19 @@ from scenegen.formats.locations import names_set
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
     from scenegen.api.spec import Spec
-    from scenegen.cli.sample_runs import Storing
     from scenegen.sampling.request import SampleRequest
 
 
 def sample_motions(
-    spec: Spec, request: SampleRequest, source: Path, out: str | None, storing: Storing, render: Path | None
+    spec: Spec,
+    request: SampleRequest,
+    source: Path,
+    out: str | None,
+    refused: Mapping[str, object],
+    render: Path | None,
 ) -> None:
-    """Raises what the API raises, and OutputError for places that cannot be written to."""
+    """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
+    one of those that is given, and OutputError for places that cannot be written to."""
     from scenegen.api.motions import draw_motions
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.streams import check_output, write_data
@@ -27,12 +33,7 @@ def sample_motions(
     from scenegen.formats.motions.table import format_of
     from scenegen.needs import need
 
-    given: dict[str, object] = {
-        "resume": storing.resume,
-        "engine": storing.engine != "local",
-        "address": storing.address,
-    }
-    given |= {"shard_size": storing.shard_size, "out": out is not None and names_set(out)}
+    given = {**refused, "out": out is not None and names_set(out)}
     for argument, value in given.items():
         if value:
             raise RequestError(NOT_FOR_MOTIONS(argument=argument, value=out if argument == "out" else None))
@@ -63,5 +64,9 @@ def summary(found: MotionSet, path: Path | None) -> str:
     info = found.header.sampler
     ranges = ", ".join(f"{name} {min(values):.4g} .. {max(values):.4g}" for name, values in found.phi.items())
     rare = info.get("log10_probability")
-    share = "" if rare is None else f"; log10 of their probability {rare:.2f}"
-    return f"{len(found):,} motions{'' if path is None else f' in {path}'}: phi of {ranges} ({info['method']}{share})"
+    drawn = str(info["method"]) + ("" if rare is None else f"; log10 of their probability {rare:.2f}")
+    share = info.get("effective_share")
+    if share is not None and share < 1.0:
+        drawn += f"; worth about {max(1, round(share * len(found))):,} independent ones"
+    what = "motion" if len(found) == 1 else "motions"
+    return f"{len(found):,} {what}{'' if path is None else f' in {path}'}: phi of {ranges} ({drawn})"

@@ -76,10 +76,14 @@ def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Itera
     yield f"  time       {horizon.steps:,} steps, {step}; moves {spec.moves}"
     module = parse(Source(spec.declared.name, spec.source))
     shown = [one for one in module.statements if isinstance(one, ast.Require | ast.Label)]
+    bounds = spec.bounds()
     for statement in shown[: None if full else LINES]:
         yield ""
         for line in print_statement(statement).splitlines():
             yield f"  {line}"
+        if isinstance(statement, ast.Label):
+            low, high = bounds[statement.name.id]
+            yield f"    phi in [{low:.4g}, {high:.4g}]"
     if not full and len(shown) > LINES:
         yield f"\n  ... and {len(shown) - LINES:,} more: --full shows everything."
 

@@ -60,7 +60,7 @@ def range_(
 
         typer.echo(dumps(as_json(named(spec), found), indent=1, ensure_ascii=False))
     else:
-        _print(spec, found)
+        _print(spec, found, "scene" if checked.over_time is None else "motion")
     complain(*found.warnings)
     if png is not None:
         from scenegen.cli.output import print_error
@@ -81,31 +81,33 @@ def _check_png(path: Path) -> None:
         raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
 
-def _print(spec: Path, found: SpecRarity) -> None:
+def _print(spec: Path, found: SpecRarity, what: str) -> None:
     title = f"{named(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
-        many, exactly = one_in(found.requirement.log10), _estimate(found.requirement)
+        many, exactly = one_in(found.requirement.log10, what), _estimate(found.requirement)
         typer.echo(f"  what the spec requires is met by {many} (log10 P = {exactly}); what follows is about these")
     for one in found.labels:
         typer.echo("")
-        for line in _lines(spec, one):
+        for line in _lines(spec, one, what):
             typer.echo(line)
 
 
-def _lines(spec: Path, one: LabelRarity) -> list[str]:
+def _lines(spec: Path, one: LabelRarity, what: str) -> list[str]:
     import shlex
 
     (low, high), (least, most) = one.bounds, one.reached
     lines = [f"{one.label}: phi in [{low:.4g}, {high:.4g}]; reached {least:.5g} .. {most:.5g}"]
     at_zero = next((level for level in one.levels if level.phi == 0.0), None)
     if most < 0.0:
-        lines.append("  no scene that satisfies it was found")
+        lines.append(f"  no {what} that satisfies it was found")
     elif least >= 0.0:
-        lines.append("  every scene that was looked at satisfies it")
+        lines.append(f"  every {what} that was looked at satisfies it")
     elif at_zero is not None:
         share = (
-            "so few scenes that their share cannot be told" if at_zero.above is None else one_in(at_zero.above.log10)
+            f"so few {what}s that their share cannot be told"
+            if at_zero.above is None
+            else one_in(at_zero.above.log10, what)
         )
         lines.append(f"  satisfied (phi >= 0) by {share}")
     lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>17}  {'log10 P(>= phi)':>17}"]
@@ -119,7 +121,7 @@ def _lines(spec: Path, one: LabelRarity) -> list[str]:
     if one.bands:
         lines += ["", "  ask for"]
         for band in one.bands:
-            share = TOO_RARE if band.log10 is None else one_in(band.log10)
+            share = TOO_RARE if band.log10 is None else one_in(band.log10, what)
             command = f"scenegen sample {shlex.quote(named(spec))} --phi {_option(one, band)}"
             lines.append(f"    {band.name:<10} {share:<22} {command}")
     return lines
@@ -153,16 +155,16 @@ def _points(curve: tuple[Level, ...], side: str) -> list[tuple[float, float]]:
     return [(phi, estimate.log10) for phi, estimate in found if estimate is not None]
 
 
-def one_in(log10: float) -> str:
+def one_in(log10: float, what: str = "scene") -> str:
     """A share for people: `1 scene in 102,000`, `37 % of scenes`."""
     if log10 > -0.95:
         share = 10.0**log10
-        return "nearly every scene" if share > 0.995 else f"{share:.0%} of scenes".replace("%", " %")
+        return f"nearly every {what}" if share > 0.995 else f"{share:.0%} of {what}s".replace("%", " %")
     many = 10.0**-log10
     if log10 < -9.0:
-        return f"1 scene in 10^{-log10:.0f}"
+        return f"1 {what} in 10^{-log10:.0f}"
     digits = max(0, int(-log10) - 1)
-    return f"1 scene in {round(many, -digits):,.0f}"
+    return f"1 {what} in {round(many, -digits):,.0f}"
 
 
 def _estimate(estimate: Estimate | None) -> str:

@@ -100,7 +100,9 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     if _is_over_time(subject):
         from scenegen.cli.motion_runs import sample_motions
 
-        sample_motions(subject, _request(source, subject, wishes), source, out, storing, render)
+        refused = {"engine": storing.engine != "local", "resume": storing.resume}
+        refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
+        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render)
         return
     stored = out is not None and names_set(out)
     path = None if out is None or stored else Path(out)

@@ -1,69 +1,143 @@
-"""`scenegen eval` of a spec over time: phi of a trajectory, and what decides it, when."""
+"""`scenegen eval` of a spec over time: phi of trajectories, and what decides it, when."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from scenegen.errors.requests import OUT_OF_PLACE
+from scenegen.errors.temporal import NO_SUCH_MOTION
+
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
+    from scenegen.lang.moments import Scored
 
 
-def evaluate_trajectory(spec: Spec, path: Path, *, resample: bool, json: bool) -> int:
-    """Print phi of every label, with the atom and the moment that decide it; the status of the program."""
-    from scenegen.api.trajectory import read_trajectory, score_trajectory
+@dataclass(frozen=True, slots=True)
+class TrajectoryOptions:
+    """Options of `scenegen eval` that are about trajectories."""
+
+    resample: bool
+    motion: int | None
+    figure: Path | None
+
+    @property
+    def given(self) -> list[str]:
+        """The names of those that are given."""
+        values = {"--resample": self.resample, "--motion": self.motion is not None, "--figure": self.figure is not None}
+        return [name for name, value in values.items() if value]
+
+
+def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *, json: bool) -> int:
+    """Print phi of every motion and label, with the atom and the moment that decide it; the status of the program."""
+    from scenegen.api.trajectory import read_trajectories, score_trajectory
     from scenegen.cli.output import note
+    from scenegen.errors import RequestError
+
+    if options.figure is not None:
+        _check_figure(options.figure, path)
+    motions, notes = read_trajectories(spec, path, resample=options.resample)
+    if options.motion is not None:
+        if options.motion not in motions:
+            numbers = [number for number in motions if number is not None]
+            ends = {"first": min(numbers), "last": max(numbers)} if numbers else {}
+            raise RequestError(NO_SUCH_MOTION(number=options.motion, file=path, **ends))
+        motions = {options.motion: motions[options.motion]}
+    if options.figure is not None and len(motions) > 1:
+        rule = f"draws one motion, and {path} has {len(motions):,}"
+        raise RequestError(OUT_OF_PLACE(option="--figure", rule=rule, remedy="choose one with --motion"))
+    assert spec.horizon is not None
+    scored = {number: score_trajectory(spec, poses) for number, poses in motions.items()}
+    tables = {number: _rows(one, spec.horizon.dt) for number, one in scored.items()}
+    if json:
+        from json import dumps
+
+        found: dict[str, Any] = {"labels": list(spec.labels)}
+        each = [{"phi": rows, "over_time": _over_time(scored[number])} for number, rows in tables.items()]
+        if None in tables:
+            found |= each[0]
+        else:
+            found["motions"] = [{"motion": number, **one} for number, one in zip(tables, each, strict=True)]
+        typer.echo(dumps(found, indent=1))
+    else:
+        _table(tables)
+    for one in notes:
+        note(one)
+    if options.figure is not None:
+        _draw(options.figure, next(iter(scored.values())), spec)
+    return 0
+
+
+def _rows(scored: Scored, dt: float) -> dict[str, dict[str, Any]]:
     from scenegen.lang.core import REQUIRE
 
-    poses, notes = read_trajectory(spec, path, resample=resample)
-    scored = score_trajectory(spec, poses)
-    assert spec.horizon is not None
-    dt = spec.horizon.dt
     phi: dict[str | None, float] = dict(scored.phi.items())
-    required = scored.required
-    if required is not None:
-        phi[None] = float(required.min())
+    if scored.required is not None:
+        phi[None] = float(scored.required.min())
     rows: dict[str, dict[str, Any]] = {}
     for label, value in phi.items():
         atom, moment = scored.decides(label)
         name = REQUIRE if label is None else label
         rows[name] = {"phi": value, "decided_by": atom.text, "moment": moment, "t": moment * dt}
-    if json:
-        from json import dumps
+    return rows
 
-        over_time = {name: [_finite(one) for one in values.tolist()] for name, values in scored.signals.items()}
-        if required is not None:
-            over_time[REQUIRE] = [_finite(one) for one in required.tolist()]
-        typer.echo(dumps({"labels": list(spec.labels), "phi": rows, "over_time": over_time}, indent=1))
-    else:
-        _table(rows)
-    for one in notes:
-        note(one)
-    return 0
+
+def _over_time(scored: Scored) -> dict[str, list[float | None]]:
+    from scenegen.lang.core import REQUIRE
+
+    found = dict(scored.signals)
+    if scored.required is not None:
+        found[REQUIRE] = scored.required
+    return {name: [_finite(one) for one in values.tolist()] for name, values in found.items()}
 
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _table(rows: dict[str, dict[str, Any]]) -> None:
+def _check_figure(figure: Path, path: Path) -> None:
+    from scenegen.errors import RequestError
+    from scenegen.errors.files import WRONG_ENDING
+    from scenegen.formats.files import check_writable
+
+    if figure.suffix.lower() != ".png":
+        raise RequestError(WRONG_ENDING(path=figure, ending=".png", remedy="name a file such as phi.png"))
+    check_writable(figure, path)
+
+
+def _draw(figure: Path, scored: Scored, spec: Spec) -> None:
+    from scenegen.cli.output import print_error
+    from scenegen.figures.over_time import over_time
+    from scenegen.formats.files import write_whole
+
+    assert spec.horizon is not None
+    times = [moment * spec.horizon.dt for moment in range(spec.horizon.moments)]
+    write_whole(figure, over_time(times, {name: row.tolist() for name, row in scored.signals.items()}))
+    print_error(f"phi over time in {figure}")
+
+
+def _table(tables: Mapping[int | None, dict[str, dict[str, Any]]]) -> None:
     import sys
 
-    head = ("label", "phi", "decided by", "moment", "t")
+    several = None not in tables
+    head = (*(("motion",) if several else ()), "label", "phi", "decided by", "moment", "t")
+    lines = [(number, name, row) for number, rows in tables.items() for name, row in rows.items()]
     if not sys.stdout.isatty():
         typer.echo("\t".join(head))
-        for name, row in rows.items():
-            typer.echo("\t".join(map(str, (name, *row.values()))))
+        for number, name, row in lines:
+            typer.echo("\t".join(map(str, (*((number,) if several else ()), name, *row.values()))))
         return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     table = Table(*head, box=None)
-    for name, row in rows.items():
+    for number, name, row in lines:
         cells = (name, f"{row['phi']:+.6f}", row["decided_by"], str(row["moment"]), f"{row['t']:g} s")
-        table.add_row(*map(Text, cells))
+        table.add_row(*map(Text, (*((str(number),) if several else ()), *cells)))
     Console().print(table)

@@ -46,3 +46,15 @@ NOT_FOR_MOTIONS = Kind(
     "{argument:argument} is not for specs over time[[: {value} would be a set of shards]]",
     help=("{value:?}name a .jsonl, .json, .parquet or .csv file", "leave it out"),
 )
+NO_MOTION_SATISFIES = Kind(
+    "no-motion-satisfies",
+    "no motion that satisfies `{name}` was found",
+    help="let objects move faster or in more steps, or change one of its parts",
+    severity="warning",
+)
+NO_MOTION_MEETS = Kind(
+    "no-motion-meets",
+    "no motion was found that meets what the spec requires, in {evaluations:,} evaluations",
+    help="require less, let objects move farther in a step, or make the workspace larger",
+    note="[[the best one misses it by {misses:.4g}]]",
+)

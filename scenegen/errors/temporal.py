@@ -106,6 +106,16 @@ NOT_OVER_TIME = Kind(
     "{file} is a spec of single scenes: its motions have no phi",
     help="say how long a motion lasts: time 20 steps; for scenes call spec.robustness()",
 )
+NO_SUCH_MOTION = Kind(
+    "no-such-motion",
+    "there is no motion {number}",
+    help=("{last:?}{file} holds the motions {first} to {last}", "{file} holds a single one, without a number"),
+)
+MOTION_HAS_ENDED = Kind(
+    "motion-has-ended",
+    "the motion has ended: its {moments:,} moments were added, the last at {end:g} s",
+    help="call reset() before another motion begins",
+)
 TIME_UNFINISHED = Kind(
     "time-unfinished",
     "this `time` statement is not finished",

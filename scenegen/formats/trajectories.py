@@ -1,6 +1,7 @@
 """Trajectories: poses over time, from simulators and trackers. Read from CSV, JSON Lines and Parquet.
 
-A row is a moment: `t` in seconds, and `mug.x`, `mug.y`, `mug.theta` of every object, in metres and radians.
+A row is a moment: `t` in seconds, and `mug.x`, `mug.y`, `mug.theta` of every object, in metres and radians. A column
+`motion` tells several motions of a file apart. Motion files of `scenegen sample` are read, too.
 """
 
 from __future__ import annotations
@@ -28,21 +29,64 @@ from scenegen.errors.temporal import (
     TRAJECTORY_TOO_LONG,
 )
 from scenegen.formats.files import read_bytes
+from scenegen.formats.motions.table import is_motions, read_motions
 from scenegen.needs import need
 from scenegen.pose import NAMES, THETA, TWO_PI
 
 Array = npt.NDArray[np.float64]
 
+MOTION = "motion"
 ENDINGS = (".csv", ".jsonl", ".parquet")
 MAX_BYTES = 1 << 30
 NEARLY = 1e-6  # of a step: how far a row's time may be from its moment's
 
 
 class Table(NamedTuple):
-    """Columns of numbers by name, all of one length."""
+    """Columns of numbers by name, all of one length. Of a file of several motions it is one, with the number that the
+    file gives it; `before` rows stand above it."""
 
     file: str
     columns: dict[str, Array]
+    number: int | None = None
+    before: int = 0
+
+
+def read_tables(path: Path) -> list[Table]:
+    """The motions of a file, each with its columns. Raises DataError, and RequestError where a library is missing."""
+    if is_motions(path):
+        return _of_motions(path)
+    table = read_table(path)
+    if MOTION not in table.columns:
+        return [table]
+    numbers = table.columns[MOTION]
+    starts = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()]
+    if len(set(numbers[starts].tolist())) != len(starts):
+        raise DataError(NOT_A_TRAJECTORY(file=path, reason="rows of one motion are not together"))
+    if (numbers != np.round(numbers)).any():
+        raise DataError(NOT_A_TRAJECTORY(file=path, reason="the column `motion` has values that are not whole"))
+    ends = [*starts[1:], len(numbers)]
+    return [
+        Table(
+            table.file,
+            {name: column[start:end] for name, column in table.columns.items() if name != MOTION},
+            int(numbers[start]),
+            start,
+        )
+        for start, end in zip(starts, ends, strict=True)
+    ]
+
+
+def _of_motions(path: Path) -> list[Table]:
+    """Motions that scenegen wrote: their poses."""
+    found = read_motions(path)
+    if not len(found):
+        raise DataError(NOT_A_TRAJECTORY(file=path, reason="it has no motions"))
+    times = np.arange(found.poses.shape[1], dtype=np.float64) * found.header.time.dt
+    places = [f"{name}.{symbol}" for name in found.objects for symbol in NAMES]
+    return [
+        Table(str(path), {"t": times, **dict(zip(places, poses.reshape(len(times), -1).T, strict=True))}, number)
+        for number, poses in enumerate(found.poses, 1)
+    ]
 
 
 def read_table(path: Path) -> Table:
@@ -80,13 +124,14 @@ def motion(
     at = _column(table, columns, "t")
     backwards = np.flatnonzero(np.diff(at) <= 0.0)
     if len(backwards):
-        row = int(backwards[0]) + 2
-        raise DataError(TRAJECTORY_ORDER(file=table.file, row=row, time=at[row - 1], before=at[row - 2]))
+        row = int(backwards[0]) + 1
+        where = table.before + row + 1
+        raise DataError(TRAJECTORY_ORDER(file=table.file, row=where, time=at[row], before=at[row - 1]))
     if resample:
         if at[0] > times[0] + NEARLY or at[-1] < times[-1] - NEARLY * max(1.0, times[-1]):
             raise DataError(TRAJECTORY_ENDS(file=table.file, first=at[0], last=at[-1], end=times[-1]))
     else:
-        _check_times(table.file, at, times)
+        _check_times(table, at, times)
     poses = np.empty((len(times), len(objects), len(NAMES)))
     for index, name in enumerate(objects):
         for axis, symbol in enumerate(NAMES):
@@ -107,13 +152,14 @@ def _column(table: Table, left: dict[str, Array], name: str) -> Array:
     return left.pop(name)
 
 
-def _check_times(file: str, at: Array, times: Array) -> None:
+def _check_times(table: Table, at: Array, times: Array) -> None:
+    file = table.file
     step = times[1] - times[0]
     common = min(len(at), len(times))
     wrong = np.flatnonzero(np.abs(at[:common] - times[:common]) > NEARLY * step)
     if len(wrong):
         row = int(wrong[0])
-        raise DataError(TRAJECTORY_TIMES(file=file, row=row + 1, found=at[row], wanted=times[row]))
+        raise DataError(TRAJECTORY_TIMES(file=file, row=table.before + row + 1, found=at[row], wanted=times[row]))
     if len(at) < len(times):
         raise DataError(TRAJECTORY_ENDS(file=file, first=at[0], last=at[-1], end=times[-1]))
     if len(at) > len(times):
@@ -169,7 +215,7 @@ def _parquet(path: Path, data: bytes) -> Table:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(io.BytesIO(data))
+        table = pq.ParquetFile(io.BytesIO(data)).read(use_threads=False)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(NOT_A_TRAJECTORY(file=path, reason=str(error).splitlines()[0][:100])) from None
     if not table.num_rows or len(set(table.column_names)) != table.num_columns:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,15 @@ from scenegen.motions.moves import changes
 from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.variables import Flags, Variables, draw, poses_of
 from scenegen.sampling.splitting.chains import Region
+
+
+def _refill(gain: Array, islands: int, rng: np.random.Generator) -> Index:
+    """As many chains as there are, in proportion to `gain`; islands without any refill from all."""
+    each = gain.reshape(islands, -1)
+    if islands == 1 or not each.sum(axis=1).all():
+        return systematic(gain, rng)
+    size = each.shape[1]
+    return np.concatenate([number * size + systematic(share, rng) for number, share in enumerate(each)])
 
 
 def systematic(share: Array, rng: np.random.Generator) -> Index:
@@ -47,14 +56,24 @@ class Chains:
     def count(self) -> int:
         return int(self.scores.shape[1])
 
-    def narrow(self, region: Region) -> float:
+    @property
+    def phi(self) -> list[Array]:
+        """The scores, a row each."""
+        return list(self.scores)
+
+    def copy(self) -> Chains:
+        """Chains that go on from the same motions."""
+        return replace(self, now=self.now.take(np.arange(self.count)), scores=self.scores.copy(), evaluations=0)
+
+    def narrow(self, region: Region, islands: int = 1) -> float:
         """Restrict the chains to a region: survivors are resampled to the old number in proportion to the change of
-        their weight. Returns the share that survived (0: none did, and the chains are unchanged)."""
+        their weight; islands, blocks of equally many chains, each from their own. Returns the share that survived (0:
+        none did, and the chains are unchanged)."""
         alive = region.holds(list(self.scores))
         gain = np.where(alive, self._weigh(region, self.scores) / self.weight, 0.0)
         if not gain.sum() > 0.0:
             return 0.0
-        index = systematic(gain, self.rng)
+        index = _refill(gain, islands, self.rng)
         self.now, self.scores, self.region = self.now.take(index), self.scores[:, index], region
         self.weight = self._weigh(region, self.scores)
         return float(alive.mean())

@@ -28,82 +28,31 @@ from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.splitting.chain_state import ChainState, Tape, make_frame
 from scenegen.sampling.splitting.chains import Chains, Region
 from scenegen.sampling.splitting.tuning import Tuner, longest
+from scenegen.sampling.tails import (
+    COUNTED,
+    ISLANDS,
+    KEPT,
+    ROUNDS,
+    OutOfReach,
+    Rarity,
+    Reach,
+    Tail,
+    climb,
+    constant,
+    margins,
+    next_level,
+    restrict,
+)
 
 Array = npt.NDArray[np.float64]
 
 STREAM = 6  # random stream of these runs, apart from those of the samplers
-ISLANDS = 16  # estimates whose scatter is the error bar
 MOST, FEWEST = 8192, 256  # chains of a run
 DEPTH = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
 PER_SHAPE = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
-KEPT, CLIMB = 0.5, 0.1  # share of the chains that makes a level; the same once levels are not counted any more
-NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
-LEVELS, SEARCH = 400, 30  # maximum number of counted levels, and of levels in the search for the end after them
-COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
-ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
 CAREFUL = 4  # the same for the requirement: all runs start from there
 SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
-FEW = 8  # minimum number of scenes behind an estimate
-
-
-@dataclass(frozen=True, slots=True)
-class Tail:
-    """One run: `sign` is 1 towards the highest phi, -1 towards the lowest.
-
-    `levels` (K,) are each stage's lower limit of sign * phi, the first -inf; `values` are the chains' sign * phi, K
-    arrays (islands, chains of an island) in rising order; `weights` (K, islands) are the probabilities of the stages by
-    island. `end` is the furthest phi that was found; `whole` says that levels were counted until hardly any scenes were
-    left, and did not end because the effort was used up.
-    """
-
-    sign: int
-    levels: Array
-    values: tuple[Array, ...]
-    weights: Array
-    end: float
-    whole: bool
-
-    def __call__(self, phi: float) -> Estimate | None:
-        """log10 P(phi' >= phi) for a run upwards, log10 P(phi' <= phi) downwards; None if there are too few scenes."""
-        place = self.sign * phi
-        stage = int(np.searchsorted(self.levels, place, side="right")) - 1
-        values = self.values[stage]
-        hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
-        if hits.sum() < FEW:
-            return None
-        return ratio(self.weights[stage] * hits / values.shape[1], self.weights[0])
-
-    def quantile(self, share: float) -> float:
-        """The phi beyond which, in the direction of the run, about that share of the scenes lies."""
-        first = np.sort(self.values[0].ravel())
-        return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
-
-
-@dataclass(frozen=True, slots=True)
-class Reach:
-    """The distribution of a label's phi among the scenes that satisfy the requirement."""
-
-    up: Tail
-    down: Tail
-    evaluations: int
-
-
-@dataclass(frozen=True, slots=True)
-class Rarity:
-    """The runs of a spec: `reaches` by label, and how rare the requirement is (None: nothing is required)."""
-
-    reaches: dict[str, Reach]
-    requirement: Estimate | None
-    evaluations: int
-
-
-@dataclass(frozen=True, slots=True)
-class OutOfReach:
-    """No scene that satisfies the requirement was found; `best` is its largest margin."""
-
-    best: float
-    evaluations: int
 
 
 def measure(
@@ -143,25 +92,16 @@ def _measure(
     for index, label in enumerate(labels):
         alone = part(core, (label,))
         if not make_frame(alone, lowest, highest).dimension:
-            reaches[label] = _still(float(evaluate(alone, list(lowest), NUMPY)[label]))
+            reaches[label] = constant(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
         work = WORK // (2 * len(labels) * cost(one))
-        up, down = (_run(start.some(start.count), weights, sign, work, check) for sign in (1, -1))
+        up, down = (_climb(start.some(start.count), weights, sign, work, check) for sign in (1, -1))
         reaches[label] = Reach(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
-
-
-def _still(phi: float) -> Reach:
-    """The result for a label whose phi is the same in all scenes."""
-    weights = np.ones((1, ISLANDS))
-    tails = [
-        Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
-    ]
-    return Reach(tails[0], tails[1], 1)
 
 
 def cost(core: Core) -> int:
@@ -195,8 +135,8 @@ def _require(
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
     chain_state = make_frame(core, lowest, highest)
     if not chain_state.dimension:
-        margin = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
-        return _Base({}, np.full(ISLANDS, float(margin >= 0.0)), 1), margin
+        least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
+        return _Base({}, np.full(ISLANDS, float(least >= 0.0)), 1), least
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
     state, weights = _begin(chain_state, None, count, rng)
     tuner = Tuner(state)
@@ -204,16 +144,16 @@ def _require(
     met = False
     while not met and state.evaluations < work:
         check()
-        level = _next(_margin(state, 1), state.region.low[0], KEPT)
+        level = next_level(margins(state, 1), state.region.low[0], KEPT)
         if level is None:
             break
         met = level >= 0.0
-        weights = weights * _narrow(state, min(level, 0.0), 1)
+        weights = weights * restrict(state, min(level, 0.0), 1)
         for _ in range(CAREFUL):
             tuner.adapt()
     for _ in range(SETTLE if met else 0):
         tuner.adapt()
-    best = float(_margin(state, 1).max())
+    best = float(margins(state, 1).max())
     rows = dict(zip(chain_state.rows, state.rows, strict=True))
     return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
 
@@ -231,63 +171,5 @@ def _begin(chain_state: ChainState, base: _Base | None, count: int, rng: np.rand
     return state, base.weights
 
 
-def _run(state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None]) -> tuple[Tail, int]:
-    """Restrict the chains step by step towards one end of their first label's phi, with at most about `work`
-    evaluations."""
-    phi = _margin(state, sign)
-    levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
-    middle, end = float(np.median(phi)), float(phi.max())
-    tuner = Tuner(state)
-    counting, searched, whole = True, 0, False
-    while state.evaluations < work and searched < SEARCH:
-        check()
-        here = sign * (state.region.low if sign > 0 else state.region.high)[0]
-        whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
-        counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work
-        level = _next(phi, here, KEPT if counting else CLIMB)
-        if level is None or end - level <= TOP * (end - middle):
-            whole = whole or counting
-            break
-        kept = _narrow(state, level, sign)
-        for _ in range(ROUNDS if counting else 1):
-            tuner.adapt()
-        phi = _margin(state, sign)
-        end = max(end, float(phi.max()))
-        if counting:
-            weights = weights * kept
-            levels.append(level)
-            values.append(_sorted(phi))
-            shares.append(weights)
-        else:
-            searched += 1
-    return Tail(sign, np.array(levels), tuple(values), np.array(shares), sign * end, whole), state.evaluations
-
-
-def _margin(state: Chains, sign: int) -> Array:
-    """sign * phi of the first label, (P,); NaN counts as the lowest."""
-    phi = sign * state.phi[0]
-    return np.where(np.isnan(phi), -np.inf, phi)
-
-
-def _sorted(phi: Array) -> Array:
-    return np.sort(phi.reshape(ISLANDS, -1), axis=1)
-
-
-def _next(phi: Array, here: float, kept: float) -> float | None:
-    """The next level above `here`: the one that `kept` of the chains reach, or the lowest above; None at the top."""
-    level = float(np.quantile(phi, 1.0 - kept, method="higher"))
-    if level > here:
-        return level
-    above = phi[phi > here]
-    return float(above.min()) if len(above) else None
-
-
-def _narrow(state: Chains, level: float, sign: int) -> Array:
-    """Restrict the chains to sign * phi >= level for their first label; returns the share of each island that
-    survived."""
-    low, high = state.region.low.copy(), state.region.high.copy()
-    (low if sign > 0 else high)[0] = sign * level
-    region = Region(low, high)
-    alive: Array = region.holds(state.phi).reshape(ISLANDS, -1).mean(axis=1)
-    state.narrow(region, ISLANDS)
-    return alive
+def _climb(state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None]) -> tuple[Tail, int]:
+    return climb(state, Tuner(state).adapt, weights, sign, work, check)

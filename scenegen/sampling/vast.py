@@ -27,23 +27,11 @@ from scenegen.sampling.growth.reading import flat
 from scenegen.sampling.growth.sampler import no_growth
 from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.problem import Problem, make_problem
-from scenegen.sampling.rarity import (
-    COUNTED,
-    DEPTH,
-    FEW,
-    ISLANDS,
-    NEAR,
-    ROUNDS,
-    TOP,
-    WORK,
-    Rarity,
-    Reach,
-    Tail,
-    cost,
-)
+from scenegen.sampling.rarity import DEPTH, WORK, cost
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import make_frame
 from scenegen.sampling.splitting.tuning import longest
+from scenegen.sampling.tails import COUNTED, FEW, ISLANDS, NEAR, ROUNDS, TOP, Rarity, Reach, Tail
 
 Array = npt.NDArray[np.float64]
 

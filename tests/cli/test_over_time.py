@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+import scenegen as package
+
 CARRY = """time [0, 10 s] every 0.5 s
 moves all
 object mug, plate
@@ -25,17 +27,24 @@ def test_check_and_fmt(scenegen):
     assert "  task: initially leftOf(mug, plate) & finally rightOf(mug, plate)\n" in outcome.out
     (report,) = json.loads(scenegen("check", "carry.spec", "--json").out)
     assert report["ok"] and report["time"] == {"steps": 20, "dt": 0.5, "moves": "all"}
-    assert report["labels"] == {"task": [None, None]}
+    (low, high) = report["labels"]["task"]
+    assert low == pytest.approx(-1.0) and high == pytest.approx(1.0)
+    assert f"\n    phi in [{low:.4g}, {high:.4g}]\n" in outcome.out
     assert scenegen("fmt", "--check", "carry.spec").status == 0
+
+
+@pytest.mark.usefixtures("carry")
+def test_what_bounds_exclude(scenegen, here):
+    (here / "far.spec").write_text(CARRY.replace("rightOf(mug, plate)", "rightOf(mug, (1.5, 0.5))"))
+    outcome = scenegen("check", "far.spec")
+    assert outcome.status == 1
+    assert outcome.err.startswith("error[cannot-be-satisfied]: `task` can never be satisfied: phi is at most -0.5\n")
+    assert scenegen("check", "far.spec", "--allow-unsatisfiable").status == 0
 
 
 @pytest.mark.parametrize(
     "command",
     [
-        "sample carry.spec --phi task=0: -n 1",
-        "sample carry.spec -n 1 --out scenes.json",
-        "sample carry.spec -n 1 --out set/",
-        "range carry.spec",
         "train carry.spec --out model.pt",
         "dataset carry.spec -n 3 --out set/",
     ],
@@ -100,3 +109,69 @@ def test_options_of_the_other_kind(scenegen, here):
     for words in (["carry.spec", "a.csv", "--explain", "--scene", "1"], ["good.spec", "a.csv", "--resample"]):
         outcome = scenegen("eval", *words)
         assert outcome.status == 1 and "error[out-of-place]" in outcome.err
+
+
+PASS = """object mug, plate at (0.5, 0.5)
+time 3 steps
+require speed(mug) <= 30 cm/s
+task: eventually closeTo(mug, plate, 20 cm)
+"""
+
+
+@pytest.mark.parametrize("ending", ["json", "jsonl", "parquet", "csv"])
+def test_eval_of_sampled_motions(ending, scenegen, here):
+    """What `sample` wrote has the phi that it says, in every format."""
+    (here / "pass.spec").write_text(PASS)
+    drawn = scenegen("sample", "pass.spec", "--phi", "task=0:", "-n", "3", "--out", f"motions.{ending}")
+    assert drawn.status == 0
+    scenegen("sample", "pass.spec", "--phi", "task=0:", "-n", "3", "--out", "same.json")
+    stored = package.read_motions(here / "same.json").phi["task"]
+    outcome = scenegen("eval", "pass.spec", f"motions.{ending}")
+    assert outcome.status == 0
+    table = [line.split("\t") for line in outcome.out.splitlines()]
+    assert table[0] == ["motion", "label", "phi", "decided by", "moment", "t"]
+    tasks = {row[0]: float(row[2]) for row in table if row[1] == "task"}
+    assert list(tasks) == ["1", "2", "3"] and list(tasks.values()) == pytest.approx(stored.tolist(), abs=1e-12)
+    assert ("columns that the spec does not need" in outcome.err) == (ending == "csv")
+    one = json.loads(scenegen("eval", "pass.spec", f"motions.{ending}", "--motion", "2", "--json").out)
+    (found,) = one["motions"]
+    assert found["motion"] == 2 and found["phi"]["task"]["phi"] == tasks["2"] and len(found["over_time"]["task"]) == 4
+
+
+@pytest.mark.usefixtures("carry")
+def test_phi_over_time_as_a_figure(scenegen, here):
+    (here / "a.csv").write_text(MOTION)
+    outcome = scenegen("eval", "carry.spec", "a.csv", "--figure", "phi.png")
+    assert (outcome.status, outcome.err) == (0, "phi over time in phi.png\n")
+    assert (here / "phi.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "said"),
+    [
+        ("1", "--motion 3", "error[no-such-motion]: there is no motion 3"),
+        ("12", "--figure phi.png", "error[out-of-place]: --figure draws one motion, and a.csv has 2"),
+        ("12", "--motion 2 --figure phi.jpg", "error[wrong-ending]"),
+        ("121", "", "error[not-a-trajectory]: a.csv is not a trajectory: rows of one motion are not together"),
+        ("1.5", "", "error[not-a-trajectory]: a.csv is not a trajectory: the column `motion` has values that are not"),
+        ("1x", "", "error[trajectory-cell]"),
+    ],
+)
+@pytest.mark.usefixtures("carry")
+def test_bad_motions(rows, options, said, scenegen, here):
+    numbers = [rows] if rows in ("1.5", "1x") else list(rows)
+    body = [f"{number},{line}" for number in numbers for line in MOTION.splitlines()[1:]]
+    (here / "a.csv").write_text("\n".join([f"motion,{HEAD.strip()}", *body]) + "\n")
+    outcome = scenegen("eval", "carry.spec", "a.csv", *options.split())
+    assert outcome.status == 1 and outcome.out == "" and outcome.err.startswith(said), outcome.err
+    assert not (here / "phi.png").exists()
+
+
+def test_a_motion_of_another_spec(scenegen, here):
+    (here / "pass.spec").write_text(PASS)
+    (here / "longer.spec").write_text(PASS.replace("3 steps", "4 steps"))
+    (here / "other.spec").write_text(PASS.replace("mug", "cup"))
+    assert scenegen("sample", "pass.spec", "-n", "1", "--out", "motions.jsonl").status == 0
+    for spec, said in (("longer", "error[trajectory-ends]"), ("other", "error[trajectory-column]")):
+        outcome = scenegen("eval", f"{spec}.spec", "motions.jsonl")
+        assert outcome.status == 1 and outcome.err.startswith(said), outcome.err

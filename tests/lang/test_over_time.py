@@ -171,10 +171,8 @@ def test_formulas_times_moments_are_limited():
 
 STATIC = {
     "sample": lambda spec: scenegen.sample(spec, n=1),
-    "rarity": lambda spec: scenegen.rarity(spec),
     "train": lambda spec: scenegen.train(spec, "flow", out="model.pt"),
     "robustness": lambda spec: spec.robustness(),
-    "bounds": lambda spec: spec.bounds(),
     "infeasible": lambda spec: spec.infeasible(),
 }
 

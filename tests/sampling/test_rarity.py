@@ -14,8 +14,9 @@ from scenegen.sampling.base import draw as base
 from scenegen.sampling.base import piece_generator
 from scenegen.sampling.guided import score
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.rarity import measure
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.tails import OutOfReach
 
 SURE = 2.0  # error bars, of 95 % each: of a few dozen comparisons none should be further off
 

@@ -25,8 +25,9 @@ from scenegen.models.examples import EVERY
 from scenegen.sampling.auto import choose
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import make_problem
-from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.rarity import measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
+from scenegen.sampling.tails import OutOfReach
 from scenegen.training.datasets.dataset import Dataset, labelled
 from scenegen.training.datasets.gathering import Gathering
 

@@ -1,0 +1,126 @@
+"""Monitoring step by step: what phi of a motion can still become, while it happens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.spec import Spec, check_spec
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_OBJECT, WRONG_VALUE
+from scenegen.errors.temporal import MOTION_HAS_ENDED, NOT_OVER_TIME
+from scenegen.motions.monitor import HIGH, LOW, Watch
+from scenegen.pose import SIZE
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What can still become of a motion after its latest moment, number `moment` from 0, `t` seconds after the first.
+
+    `low` and `high` are, by label, the least and the largest phi of the whole motion that is still possible: numbers,
+    or (B,) for B motions. They are equal once nothing to come matters. `required` are the same two for the least margin
+    of what the spec requires, None where it requires nothing.
+    """
+
+    moment: int
+    t: float
+    low: Mapping[str, float | Array]
+    high: Mapping[str, float | Array]
+    required: tuple[float | Array, float | Array] | None
+
+    def settled(self, label: str) -> bool | npt.NDArray[np.bool_]:
+        """Whether it is certain that the label is satisfied, or certain that it is not. Raises KeyError."""
+        low, high = self.low[label], self.high[label]
+        found = np.asarray((np.asarray(low) >= 0.0) | (np.asarray(high) < 0.0))
+        return found if found.shape else bool(found)
+
+
+class Monitor:
+    """Bounds on phi of a motion while it happens, for a spec over time.
+
+    `add` takes the poses of the next moment, and says what phi can still become: for every motion that stays in the
+    workspace, and with `reach` only for those whose steps are no longer than the spec requires, which narrows it much.
+    After the last moment low and high are phi. A call costs about as much as scoring two motions; with `reach`, bounds
+    of the state at every moment to come on top.
+
+    >>> import scenegen
+    >>> spec = scenegen.parse("object mug time 3 steps task: eventually rightOf(mug, (0.5, 0.5))")
+    >>> monitor = scenegen.Monitor(spec)
+    >>> seen = monitor.add({"mug": (0.6, 0.5, 0.0)})
+    >>> round(seen.low["task"], 6), seen.high["task"], seen.settled("task")
+    (0.1, 0.5, True)
+    """
+
+    def __init__(self, spec: Spec, *, reach: bool = False) -> None:
+        """Raises RequestError for a spec without `time`."""
+        check_spec(spec)
+        if spec.over_time is None:
+            raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+        self._spec, self._timed, self._reach = spec, spec.over_time, bool(reach)
+        self._watch: Watch | None = None
+        self._batch: tuple[int, ...] = ()
+
+    def add(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Outlook:
+        """The next moment: poses by name (objects that the spec holds can be left out), or an array (N, 3) or
+        (B, N, 3), metres and radians. Raises RequestError for poses of another form, and beyond the last moment."""
+        horizon = self._timed.horizon
+        if self._watch is not None and self._watch.seen >= horizon.moments:
+            raise RequestError(MOTION_HAS_ENDED(moments=horizon.moments, end=horizon.seconds))
+        array = self._named(poses) if isinstance(poses, Mapping) else _numbers(poses)
+        self._check(array)
+        if self._watch is None:
+            self._batch = array.shape[:-2]
+            count = self._batch[0] if self._batch else 1
+            self._watch = Watch(self._timed, *self._spec.declared.box(), self._reach, count)
+        phi, required = self._watch.add(array.reshape(-1, *array.shape[-2:]))
+        moment = self._watch.seen - 1
+        low, high = ({name: self._out(value[end]) for name, value in phi.items()} for end in (LOW, HIGH))
+        both = None if required is None else (self._out(required[LOW]), self._out(required[HIGH]))
+        return Outlook(moment, moment * horizon.dt, low, high, both)
+
+    def reset(self) -> None:
+        """Forget what was seen: the next moment is the first of another motion."""
+        self._watch = None
+
+    def _out(self, values: Array) -> float | Array:
+        return values.copy() if self._batch else float(values[0])
+
+    def _named(self, poses: Mapping[str, tuple[float, ...]]) -> Array:
+        names, held = self._spec.objects, self._spec.declared.fixed
+        for name in poses:
+            if name not in names:
+                raise RequestError(UNKNOWN_OBJECT(name=str(name), known=names))
+        rows: list[object] = []
+        for index, name in enumerate(names):
+            if name in poses:
+                rows.append(poses[name])
+            elif index in held:
+                rows.append(held[index])
+            else:
+                raise RequestError(WRONG_VALUE(argument="poses", value=f"without `{name}`", wanted="every free object"))
+        return _numbers(rows)
+
+    def _check(self, array: Array) -> None:
+        count = len(self._spec.objects)
+        batch = self._batch if self._watch is not None else array.shape[:-2]
+        fits = array.ndim in (2, 3) and array.shape[-2:] == (count, SIZE) and array.shape[:-2] == batch and array.size
+        if not fits:
+            first = "" if self._watch is None or not batch else f"{batch[0]}, "
+            wanted = f"an array of shape ({first}{count}, {SIZE}): x, y, theta of each object"
+            raise RequestError(WRONG_VALUE(argument="poses", value=f"of shape {array.shape}", wanted=wanted))
+        if not np.isfinite(array).all():
+            raise RequestError(WRONG_VALUE(argument="poses", value="not finite everywhere", wanted="finite numbers"))
+
+
+def _numbers(poses: object) -> Array:
+    try:
+        return np.asarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RequestError(
+            WRONG_VALUE(argument="poses", value="not an array of numbers", wanted="x, y, theta of each object")
+        ) from None

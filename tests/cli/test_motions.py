@@ -1,0 +1,107 @@
+"""`scenegen sample` and `scenegen range` of specs over time."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import scenegen as package
+
+ROOT = Path(__file__).parents[2]
+PASS = """object mug, plate at (0.5, 0.5)
+time 3 steps
+require speed(mug) <= 30 cm/s
+task: eventually closeTo(mug, plate, 20 cm)
+"""
+
+
+@pytest.fixture
+def passing(here):
+    (here / "pass.spec").write_text(PASS)
+
+
+@pytest.mark.parametrize("ending", ["json", "jsonl", "parquet", "csv"])
+@pytest.mark.usefixtures("passing")
+def test_motions_into_a_file(ending, scenegen, here):
+    outcome = scenegen("sample", "pass.spec", "--phi", "task=0:0.1", "-n", "5", "--out", f"motions.{ending}")
+    assert (outcome.status, outcome.out) == (0, "")
+    found = re.fullmatch(
+        rf"5 motions in motions\.{ending}: phi of task (\S+) \.\. (\S+) \(rejection; .*\)\n", outcome.err
+    )
+    assert 0.0 <= float(found[1]) <= float(found[2]) <= 0.1
+    if ending == "csv":
+        assert len((here / "motions.csv").read_text().splitlines()) == 1 + 5 * 4
+        return
+    made = package.read_motions(here / f"motions.{ending}")
+    assert made.poses.shape == (5, 4, 2, 3)
+    phi = package.load(here / "pass.spec").trace_robustness()(__import__("torch").from_numpy(made.poses.copy()))
+    assert phi[:, 0].tolist() == pytest.approx(made.phi["task"].tolist(), abs=1e-12)
+
+
+@pytest.mark.usefixtures("passing")
+def test_motions_to_the_output(scenegen):
+    outcome = scenegen("sample", "pass.spec", "-n", "2", "--seed", "3")
+    assert outcome.status == 0
+    data = json.loads(outcome.out)
+    assert data["time"] == {"steps": 3, "dt": 1.0} and len(data["motions"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--out set/", "error[not-for-motions]: --out"),
+        ("--settle", "error[not-for-motions]: --settle"),
+        ("--raw", "error[not-for-motions]: --raw"),
+        ("--resume --out motions.jsonl", "error[not-for-motions]: --resume"),
+        ("--shard-size 8", "error[not-for-motions]: --shard-size"),
+        ("--engine pool", "error["),
+        ("--method growth", "error[unknown-choice]"),
+        ("--out motions.xml", "error[unknown-motion-ending]: motions.xml has the ending `.xml`"),
+        ("--out pass.spec", "error[unknown-motion-ending]"),
+        ("--phi task=3:4", "error["),
+        ("--phi tusk=0:", "error[unknown-label]"),
+    ],
+)
+@pytest.mark.usefixtures("passing")
+def test_what_motions_do_not_have(options, said, scenegen, here):
+    before = sorted(here.iterdir())
+    outcome = scenegen("sample", "pass.spec", "-n", "1", *options.split())
+    assert outcome.status == 1 and outcome.out == "" and outcome.err.count("error[") == 1
+    assert outcome.err.startswith(said)
+    assert sorted(here.iterdir()) == before
+
+
+@pytest.mark.usefixtures("passing")
+def test_the_range_of_motions(scenegen, here, monkeypatch):
+    monkeypatch.setattr("scenegen.motions.rarity.WORK", 30_000_000)
+    outcome = scenegen("range", "pass.spec", "--png", "rarity.png")
+    assert outcome.status == 0 and (here / "rarity.png").stat().st_size > 1000
+    assert "what the spec requires is met by" in outcome.out and "of motions (log10 P =" in outcome.out
+    assert "scenegen sample pass.spec --phi task=" in outcome.out and " scenes" not in outcome.out
+    data = json.loads(scenegen("range", "pass.spec", "--json").out)
+    low, high = data["labels"]["task"]["bounds"]
+    assert low < data["labels"]["task"]["reached"][0] and high >= data["labels"]["task"]["reached"][1] > 0.19
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (PASS.replace("require speed(mug) <= 30 cm/s", ""), "error[no-bound-on-steps]"),
+        (PASS.replace("mug, plate", "mug at (0.1, 0.1), plate", 1), "error[no-free-object]"),
+        (PASS.replace("<= 30 cm/s", "<= 30 cm/s & rightOf(mug, (1.2, 0.5))"), "error[no-motion-meets]"),
+    ],
+)
+def test_no_range(text, said, scenegen, here, monkeypatch):
+    monkeypatch.setattr("scenegen.motions.rarity.WORK", 10_000_000)
+    (here / "bad.spec").write_text(text)
+    outcome = scenegen("range", "bad.spec")
+    assert outcome.status == 1 and outcome.out == "" and outcome.err.startswith(said)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("path", sorted((ROOT / "examples" / "motions").glob("[!t]*.spec")), ids=lambda path: path.stem)
+def test_the_examples(path, scenegen, here):
+    outcome = scenegen("sample", str(path), "--phi", "task=0:", "-n", "8", "--out", "motions.jsonl")
+    assert outcome.status == 0, outcome.err
+    assert (package.read_motions(here / "motions.jsonl").phi["task"] >= 0.0).all()

@@ -42,11 +42,9 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     _one_of("part", only, PARTS)
     spec = about if isinstance(about, Spec) else of_objects(about)
     text = spec.source
-    scenes = None
-    if spec.horizon is None:
-        scenes = valid_scenes(spec.checked)
-        if scenes is None:
-            raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
+    scenes = valid_scenes(spec.declared)
+    if scenes is None:
+        raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
     found = findings(Source(spec.declared.name, text), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from scenegen.grammars.forms import Form
 from scenegen.grammars.rules import Part, Ref, Text, Whole, choice, seq
 from scenegen.grammars.sets import Row, Sets
-from scenegen.grammars.trial import EXACT, Extra, Findings
+from scenegen.grammars.trial import EXACT, Extra, Findings, Statement
 from scenegen.grammars.vocabulary import MEASURES
 
 MOST_NUMBER = 100  # in the unit's own suffix
 
 
 class Literals:
-    """Makes rules of findings: `rules` by name, `kinds` of statements (formulas, comparisons) that there are."""
+    """Makes rules of statements; those of rules begin with `name`, the rule for any of them has it for a name."""
 
-    def __init__(self, found: Findings) -> None:
+    def __init__(self, found: Findings, statements: Sequence[Statement], name: str) -> None:
         self.found = found
-        self.timed = found.words is not None and found.words.timed
-        self.sets = Sets("args")
+        self.name = name
+        self.sets = Sets(f"{name}args")
         self.relations: dict[str, list[Part]] = {}
         self.base: dict[Form, dict[Row, tuple[float, float]]] = {}
         self.extras: dict[Form, dict[Extra, dict[str, dict[Row, float]]]] = {}
-        for one in found.statements:
+        for one in statements:
             if one.extra is None:
                 self.base.setdefault(one.form, {})[one.arguments] = (one.low, one.high)
             else:
@@ -36,9 +36,11 @@ class Literals:
                 self.relations.setdefault(form.relation, []).extend(made)
 
     def rules(self) -> dict[str, Part]:
-        """A rule `state` for any statement, one for each relation, and those of their arguments."""
-        named = {f"rel{place}": choice(parts) for place, parts in enumerate(self.relations.values(), start=1)}
-        return {"state": choice([Ref(name) for name in named]), **named, **self.sets.rules}
+        """The rule for any statement, one for each relation, and those of their arguments; none without statements."""
+        if not self.relations:
+            return {}
+        named = {f"{self.name}{place}": choice(parts) for place, parts in enumerate(self.relations.values(), start=1)}
+        return {self.name: choice([Ref(name) for name in named]), **named, **self.sets.rules}
 
     def _call(self, form: Form, rows: Iterable[Row], end: Part) -> Part:
         """The form with any of the rows, and `end` before its last parenthesis."""
@@ -87,12 +89,8 @@ class Literals:
         """A function compared with numbers that it is at most, and at least, in some scene."""
         measure = MEASURES[self.found.units[form]]
         made = []
-        least = {
-            row: max(1, math.ceil(low / measure.scale + EXACT)) for row, (low, _) in rows.items() if low > -math.inf
-        }
-        most = {row: math.floor(high / measure.scale - EXACT) for row, (_, high) in rows.items() if high < math.inf}
-        if self.timed:
-            least, most = dict.fromkeys(rows, 1), dict.fromkeys(rows, MOST_NUMBER)
+        least = {row: max(1, math.ceil(low / measure.scale + EXACT)) for row, (low, _) in rows.items()}
+        most = {row: math.floor(high / measure.scale - EXACT) for row, (_, high) in rows.items()}
         low_rows = {row: low for row, low in least.items() if low < MOST_NUMBER}
         high_rows = {row: high for row, high in most.items() if high >= 2}
         for sign, chosen in (("<=", low_rows), (">=", high_rows)):

@@ -68,67 +68,72 @@ class Statement:
 @dataclass(slots=True)
 class Findings:
     """All statements that check, the units of numbers, and the names that took part. `shifts` are those of phi where an
-    extra argument has a value, for forms that it shifts by as much in every scene."""
+    extra argument has a value, for forms that it shifts by as much in every scene. `moving` are statements about a
+    step, with what they reach where things move; `statements` have what is reached where nothing does."""
 
     statements: list[Statement] = field(default_factory=list)
+    moving: list[Statement] = field(default_factory=list)
     units: dict[Form, Unit] = field(default_factory=dict)
     shifts: dict[Form, dict[Extra, dict[str, float]]] = field(default_factory=dict)
     words: Vocabulary | None = None
     steps: int = 0
 
 
-def findings(source: Source, scenes: Array | None) -> Findings:
-    """What can be said over the declarations of a spec's text. `scenes` (3N, M) meet what it requires; None for a spec
-    over time, of which no scene says what can be. Raises SpecError for a text that does not check."""
-    trial = _Trial(None if scenes is None else scenes[:, :PROBES])
+def findings(source: Source, scenes: Array) -> Findings:
+    """What can be said over the declarations of a spec's text, and what phi of it is in the scenes (3N, M).
+
+    Over time the scenes are moments: first every object is taken to stand where it stood the moment before, then where
+    it stands in the scene before. Raises SpecError for a text that does not check."""
+    trial = _Trial(scenes)
     checked = check_module(parse(source), None, trial)
-    found = trial.found
-    if scenes is not None:
-        _measure(found, checked.core, trial.nodes, scenes)
     if checked.timed is not None:
-        found.steps = checked.timed.horizon.steps
-    return found
+        trial.found.steps = checked.timed.horizon.steps
+    return trial.found
 
 
-def _measure(found: Findings, core: Core, labels: Sequence[str], scenes: Array) -> None:
-    """Sets the ends of what every statement reaches over the scenes."""
-    places = np.array([core.labels[label] for label in labels], dtype=int)
-    low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
+def _reached(core: Core, scenes: Array) -> Array:
+    """The least and the largest value of each label over scenes, (L, 2)."""
+    places = list(core.labels.values())
+    ends = np.tile([np.inf, -np.inf], (len(places), 1))
     block = max(32, LIVE // max(1, len(core.nodes)))
     for start in range(0, scenes.shape[1], block):
-        rows = scenes[:, start : start + block]
-        values = evaluate(core, list(rows), NUMPY)
-        for which, place in enumerate(places):
-            value = values[place]
-            low[which], high[which] = min(low[which], np.min(value)), max(high[which], np.max(value))
-    found.statements = [
-        replace(one, low=float(least), high=float(most))
-        for one, least, most in zip(found.statements, low, high, strict=True)
-    ]
+        values = evaluate(core, list(scenes[:, start : start + block]), NUMPY)
+        for end, place in zip(ends, places, strict=True):
+            end[:] = min(end[0], np.min(values[place])), max(end[1], np.max(values[place]))
+    return ends
+
+
+def _with_ends(one: Statement, ends: Array) -> Statement:
+    return replace(one, low=float(ends[0]), high=float(ends[1]))
 
 
 class _Trial:
     """Expands statements with the checker's own machine, once all that a spec declares is known."""
 
-    def __init__(self, probes: Array | None) -> None:
-        self.probes = probes
+    def __init__(self, scenes: Array) -> None:
+        self.scenes = scenes
         self.found = Findings()
-        self.nodes: list[str] = []
         self._values: dict[str, Value] = {}
         self._depends: list[bool] = []
         self._templates: dict[str, ast.Expr] = {}
 
-    def __call__(self, lowering: Lowering) -> Mapping[str, int]:
+    def __call__(self, lowering: Lowering) -> None:
         self.lowering = lowering
         self.words = self.found.words = vocabulary(lowering)
+        over_time = lowering.builder.moving > 0
+        still = np.tile(self.scenes, (2, 1)) if over_time else self.scenes
+        steps = np.concatenate([self.scenes, np.roll(self.scenes, 1, axis=1)]) if over_time else still
+        self.probes = steps[:, :PROBES]
         noticed = list(lowering.noticed)
-        labels: dict[str, int] = {}
-        for statement, node in self._all():
-            self.found.statements.append(statement)
-            self.nodes.append(f"statement {len(labels)}")
-            labels[self.nodes[-1]] = node
+        made = list(self._all())
         lowering.noticed[:] = noticed
-        return {} if lowering.scope.timed else labels
+        core = lowering.builder.finish({str(place): node for place, (_, node) in enumerate(made)})
+        found = _reached(core, still)
+        self.found.statements = [_with_ends(one, ends) for (one, _), ends in zip(made, found, strict=True)]
+        if over_time:
+            later = _reached(core, steps)
+            changed = np.flatnonzero((found != later).any(axis=1))
+            self.found.moving = [_with_ends(made[place][0], later[place]) for place in changed]
 
     def _all(self) -> Iterator[tuple[Statement, int]]:
         scope, words = self.lowering.scope, self.words
@@ -209,8 +214,8 @@ class _Trial:
 
     def _shifted(self, form: Form, extra: Extra) -> bool:
         """Whether the values of an extra argument shift phi by as much in every scene, and in proportion; then it is
-        noted by how much. Over time, where no scene says what can be, any value will do."""
-        if extra.measure is None and self.probes is not None:
+        noted by how much."""
+        if extra.measure is None:
             return False
         values = extra.values(self.words)
         shifts: list[Array] = []
@@ -220,21 +225,17 @@ class _Trial:
             labels = {str(place): node for place, node in enumerate(nodes) if node is not None}
             if len(labels) < len(nodes):
                 continue
-            if self.probes is None:
-                shifts.append(np.full(len(values), np.inf))
-                continue
             core = self.lowering.builder.finish(labels)
             phis = [np.broadcast_to(one, self.probes.shape[1]) for one in phi(core, list(self.probes), NUMPY).values()]
             moved = np.array(phis[1:]) - phis[0]
             if np.ptp(moved, axis=1).max() > EXACT:
                 return False
             shifts.append(moved[:, 0])
-        if not shifts or any(np.abs(one - shifts[0]).max() > EXACT for one in shifts if np.isfinite(one).all()):
+        if not shifts or any(np.abs(one - shifts[0]).max() > EXACT for one in shifts):
             return False
-        if self.probes is not None and extra.measure is not None:
-            slopes = np.diff(shifts[0]) / np.diff(extra.measure.tried(self.words.few))
-            if np.ptp(slopes) > EXACT:
-                return False
+        slopes = np.diff(shifts[0]) / np.diff(extra.measure.tried(self.words.few))
+        if np.ptp(slopes) > EXACT:
+            return False
         self.found.shifts.setdefault(form, {})[extra] = dict(zip(values, map(float, shifts[0]), strict=True))
         return True
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from scenegen.assets import Shape
@@ -45,8 +45,7 @@ from scenegen.lang.unused import unused
 from scenegen.lang.values import AnyValue
 from scenegen.scene.workspace import Workspace
 
-More = Callable[[Lowering], Mapping[str, int]]
-"""Formulas of the core by label, made by somebody else; each has to take a coordinate."""
+Look = Callable[[Lowering], None]
 
 
 def check_text(text: str, name: str = "<spec>") -> CheckedSpec:
@@ -64,9 +63,9 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
     return check_module(parse(source), project)
 
 
-def check_module(module: ast.Module, project: Project | None = None, more: More | None = None) -> CheckedSpec:
-    """Check what was parsed already. Raises SpecError as `check` does. `more` makes labels of its own, once all that
-    the spec declares is known."""
+def check_module(module: ast.Module, project: Project | None = None, look: Look | None = None) -> CheckedSpec:
+    """Check what was parsed already. Raises SpecError as `check` does. `look` gets the machine at work
+    once all that the spec declares is known; it may expand formulas of its own."""
     source = module.source
     project = project or Project()
     placed, problems = inline(module, project)
@@ -77,7 +76,7 @@ def check_module(module: ast.Module, project: Project | None = None, more: More 
     if problems:
         raise refusal(problems, source)
     try:
-        return _expand(source, placed, module.bare, scope, project, more)
+        return _expand(source, placed, module.bare, scope, project, look)
     except TooLarge as error:
         raise SpecError(SPEC_TOO_LARGE(file=source.name, reason=str(error))) from None
 
@@ -88,7 +87,7 @@ def _expand(
     bare: ast.Expr | None,
     scope: Scope,
     project: Project,
-    more: More | None,
+    look: Look | None,
 ) -> CheckedSpec:
     builder = CoreBuilder(())
     texts = {one.source.name: len(one.source.text) for one in placed}
@@ -137,8 +136,8 @@ def _expand(
         _refuse_nothing_free(scope, fixed, stage)
         labels = _labels(placed, bare, lowering, stage)
         requirement = _requirement(placed, lowering, stage, standing)
-        if more is not None and not stage.problems:
-            labels.update(more(lowering))
+        if look is not None and not stage.problems:
+            look(lowering)
     used = set(lowering.used)
     _uncalled_definitions(scope, lowering, stage)
     stage.close()

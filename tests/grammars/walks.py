@@ -99,5 +99,4 @@ def refused(text):
         spec = scenegen.parse(text)
     except SpecError as error:
         return str(error)
-    found = doubts(spec.checked) if spec.horizon is None else []
-    return next((str(one.problem) for one in found if one.proved), "")
+    return next((str(one.problem) for one in doubts(spec.declared) if one.proved), "")

@@ -59,8 +59,7 @@ def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
 def _timed(steps: int, inner: str, *, moving: bool) -> Part:
     """A formula over time of formulas of a moment. Windows end with the motion: they begin with the moment, or end with
     the last one; where operators are nested, the inner one takes all moments that are left. What an operator takes
-    stands in parentheses: behind a window the parser takes `x` for that of a workspace. What needs a step (`moving`)
-    is not asked of the first moment."""
+    stands in parentheses, whatever binds how. What needs a step (`moving`) is not asked of the first moment."""
     state = Ref(inner)
     taken = seq(Text(" ("), state, Text(")"))
     windows: list[Part] = [Text(""), seq(Text("[0, "), Whole(1, steps), Text("]"))]

@@ -184,3 +184,10 @@ def test_what_works_on_scenes_refuses_a_spec_over_time(name):
         STATIC[name](spec)
     assert [one.code for one in refused.value.diagnostics] == ["time-not-here"]
     assert "time 5 steps" in spec._repr_html_() and "mug" not in repr(spec)
+
+
+def test_x_behind_a_window_is_the_function():
+    """Behind an interval `x` is that of a workspace only where another interval follows."""
+    head = "time 3 steps\nworkspace [0, 1] x [0, 1]\nobject mug\n"
+    source = check_text(head + "task: always[0, 3] x(mug) <= 0.5 until[0, 2] x(mug) >= 0.1\n").source
+    assert check_text(source).source == source

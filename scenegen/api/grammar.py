@@ -7,12 +7,13 @@ from typing import Any
 
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError, Source
-from scenegen.errors.requests import NO_VALID_SCENE, UNKNOWN_CHOICE
+from scenegen.errors.requests import NO_VALID_SCENE, OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.grammars.rules import Grammar
 
 WRITERS = ("lark", "gbnf", "json")
 SHAPES = ("goals", "formulas")
 PARTS = ("spec", "labels")
+MOST_OBJECTS = 40  # the time it takes grows with their square: a minute for 40
 
 
 def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "goals", only: str = "spec") -> str:
@@ -23,8 +24,8 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
     check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. `only` =
     "labels" leaves the declarations out of what the model writes. docs/language-models.md says more.
 
-    Raises RequestError for an unknown choice, and where no scene was found that meets what the spec requires; SpecError
-    for names that cannot be objects.
+    Raises RequestError for an unknown choice, for more than 40 objects, and where no scene was found that meets what
+    the spec requires; SpecError for names that cannot be objects.
     """
     _one_of("dialect", to, WRITERS)
     grammar = rules_of(about, shape=shape, only=only)
@@ -41,6 +42,9 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     _one_of("shape", shape, SHAPES)
     _one_of("part", only, PARTS)
     spec = about if isinstance(about, Spec) else of_objects(about)
+    if len(spec.objects) > MOST_OBJECTS:
+        wanted = f"at most {MOST_OBJECTS} objects: a grammar names every pair"
+        raise RequestError(OUT_OF_RANGE(argument="objects", value=len(spec.objects), wanted=wanted))
     text = spec.source
     scenes = valid_scenes(spec.declared)
     if scenes is None:

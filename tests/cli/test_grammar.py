@@ -12,6 +12,7 @@ BAD = {
     "empty": ["--objects", ""],
     "twice": ["--objects", "mug,mug"],
     "a_keyword": ["--objects", "forall"],
+    "too_many": ["--objects", "mug[41]"],
     "both": ["good.spec", "--objects", "mug"],
     "broken": ["broken.spec"],
     "not_there": ["nowhere.spec"],

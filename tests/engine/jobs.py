@@ -16,12 +16,21 @@ from scenegen.errors import Kind, RequestError, Source, Span
 
 @dataclass(frozen=True)
 class Numbers:
-    """Random rows (6, m), where m and how long it takes depend on the piece; and who made them."""
+    """Random rows (6, m), where m and how long it takes depend on the piece; and who made them.
+
+    With a folder nobody makes any before two processes are there: on a busy machine one may start long before the other.
+    """
 
     seed: int = 0
     slow: float = 0.0
+    meet: str = ""
 
     def __call__(self, piece):
+        if self.meet:
+            (Path(self.meet) / str(os.getpid())).touch()
+            end = time.monotonic() + 60.0
+            while len(list(Path(self.meet).iterdir())) < 2 and time.monotonic() < end:
+                time.sleep(0.01)
         source = np.random.default_rng([self.seed, piece])
         time.sleep(self.slow * source.random())
         return source.random((6, 100 + piece % 7)), os.getpid()

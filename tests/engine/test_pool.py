@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,13 @@ HERE = Path(__file__).parent
 
 @pytest.mark.long
 @pytest.mark.parametrize("workers", [2, 5])
-def test_the_same_results_in_the_same_order(workers):
+def test_the_same_results_in_the_same_order(workers, tmp_path):
     import jobs
 
     pieces = [*range(20), 3, 7, 7]
     job = jobs.Numbers(seed=4, slow=0.01)
     alone = [rows for rows, _ in run_pieces(job, pieces, 1)]
-    shared = list(run_pieces(job, pieces, workers))
+    shared = list(run_pieces(replace(job, meet=str(tmp_path)), pieces, workers))
     assert [rows.tobytes() for rows, _ in shared] == [rows.tobytes() for rows in alone]
     assert all(rows.flags.writeable for rows, _ in shared)
     crew = {who for _, who in shared}

@@ -40,7 +40,7 @@ class Numbers(Algebra[Any]):
 
 
 class Fewer(Numbers):
-    """Arrays of numpy, (B,), without the gaps that cannot be the least of many: their nodes have no value."""
+    """Arrays of numpy, (B,), of the nodes that are needed, without the gaps that cannot be the least of many."""
 
     def __init__(self, namespace: Namespace, rows: Sequence[Any], groups: Groups, values: list[Any]) -> None:
         super().__init__(namespace, rows)
@@ -50,6 +50,8 @@ class Fewer(Numbers):
         return None if index in self.groups.skipped else super().apply(index, node, args)
 
     def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
+        if index in self.groups.skipped:
+            return None
         group = self.groups.by_node.get(index)
         if group is None:
             return super().junction(index, node, args)
@@ -65,13 +67,13 @@ def evaluate(
 ) -> list[Any]:
     """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
     `check` is called before every node: what it raises breaks off. With `needed`, other nodes than those may lack a
-    value, which is faster where many footprints are compared in many scenes."""
+    value, which is faster in many scenes."""
     many = namespace is NUMPY and np.ndim(rows[0]) == 1 and len(rows[0]) >= BATCH
     if namespace is not MATH:
         namespace = turning(namespace, rows[along(THETA)])
     if needed is not None and many:
         groups = find_groups(core, needed)
-        if groups.by_node:
+        if groups.skipped:
             values: list[Any] = []
             return fold(core.nodes, Fewer(namespace, rows, groups, values), before=check, values=values)
     return fold(core.nodes, Numbers(namespace, rows), before=check)

@@ -54,23 +54,24 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """The minima of a tape that are worth it, by node, and the nodes below them whose values nobody else needs."""
+    """The minima of a tape that are worth it, by node, and the nodes whose values nobody needs."""
 
     by_node: Mapping[int, Group]
     skipped: frozenset[int]
 
 
 def find_groups(core: Core, needed: Collection[int]) -> Groups:
-    """The groups of a tape where the values of the nodes `needed` will be read."""
+    """The groups of a tape where the values of the nodes `needed` will be read, and no others."""
     uses = [0] * len(core.nodes)
     for index in needed:
         uses[index] += 1
-    for node in core.nodes:
-        for child in children(node):
-            uses[child] += 1
-    groups, skipped = {}, set[int]()
+    for index in range(len(core.nodes) - 1, -1, -1):  # parents before children
+        if uses[index]:
+            for child in children(core.nodes[index]):
+                uses[child] += 1
+    groups, skipped = {}, {index for index, count in enumerate(uses) if not count}
     for index, node in enumerate(core.nodes):
-        if not (isinstance(node, Junction) and node.kind == "min" and len(node.args) >= FEWEST):
+        if not (uses[index] and isinstance(node, Junction) and node.kind == "min" and len(node.args) >= FEWEST):
             continue
         found = {arg: mine for arg in node.args if (mine := _gap_below(core, arg, uses)) is not None}
         if len(found) < FEWEST:

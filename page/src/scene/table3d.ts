@@ -25,6 +25,7 @@ const COARSEST = 0.4;
 export class Table3d extends Stage3d {
   readonly controls: OrbitControls;
   private marks = new Group();
+  private trails = new Group();
   private ring = new Group();
   private knob: Mesh;
   private dirty = true;
@@ -60,7 +61,7 @@ export class Table3d extends Stage3d {
     this.knob.name = "\0knob";
     this.ring.add(new Mesh(new RingGeometry(0.94, 1, 64), accent), this.knob);
     this.ring.visible = false;
-    this.scene.add(this.marks, this.ring);
+    this.scene.add(this.trails, this.marks, this.ring);
     canvas.addEventListener("pointerdown", this.down, { capture: true });
     canvas.addEventListener("pointermove", this.hover);
     canvas.addEventListener("pointerup", this.up);
@@ -137,6 +138,17 @@ export class Table3d extends Stage3d {
     this.knob.scale.setScalar(0.014 * this.side);
     this.knob.visible = this.hands.free(thing.name);
     this.knob.position.set(radius * Math.cos(mesh.rotation.z), radius * Math.sin(mesh.rotation.z), 0.004 * this.side);
+  }
+
+  /** The ways of objects over the table. */
+  setTrails(trails: { points: Point[]; color: string }[]): void {
+    for (const one of this.trails.children) (one as Mesh).geometry.dispose();
+    this.trails.clear();
+    for (const { points, color } of trails) {
+      const parts = points.slice(1).map((end, k): [Point, Point] => [points[k], end]).filter(([a, b]) => a[0] !== b[0] || a[1] !== b[1]);
+      this.trails.add(ribbon(parts, 0.0045 * this.side, parseInt(color.slice(1), 16), 0.002 * this.side));
+    }
+    this.wake();
   }
 
   setMarks(marks: Mark[], height: number): void {

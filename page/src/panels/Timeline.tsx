@@ -47,6 +47,7 @@ export function Timeline() {
           <rect x={0} y={0} width={WIDE} height={Math.max(0, toY(0))} class="above" />
           <line x1={0} x2={WIDE} y1={toY(0)} y2={toY(0)} class="zero" />
           {others.map(([name, row]) => <path key={name} d={line(row, share, toY)} class="other" />)}
+          {one?.moment !== undefined ? <line x1={0} x2={WIDE * share(one.moment)} y1={toY(one.value)} y2={toY(one.value)} class="level" /> : null}
           <path d={line(atom, share, toY)} class="atom" />
           <path d={line(mine, share, toY)} class="mine" />
         </svg>

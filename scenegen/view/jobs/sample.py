@@ -26,6 +26,7 @@ MANY = 4  # objects from which on a page asks for a first look, which goes befor
 FIRST = 4  # scenes of the first look
 SPREAD = 32  # and of those over all of a range, at most
 TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
+PATIENCE = 45.0  # of motions: those at a rare phi take longer
 LONGEST = 55.0
 QUICK = 5.0  # seconds that the first look may take
 
@@ -57,7 +58,7 @@ def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) 
     from scenegen.view.jobs import motions
 
     began = time.perf_counter()
-    found = motions.drawn(spec, wanted, min(float(message.get("timeout") or TIMEOUT), LONGEST))
+    found = motions.drawn(spec, wanted, min(float(message.get("timeout") or PATIENCE), LONGEST))
     return {**motions_data(spec, found), "notes": [], "took": time.perf_counter() - began}
 
 

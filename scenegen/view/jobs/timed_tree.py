@@ -30,9 +30,10 @@ class _States(Outline):
     """The outline of the formulas of a single moment, over the box (3N,) of poses."""
 
     def __init__(self, timed: Timed, lowest: Array, highest: Array) -> None:
-        ends = (np.tile(one, 2) if timed.steps else one for one in (lowest, highest))
+        if timed.steps:  # every object as it stands now, and as it stood before
+            lowest, highest = np.tile(lowest, 2), np.tile(highest, 2)
         self._core = timed.state
-        self._bounds = node_bounds(timed.state, *ends)
+        self._bounds = node_bounds(timed.state, lowest, highest)
         self.labels = tuple(timed.state.labels)
 
 
@@ -112,10 +113,10 @@ class TimedTrees:
         line = part.line
         core = self.timed.state
         junction = core.nodes[part.nodes[0]]
-        kind = ("all" if junction.kind == "min" else "one") if isinstance(junction, Junction) else "atom"
+        word = ("all" if junction.kind == "min" else "one") if isinstance(junction, Junction) else "atom"
         number = self._take(Place(place if isinstance(place, int) else None, part.nodes[:MOST_NODES], least))
         found = {
-            "line": number, "kind": kind, "text": line.text, "margin": line.margin, "unit": line.unit,
+            "line": number, "kind": word, "text": line.text, "margin": line.margin, "unit": line.unit,
             "count": part.count, "bounds": [line.low, line.high], "spans": spans(core, part.nodes[0]), "parts": [],
         }  # fmt: skip
         return found, list(self._folded.children(part))

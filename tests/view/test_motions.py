@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import scenegen
 from scenegen.api.trajectory import score_trajectory
@@ -142,6 +143,15 @@ def test_a_long_motion_is_not_drawn(tmp_path):
     assert error.value.diagnostics[0].code == "long-gif"
 
 
+@pytest.mark.long
+def test_a_motion_is_drawn(tmp_path):
+    text = "object mug\ntime 2 steps\nrequire speed(mug) <= 10 cm/s\ntask: eventually leftOf(mug, (0.5, 0.5))\n"
+    poses = [[[[0.2 + 0.05 * t, 0.3, 0.0]] for t in range(3)]]
+    (name,) = do("download", tmp_path, text=text, format="gif", poses=poses, into=str(tmp_path), request={"n": 1})
+    with Image.open(tmp_path / name) as image:
+        assert (image.format, image.n_frames) == ("GIF", 3)
+
+
 @pytest.mark.parametrize("ending", ["json", "jsonl", "parquet"])
 def test_a_file_of_motions_is_opened(ending, motions, tmp_path):
     path = motions.save(tmp_path / f"motions.{ending}")
@@ -185,6 +195,7 @@ def test_a_page_without_a_server_plays(tmp_path, motions, monkeypatch):
 
 
 def test_a_motion_travels_in_one_message():
-    from scenegen.view.limits import MAX_MESSAGE
+    from scenegen.view.limits import MAX_MESSAGE, MAX_TEXT
 
-    assert len(dumps([[-0.12345678901234567, 0.12345678901234567, 6.123456789012345]] * MAX_MOTION)) < MAX_MESSAGE
+    pose = [-0.12345678901234567, 0.12345678901234567, 6.123456789012345]
+    assert len(dumps([pose] * MAX_MOTION)) + MAX_TEXT < MAX_MESSAGE

@@ -113,14 +113,14 @@ def _motions(
     opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The same of a spec over time. Raises RequestError for more than the page shows."""
-    from scenegen.view.jobs import motions
+    from scenegen.view.jobs import motions, timed
 
     if opened.scenes is not None:
         poses = motions.motions_of(spec, opened.scenes["motions"])
         sampler = opened.scenes["sampler"]
     else:
-        motions.check_size(spec, 1)
-        poses = _drawn(spec, rare, min(n, motions.most_of(spec)), seed)
+        timed.check_size(spec, 1)
+        poses = _drawn(spec, rare, min(n, timed.most_of(spec)), seed)
         sampler = {"method": "exact", "seed": seed}
     shown = {
         **motions.told(spec, poses),

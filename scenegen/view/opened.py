@@ -114,7 +114,8 @@ def _scenes(file: Path) -> Opened:
 
 def _motions(file: Path) -> Opened | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
-    from scenegen.view.jobs.motions import most_of, motions_of, told, too_long
+    from scenegen.view.jobs.motions import motions_of, told
+    from scenegen.view.jobs.timed import most_of, too_long
 
     found = read_motions(file)
     text = found.header.spec.source

@@ -20,6 +20,7 @@ from scenegen.primitives import Box, Circle, Footprint
 from scenegen.primitives.outline import corners
 from scenegen.scene.data import RAISED, ObjectData, RequestData, SceneFile, carried_first
 from scenegen.scene.stage import TALLEST, TALLEST_DECLARED, WOOD, Stage, Thing, stage_of
+from scenegen.view.jobs import timed
 from scenegen.view.jobs.tree import Trees
 
 
@@ -74,18 +75,14 @@ def _time(spec: Spec) -> dict[str, Any] | None:
     """How long a motion lasts, and how many of them the page shows; None where the spec is about single scenes."""
     if spec.horizon is None:
         return None
-    from scenegen.view.jobs.motions import most_of
-
-    return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves, "most": most_of(spec)}
+    return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves, "most": timed.most_of(spec)}
 
 
 def formulas_of(spec: Spec) -> dict[str, Any]:
     """The formula of each label, and what is required, as a tree."""
     if spec.over_time is None:
         return trees_of(spec).trees
-    from scenegen.view.jobs.motions import trees_of as timed_trees
-
-    return timed_trees(spec).trees
+    return timed.trees_of(spec).trees
 
 
 def plain(ends: tuple[float, float]) -> list[float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,57 +14,23 @@ from scenegen.api.spec import Spec
 from scenegen.api.trajectory import score_trajectory
 from scenegen.assets.overlap import overlapping
 from scenegen.assets.support import base_heights
-from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.page import MOTION_TOO_LONG, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.errors import DataError
+from scenegen.errors.page import NO_MESSAGE
 from scenegen.figures.dimensions import dimensions
 from scenegen.lang.core import REQUIRE
 from scenegen.lang.moments import Scored
-from scenegen.lang.timed import Timed
 from scenegen.motions.scores import TraceScores
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scene.data import RequestData
 from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.view.jobs.describe import stage_of_spec
 from scenegen.view.jobs.marks import mark_data
-from scenegen.view.jobs.timed_tree import TimedTrees
+from scenegen.view.jobs.timed import check_size, timed_of, trees_of
 from scenegen.view.jobs.tree import own
-from scenegen.view.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
 
 Array = npt.NDArray[np.float64]
 
 MOST_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
-
-
-def timed_of(spec: Spec) -> Timed:
-    """What a spec over time means."""
-    assert spec.over_time is not None
-    return spec.over_time
-
-
-def most_of(spec: Spec) -> int:
-    """How many motions of a spec the page shows; 0 where a single one is too long."""
-    size = timed_of(spec).horizon.moments * max(1, len(spec.objects))
-    return 0 if size > MAX_MOTION else min(MAX_SCENES, MAX_MOMENTS // size)
-
-
-def too_long(spec: Spec) -> Diagnostic:
-    """What is said of motions that the page does not show."""
-    return MOTION_TOO_LONG(poses=timed_of(spec).horizon.moments * len(spec.objects), most=MAX_MOTION)
-
-
-def check_size(spec: Spec, count: int) -> None:
-    """Raises RequestError for more motions than the page shows."""
-    most = most_of(spec)
-    if most == 0:
-        raise RequestError(too_long(spec))
-    if not 1 <= count <= most:
-        raise RequestError(TOO_MANY_SHOWN(most=most, count=count, what="motions"))
-
-
-@lru_cache(maxsize=2)
-def trees_of(spec: Spec) -> TimedTrees:
-    """The formulas of a spec over time."""
-    return TimedTrees(timed_of(spec), *spec.declared.box())
 
 
 def motions_of(spec: Spec, poses: object) -> Array:

@@ -110,7 +110,7 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
     except (TypeError, ValueError, IndexError, AttributeError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
     if spec.over_time is not None:
-        from scenegen.view.jobs.motions import check_size
+        from scenegen.view.jobs.timed import check_size
 
         check_size(spec, n)
     most = min(MAX_SCENES, max(1, MAX_POSES // max(1, len(spec.objects))))

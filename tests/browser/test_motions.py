@@ -42,6 +42,9 @@ def test_a_motion_plays_and_stops(served, tab):
     assert one.state("$.result.motions.length") == 16 and one.state("$.result.motions[0].length") == 13
     slider = one.page.get_by_role("slider", name="moment")
     assert slider.input_value() == "0"
+    one.page.select_option("select[aria-label=speed]", index=0)  # the slowest: half a minute
+    one.page.keyboard.press("Escape")
+    one.page.locator(".stage canvas").focus()
     one.page.keyboard.press("Space")
     one.until("document.querySelector('.timeline input').value > 2")
     one.page.keyboard.press("Space")
@@ -50,11 +53,11 @@ def test_a_motion_plays_and_stops(served, tab):
     for key, moment in (("Home", 0), ("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", 12)):
         one.page.keyboard.press(key)
         assert int(slider.input_value()) == moment
+    one.page.select_option("select[aria-label=speed]", index=3)
     one.page.get_by_role("button", name="play").click()
     one.until("+document.querySelector('.timeline input').value < 12")
     one.until("document.querySelector('.play').ariaLabel === 'play'")
     assert slider.input_value() == "12"
-    one.page.select_option("select[aria-label=speed]", index=0)
     slider.focus()
     one.page.keyboard.press("ArrowLeft")
     assert slider.input_value() == "11" and one.page.locator(".timeline .time b").inner_text() == "5.5 s"

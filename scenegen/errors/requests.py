@@ -76,6 +76,11 @@ TOO_MANY_FOR_JSON = Kind(
     help="write .jsonl or .parquet, or ask for at most {most:,}",
 )
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
+NO_ENCODER = Kind(
+    "no-encoder",
+    "PyAV on this machine cannot write H.264: its FFmpeg lacks {encoder}",
+    help="install the wheel of PyAV from PyPI (`pip install --force-reinstall av`), or draw a GIF",
+)
 RAW_WITH_FIXED = Kind(
     "raw-with-fixed",
     "<raw> is a model's own output, and a model does not know of objects that are held",

@@ -1,0 +1,127 @@
+"""Where episodes over time start: at the first moments of motions whose phi lies in the wanted range.
+
+So from every start there is a motion of that phi. Motions are drawn in blocks, which all environments of a process
+share; each takes a block's motions in an order of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.api.motions import MotionSet, read_motions, sample_motions
+from scenegen.api.spec import Spec
+from scenegen.curriculum.errors import as_gymnasium, refused
+from scenegen.curriculum.request import PhiRanges
+from scenegen.errors import RequestError
+from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_MOTION_IN_FILE
+from scenegen.errors.requests import WRONG_VALUE
+from scenegen.motions.scores import TraceScores
+
+Array = npt.NDArray[np.float64]
+
+BLOCK = 256  # motions drawn at once: the plan costs most of it
+SECONDS = 60.0  # for a block
+KEPT = 64  # blocks in memory
+
+_BLOCKS: OrderedDict[tuple[bytes, PhiRanges, int], Array] = OrderedDict()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionStarts:
+    """First moments (N, 3) for a spec over time: drawn, or of `given` motions."""
+
+    spec: Spec
+    given: MotionSet | None = None
+    phi: Array = field(init=False)  # (n, L) of the given motions
+    _key: bytes = field(init=False)
+
+    def __post_init__(self) -> None:
+        what = repr(self.spec.over_time).encode()  # its meaning: texts that import others may be alike
+        box = b"".join(end.tobytes() for end in self.spec.declared.box())
+        object.__setattr__(self, "_key", hashlib.blake2b(what + box).digest())
+        object.__setattr__(self, "phi", np.empty((0, len(self.spec.labels))))
+        if self.given is not None:
+            object.__setattr__(self, "phi", self._scored(self.given))
+
+    def block(self, ranges: PhiRanges, number: int) -> Array:
+        """Block `number` of starts (B, N, 3) in the ranges, at least one; given motions are one block, repeated.
+        Raises gymnasium.error.InvalidBound where there is no motion in them."""
+        if self.given is not None:
+            inside = ((self.phi >= np.array(ranges.low)) & (self.phi <= np.array(ranges.high))).all(axis=1)
+            if not inside.any():
+                wanted = ranges.describe(self.spec.labels)
+                raise refused(NO_MOTION_IN_FILE(wanted=wanted), error.InvalidBound)
+            return np.asarray(self.given.poses[inside, 0])
+        key = (self._key, ranges, number)
+        if key not in _BLOCKS:
+            _BLOCKS[key] = self._drawn(ranges, number)
+            if len(_BLOCKS) > KEPT:
+                _BLOCKS.popitem(last=False)
+        _BLOCKS.move_to_end(key)
+        return _BLOCKS[key]
+
+    def _drawn(self, ranges: PhiRanges, number: int) -> Array:
+        seed = int.from_bytes(hashlib.blake2b(repr((ranges, number)).encode(), digest_size=4).digest()) >> 1
+        phi = {name: (one.low, one.high) for name, one in ranges.phi(self.spec.labels).items()}
+        closed = all(None not in ends for ends in phi.values())
+        try:
+            found = sample_motions(
+                self.spec, phi, BLOCK, seed=seed, spread="flat" if phi and closed else "base", timeout=SECONDS,
+                keep_partial=True, workers=1,
+            )  # fmt: skip
+        except RequestError as problem:
+            raise refused(problem.diagnostics[0], error.InvalidBound) from problem
+        return np.asarray(found.poses[:, 0])
+
+    def _scored(self, given: MotionSet) -> Array:
+        timed = self.spec.over_time
+        assert timed is not None
+        moments = timed.horizon.moments
+        if given.objects != self.spec.objects or given.poses.shape[1] != moments:
+            facts = {"found": given.objects, "steps": given.poses.shape[1] - 1, "wanted": self.spec.objects}
+            raise refused(MOTIONS_OF_ANOTHER_SPEC(**facts, horizon=moments - 1))
+        with np.errstate(all="ignore"):
+            scores = TraceScores(timed)(np.ascontiguousarray(given.poses.transpose(2, 3, 1, 0)))
+        phi = scores[:-1].T.copy()
+        phi[scores[-1] < 0.0] = math.nan  # never in a range: the spec's requirement does not hold
+        return np.asarray(phi)
+
+
+def open_motions(spec: Spec, source: MotionSet | str | Path | None) -> MotionStarts:
+    """Raises gymnasium.error.Error for anything else than motions of the spec, or their file."""
+    if source is None or isinstance(source, MotionSet):
+        return MotionStarts(spec, source)
+    if not isinstance(source, str | Path):
+        wanted = "motions, or the path of their file"
+        raise refused(WRONG_VALUE(argument="source", value=f"of type {type(source).__name__}", wanted=wanted))
+    with as_gymnasium():
+        return MotionStarts(spec, read_motions(source))
+
+
+class MotionStream:
+    """Starts in the order of one environment."""
+
+    def __init__(self, starts: MotionStarts, rng: np.random.Generator) -> None:
+        self._starts, self._rng = starts, rng
+        self._left: dict[PhiRanges, list[int]] = {}
+        self._number: dict[PhiRanges, int] = {}
+
+    def take(self, ranges: PhiRanges) -> Array:
+        """The next start (N, 3). Raises gymnasium.error.InvalidBound."""
+        left = self._left.get(ranges)
+        if not left:
+            number = self._number.get(ranges, -1) + 1
+            block = self._starts.block(ranges, number)
+            self._number[ranges] = number
+            left = self._left[ranges] = self._rng.permutation(len(block)).tolist()
+        else:
+            block = self._starts.block(ranges, self._number[ranges])
+        return np.array(block[left.pop()])

@@ -21,6 +21,7 @@ from scenegen.curriculum.motion_starts import MotionStream, open_motions
 from scenegen.curriculum.register import ID
 from scenegen.curriculum.request import PhiRanges, check_options, read_ranges
 from scenegen.curriculum.rules import load_spec
+from scenegen.curriculum.tasks import PhiBox
 from scenegen.curriculum.views import make_views
 from scenegen.errors.learning import NO_EPISODE, NOT_A_FIRST_SCENE
 from scenegen.errors.requests import UNKNOWN_LABEL, WRONG_VALUE
@@ -63,14 +64,16 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     observation has the time left; nothing is truncated.
 
     `info` has `phi` and `phi_high` (label -> what it can be at least and at most; both are phi at the end),
-    `is_success` (over, the requirement holds, and phi of the goal >= 0), `blocked`, `violated`, `moment`, and `task`:
-    label -> [lowest, highest] requested phi.
+    `is_success` (over, the requirement holds, and phi of the goal >= 0), `blocked`, `violated`, `moment`, `task`: label
+    -> [lowest, highest] requested phi, and `start`: label -> phi of the motion whose first moment this episode begins
+    with, NaN for a given scene.
 
     `reset(options={"phi": (lo, hi)})` begins with the first moment of a motion whose phi of every label of the goal
     lies in that range, {"phi": {label: (lo, hi)}} and a PhiBox give ranges of single labels; None is an open end. `phi`
     of the constructor is used if the options have none, by default (0, None). {"scene": ...} begins with a given scene:
     {object: (x, y, theta)} or an array (N, 3). Motions are drawn as by `sample_motions`, or taken from `source`: a
-    MotionSet or its file.
+    MotionSet or its file. With a `source`, {"nearest": True} takes the nearest of its motions if none is in the range,
+    and `Curriculum` can choose phi.
 
     Raises errors of `gymnasium.error`: InvalidBound for phi out of reach, InvalidAction, ResetNeeded, MissingArgument,
     and Error for the rest.
@@ -119,7 +122,13 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         self._stream: MotionStream | None = None
         self._watch: Watch | None = None
         self._poses: list[Array] = []
+        self._drawn: dict[str, float] = {}
         self._over = False
+
+    @property
+    def space(self) -> PhiBox:
+        """The phi of the source's motions, for a curriculum. Raises gymnasium.error.Error without a source."""
+        return self._starts.space
 
     @property
     def motion(self) -> Array:
@@ -129,14 +138,20 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode; see the class for options."""
         options = dict(check_options(options))  # before the seed is used: a bad request changes nothing
-        if options.pop("nearest", False):
-            raise refused(WRONG_VALUE(argument="nearest", value="True", wanted="False: motions are drawn in the range"))
+        nearest = bool(options.get("nearest", False))
+        if nearest and self._starts.given is None:
+            wanted = "False, or give motions as `source`"
+            raise refused(WRONG_VALUE(argument="nearest", value="True", wanted=wanted))
         ranges = self._usual if options.get("phi") is None else self._read(options["phi"])
         given = None if options.get("scene") is None else self._given(options["scene"])
         super().reset(seed=seed)
         if seed is not None or self._stream is None:
             self._stream = MotionStream(self._starts, self.np_random)
-        poses = self._stream.take(ranges) if given is None else given
+        if given is None:
+            poses, phi = self._stream.take(ranges, nearest=nearest)
+            self._drawn = dict(zip(self.scenes.labels, phi.tolist(), strict=True))
+        else:
+            poses, self._drawn = given, dict.fromkeys(self.scenes.labels, math.nan)
         self._watch, _ = self._begun(poses)
         self._poses, self._over, self._paid = [poses], False, 0.0
         self._task = {} if given is not None else ranges.phi(self.scenes.labels)
@@ -203,6 +218,7 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             "is_success": self._over and not violated and low >= 0.0,
             "blocked": blocked,
             "violated": violated,
+            "start": dict(self._drawn),
             "moment": self._watch.seen - 1,
             "task": {name: np.array([_end(low, -1.0), _end(high, 1.0)]) for name, (low, high) in task.items()},
         }

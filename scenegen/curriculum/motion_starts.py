@@ -20,9 +20,10 @@ from scenegen.api.motions import MotionSet, read_motions, sample_motions
 from scenegen.api.spec import Spec
 from scenegen.curriculum.errors import as_gymnasium, refused
 from scenegen.curriculum.request import PhiRanges
+from scenegen.curriculum.tasks import PhiBox
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_MOTION_IN_FILE
-from scenegen.errors.requests import WRONG_VALUE
+from scenegen.errors.requests import MISSING_ARGUMENT, WRONG_VALUE
 from scenegen.motions.scores import TraceScores
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +32,12 @@ BLOCK = 256  # motions drawn at once: the plan costs most of it
 SECONDS = 60.0  # for a block
 KEPT = 64  # blocks in memory
 
-_BLOCKS: OrderedDict[tuple[bytes, PhiRanges, int], Array] = OrderedDict()
+REQUESTS = 256  # whose order a stream remembers
+
+Block = tuple[Array, Array]
+"""First moments (B, N, 3) and phi of their motions (B, L)."""
+
+_BLOCKS: OrderedDict[tuple[bytes, PhiRanges, int], Block] = OrderedDict()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,15 +57,31 @@ class MotionStarts:
         if self.given is not None:
             object.__setattr__(self, "phi", self._scored(self.given))
 
-    def block(self, ranges: PhiRanges, number: int) -> Array:
-        """Block `number` of starts (B, N, 3) in the ranges, at least one; given motions are one block, repeated.
-        Raises gymnasium.error.InvalidBound where there is no motion in them."""
+    @property
+    def space(self) -> PhiBox:
+        """The phi of the given motions, from the lowest to the highest of each label. Raises gymnasium.error.Error
+        where none are given: what can be drawn takes long to find out."""
+        if self.given is None:
+            question = "a curriculum takes its starts from motions: draw some with `scenegen sample`"
+            raise refused(MISSING_ARGUMENT(argument="source", question=question))
+        good = self.phi[~np.isnan(self.phi).any(axis=1)]
+        if not len(good):
+            raise refused(NO_MOTION_IN_FILE(wanted="any phi"))
+        return PhiBox(tuple(good.min(axis=0).tolist()), tuple(good.max(axis=0).tolist()))
+
+    def block(self, ranges: PhiRanges, number: int, nearest: bool = False) -> Block:
+        """Block `number` of starts in the ranges, at least one; given motions are one block, repeated. With `nearest`
+        the given motions nearest to the ranges, where none is in them. Raises gymnasium.error.InvalidBound where there
+        is no motion in them."""
         if self.given is not None:
-            inside = ((self.phi >= np.array(ranges.low)) & (self.phi <= np.array(ranges.high))).all(axis=1)
+            above, below = np.array(ranges.low) - self.phi, self.phi - np.array(ranges.high)
+            away = np.maximum(np.maximum(above, below), 0.0).sum(axis=1)
+            least = np.nanmin(away, initial=np.inf) if nearest else 0.0
+            inside = away <= least
             if not inside.any():
                 wanted = ranges.describe(self.spec.labels)
                 raise refused(NO_MOTION_IN_FILE(wanted=wanted), error.InvalidBound)
-            return np.asarray(self.given.poses[inside, 0])
+            return np.asarray(self.given.poses[inside, 0]), np.asarray(self.phi[inside])
         key = (self._key, ranges, number)
         if key not in _BLOCKS:
             _BLOCKS[key] = self._drawn(ranges, number)
@@ -68,7 +90,7 @@ class MotionStarts:
         _BLOCKS.move_to_end(key)
         return _BLOCKS[key]
 
-    def _drawn(self, ranges: PhiRanges, number: int) -> Array:
+    def _drawn(self, ranges: PhiRanges, number: int) -> Block:
         seed = int.from_bytes(hashlib.blake2b(repr((ranges, number)).encode(), digest_size=4).digest()) >> 1
         phi = {name: (one.low, one.high) for name, one in ranges.phi(self.spec.labels).items()}
         closed = all(None not in ends for ends in phi.values())
@@ -79,7 +101,7 @@ class MotionStarts:
             )  # fmt: skip
         except RequestError as problem:
             raise refused(problem.diagnostics[0], error.InvalidBound) from problem
-        return np.asarray(found.poses[:, 0])
+        return np.asarray(found.poses[:, 0]), np.stack([found.phi[name] for name in self.spec.labels], axis=1)
 
     def _scored(self, given: MotionSet) -> Array:
         timed = self.spec.over_time
@@ -111,17 +133,17 @@ class MotionStream:
 
     def __init__(self, starts: MotionStarts, rng: np.random.Generator) -> None:
         self._starts, self._rng = starts, rng
-        self._left: dict[PhiRanges, list[int]] = {}
-        self._number: dict[PhiRanges, int] = {}
+        self._left: OrderedDict[PhiRanges, tuple[int, list[int]]] = OrderedDict()
 
-    def take(self, ranges: PhiRanges) -> Array:
-        """The next start (N, 3). Raises gymnasium.error.InvalidBound."""
-        left = self._left.get(ranges)
-        if not left:
-            number = self._number.get(ranges, -1) + 1
-            block = self._starts.block(ranges, number)
-            self._number[ranges] = number
-            left = self._left[ranges] = self._rng.permutation(len(block)).tolist()
-        else:
-            block = self._starts.block(ranges, self._number[ranges])
-        return np.array(block[left.pop()])
+    def take(self, ranges: PhiRanges, *, nearest: bool = False) -> tuple[Array, Array]:
+        """The next start (N, 3), and phi of its motion (L,). Raises gymnasium.error.InvalidBound."""
+        number, left = self._left.get(ranges, (-1, []))
+        number += not left
+        poses, phi = self._starts.block(ranges, number, nearest)
+        left = left or self._rng.permutation(len(poses)).tolist()
+        place = left.pop()
+        self._left[ranges] = number, left
+        self._left.move_to_end(ranges)
+        if len(self._left) > REQUESTS:
+            self._left.popitem(last=False)
+        return np.array(poses[place]), phi[place]

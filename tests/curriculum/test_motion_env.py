@@ -14,7 +14,8 @@ from gymnasium import error
 from gymnasium.utils.env_checker import check_env
 
 import scenegen
-from scenegen.curriculum import MotionTable
+from scenegen.curriculum import Curriculum, MotionTable
+from scenegen.curriculum.strategies import strategy
 from scenegen.motions.bounds import step_bounds
 
 NAME = "scenegen.curriculum:scenegen/Motion-v0"
@@ -156,6 +157,33 @@ def test_starts_of_a_file(tmp_path: Path) -> None:
         env.reset(options={"phi": {"task": (-0.2, -0.1)}})
     with pytest.raises(error.Error, match="motions-of-another-spec"):
         MotionTable(CARRY.replace("4 steps", "3 steps"), source=motions)
+
+
+@pytest.mark.parametrize("name", ["self_paced", "alp_gmm"])
+def test_strategies_choose_phi_of_motions(name: str) -> None:
+    spec = scenegen.parse(CARRY)
+    motions = scenegen.sample_motions(spec, {"task": (-0.3, 0.02)}, 40, seed=2)
+    env = gymnasium.make(NAME, spec=spec, source=motions, phi=(None, None))
+    env.action_space.seed(0)
+    space = env.unwrapped.space
+    lowest, highest = min(motions.phi["task"]), max(motions.phi["task"])
+    assert (space.low[0], space.high[0]) == pytest.approx((lowest, highest), abs=1e-12)
+    lessons = strategy(name, space, np.random.default_rng(0))
+    env = Curriculum(env, lessons)
+    env.reset(seed=1)
+    for _ in range(12):
+        over = False
+        while not over:
+            _, _, over, _, info = env.step(env.action_space.sample())
+        outcome = info["outcome"]
+        assert tuple(outcome["phi"]) == tuple(info["start"].values())
+        assert env.unwrapped.motion[0].tolist() in motions.poses[:, 0].tolist()
+        env.reset()
+
+
+def test_a_curriculum_needs_motions() -> None:
+    with pytest.raises(error.Error, match="missing-argument"):
+        _ = MotionTable(CARRY).space
 
 
 BAD_SETTINGS = [

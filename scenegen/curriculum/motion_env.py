@@ -60,8 +60,8 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     step is paid the whole of it); `reward="final"`: phi, in the last step. Both sum up to phi of the motion, unless it
     was `violated`.
 
-    An episode is over when nothing to come matters for phi, at the latest after T steps: `terminated`, as the
-    observation has the time left; nothing is truncated.
+    An episode is over when nothing to come matters for phi and waiting would meet the requirement, at the latest after
+    T steps: `terminated`, as the observation has the time left; nothing is truncated.
 
     `info` has `phi` and `phi_high` (label -> what it can be at least and at most; both are phi at the end),
     `is_success` (over, the requirement holds, and phi of the goal >= 0), `blocked`, `violated`, `moment`, `task`: label
@@ -172,7 +172,7 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             violated = not self._possible(watch, poses)
         self._poses.append(poses)
         low, high = self._ends()
-        self._over = violated or watch.seen == self._timed.horizon.moments or low >= high
+        self._over = violated or watch.seen == self._timed.horizon.moments or (low >= high and self._can_wait())
         if self._final:
             reward = low if self._over else 0.0
         else:
@@ -189,6 +189,13 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         """Whether the requirement can still hold with these poses as the next moment."""
         _, required = watch.add(poses[None])
         return required is None or bool(required[HIGH, 0] >= 0.0)
+
+    def _can_wait(self) -> bool:
+        """Whether the requirement holds if the objects stay where they are until the end."""
+        left = self._timed.horizon.moments - len(self._poses)
+        poses = np.array(self._poses + [self._poses[-1]] * left)
+        with np.errstate(all="ignore"):
+            return bool(self._problem.score(poses.transpose(1, 2, 0)[..., None])[-1, 0] >= 0.0)
 
     def _ends(self) -> tuple[float, float]:
         """What phi of the goal can be at least and at most."""

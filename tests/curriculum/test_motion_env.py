@@ -132,6 +132,25 @@ def test_what_the_requirement_forbids_is_not_done() -> None:
     assert over and info["violated"] and not info["is_success"]
 
 
+def test_an_episode_goes_on_while_the_requirement_needs_steps() -> None:
+    """phi is known at once, but what is required is not yet done."""
+    text = """object mug
+    time 3 steps
+    require speed(mug) <= 20 cm/s
+    require {}
+    task: initially leftOf(mug, (0.5, 0.5))"""
+    lengths = []
+    for required in ("true", "displacement(mug) >= 1 cm"):
+        env = MotionTable(text.format(required))
+        env.reset(options={"scene": {"mug": (0.4, 0.5, 0.0)}})
+        over = False
+        while not over:
+            _, _, over, _, info = env.step(1)
+        assert info["is_success"]
+        lengths.append(info["moment"])
+    assert lengths == [1, 3]
+
+
 def test_gymnasium_and_seeds() -> None:
     env = gymnasium.make(NAME, spec=CARRY, goal="task").unwrapped
     check_env(env, skip_render_check=True)
@@ -141,6 +160,22 @@ def test_gymnasium_and_seeds() -> None:
     assert np.array_equal(first, env.reset(seed=5, options={"phi": (0.0, 0.05)})[0])
     again = [env.reset(options={"phi": (0.0, 0.05)})[0] for _ in range(3)]
     assert np.array_equal(others, again) and len(np.unique([first, *others], axis=0)) == 4
+
+
+def test_several_one_after_another_are_the_same_as_single_ones() -> None:
+    motions = scenegen.sample_motions(scenegen.parse(CARRY), {"task": (-0.3, 0.02)}, 40, seed=2)
+    settings = {"spec": CARRY, "source": motions, "phi": (None, None)}
+    many = gymnasium.make_vec(NAME, 2, vectorization_mode="sync", **settings)
+    single = [MotionTable(**settings) for _ in range(2)]
+    seen, infos = many.reset(seed=3)
+    alone = [env.reset(seed=3 + k) for k, env in enumerate(single)]
+    for action in (1, 4, 0):
+        assert np.array_equal(seen, [found[0] for found in alone])
+        assert infos["phi"]["task"].tolist() == [found[-1]["phi"]["task"] for found in alone]
+        seen, reward, _, _, infos = many.step([action, action])
+        alone = [env.step(action) for env in single]
+        assert reward.tolist() == [found[1] for found in alone]
+    many.close()
 
 
 def test_starts_of_a_file(tmp_path: Path) -> None:

@@ -78,34 +78,42 @@ def everything(target: Goal) -> PhiRanges:
 
 
 def read_phi(target: Goal, phi: object, *, points: bool = False) -> PhiRanges:
-    """(lowest, highest) is for the goal, a mapping for the labels it names, and a PhiBox for all labels of the spec.
-    None is an open end; single values are allowed with `points`. Raises gymnasium.error.Error for anything else and for
-    unknown labels, and gymnasium.error.InvalidBound for ends that are not numbers or are reversed."""
+    """(lowest, highest) is for the goal; see `read_ranges`."""
+    return read_ranges(target.names, [target.goal], phi, labels=target.labels, points=points)
+
+
+def read_ranges(
+    names: Sequence[str], goal: Sequence[int], phi: object, *, labels: int | None = None, points: bool = False
+) -> PhiRanges:
+    """(lowest, highest) is for the labels of the goal, a mapping for the labels it names, and a PhiBox for all labels
+    of the spec, the first `labels` of `names`. None is an open end; single values are allowed with `points`. Raises
+    gymnasium.error.Error for anything else and for unknown labels, and gymnasium.error.InvalidBound for ends that are
+    not numbers or are reversed."""
     if isinstance(phi, PhiRanges):
         return phi
+    known = names[:labels]
     given: Mapping[int, object]
     if isinstance(phi, PhiBox):
         if not all(isinstance(ends, tuple | list | np.ndarray) for ends in (phi.low, phi.high)):
             raise refused(NOT_A_TASK(value=str(phi)), error.InvalidBound)
         for side in (phi.low, phi.high):
-            if len(side) != target.labels:
-                known = target.names[: target.labels]
+            if len(side) != len(known):
                 raise refused(LABELS_OF_TASK(count=len(side), labels=known))
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
-        given = {_label(target, name): ends for name, ends in phi.items()}
+        given = {_label(names, known, name): ends for name, ends in phi.items()}
     else:
-        given = {target.goal: phi}
-    low, high = ([end] * len(target.names) for end in (-math.inf, math.inf))
+        given = dict.fromkeys(goal, phi)
+    low, high = ([end] * len(names) for end in (-math.inf, math.inf))
     for k, ends in given.items():
-        low[k], high[k] = _ends(target.names[k], ends, points)
+        low[k], high[k] = _ends(names[k], ends, points)
     return PhiRanges(tuple(low), tuple(high))
 
 
-def _label(target: Goal, name: object) -> int:
-    if name in target.names:
-        return target.names.index(str(name))
-    raise refused(UNKNOWN_LABEL(name=str(name), known=target.names[: target.labels]))
+def _label(names: Sequence[str], known: Sequence[str], name: object) -> int:
+    if name in names:
+        return names.index(str(name))
+    raise refused(UNKNOWN_LABEL(name=str(name), known=known))
 
 
 def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:

@@ -15,10 +15,12 @@ from scenegen.api.spec import Spec, load, parse
 from scenegen.curriculum.errors import refused
 from scenegen.curriculum.goal import Goal, Scorer, make_goal
 from scenegen.curriculum.moves import Moves, make_moves
+from scenegen.curriculum.register import MOTION_ID
 from scenegen.curriculum.rewards import Reward
 from scenegen.curriculum.views import Views, make_views
 from scenegen.errors import ScenegenError
 from scenegen.errors.requests import MISSING_ARGUMENT, WRONG_VALUE
+from scenegen.errors.temporal import TIME_NOT_HERE
 from scenegen.pose import TWO_PI, is_angle
 
 Array = npt.NDArray[np.float64]
@@ -121,6 +123,8 @@ def make_rules(
     reward: str,
 ) -> Rules:
     """See TableTop for the arguments. Raises gymnasium.error.Error for invalid ones."""
+    if spec.over_time is not None:
+        raise refused(TIME_NOT_HERE(file=spec.declared.name), more=f"to learn motions make {MOTION_ID}")
     target = make_goal(spec, goal)
     made, length = make_moves(spec.checked, moves, move, step, turn)
     changed = np.unique(made.rows)

@@ -69,6 +69,15 @@ def render(
     renderer: Annotated[
         str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
     ] = "software",
+    looks: Annotated[
+        str | None,
+        typer.Option(
+            "--looks",
+            help="random, or a TOML file: draw table, ground, light and camera of each scene anew.",
+            metavar="LOOKS",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
@@ -82,6 +91,7 @@ def render(
       scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
+      scenegen render scenes.json --out dataset --looks random --seed 3
       scenegen render sets/*.json --out pictures
 
     Several files are drawn side by side, by --engine, each into a folder of its name in --out; one that fails is
@@ -101,9 +111,13 @@ def render(
     from scenegen.api.scenes import check_count, read_scenes
 
     shape = None if size is None else parse_size(size)
-    views = tuple(view) if view else ("top", "perspective")
+    views = tuple(view) if view else None
+    if seed and looks is None:
+        raise _only("--seed", "goes with --looks")
     if figure:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
+        if looks is not None:
+            raise _only("--looks", "goes with pictures, not with --figure")
     elif label is not None:
         raise _only("--label", "goes with --figure sweep, gif or topview")
     of_figures = (tuple(figure), view[0] if view else "perspective", shape, distinct, label) if figure else None
@@ -115,6 +129,8 @@ def render(
         "depth": depth,
         "masks": masks,
         "renderer": renderer,
+        "looks": looks,
+        "seed": seed,
     }
     if len(sources) > 1:
         from scenegen.formats.files import ensure_folder
@@ -170,12 +186,14 @@ def draw(
     *,
     size: tuple[int, int] | None = None,
     workers: int | None = None,
-    views: tuple[str, ...] = ("top", "perspective"),
+    views: tuple[str, ...] | None = None,
     distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
     renderer: str = "software",
+    looks: str | None = None,
+    seed: int = 0,
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
     from scenegen.cli.output import note_others, print_error, progress_bar
@@ -192,6 +210,8 @@ def draw(
             depth=depth,
             masks=masks,
             renderer=renderer,
+            looks=looks,
+            seed=seed,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done),
         )

@@ -31,6 +31,7 @@ ON_THINGS = 0.55  # weight of the hidden sky on objects: their own walls hide ha
 FAINT = 0.5  # weight of both on the ground below the table
 EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
 GROUND_BELOW = 3.0  # thicknesses of the table top
+HORIZON = 0.02  # least slope of a ray to the ground: rays above the horizon end as far away
 FLOOR = (0.935, 0.932, 0.925)
 FLOOR_FAR = (0.865, 0.872, 0.880)
 
@@ -76,7 +77,8 @@ class Lighting:
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY
-        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / direction[..., 2]
+        falling = np.minimum(direction[..., 2], -HORIZON)
+        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / falling
         depth = np.where(bare, below, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import colorsys
 import difflib
-import math
 import re
 import tomllib
 from pathlib import Path
@@ -45,10 +44,10 @@ def _choices(value: Any) -> list[Any] | None:
 
 
 def _real(value: Any, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
         raise ValueError(f"expected a number from {low:g} to {high:g}, or {FORMS}")
     if not low <= value <= high:
-        raise ValueError(f"{value:g} is not from {low:g} to {high:g}")
+        raise ValueError(f"it is not from {low:g} to {high:g}")
     return float(value)
 
 
@@ -207,13 +206,13 @@ def _parsed(name: str, text: str) -> Looks:
     source = Source(name, text)
     try:
         config = _Config.model_validate(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except ValidationError as error:
+        raise DataError(*[_said(source, one) for one in error.errors()]) from None
+    except (ValueError, RecursionError) as error:
         found = re.search(r"at line (\d+), column (\d+)", str(error))
         lines = text.splitlines(keepends=True)
         start = sum(map(len, lines[: int(found[1]) - 1])) + int(found[2]) - 1 if found else len(text)
         raise DataError(BAD_LOOKS(Span(source, start, start + 1), reason=f"{error}".splitlines()[0])) from None
-    except ValidationError as error:
-        raise DataError(*[_said(source, one) for one in error.errors()]) from None
     parts = {table: getattr(config, table) for table in _Config.model_fields}
     return Looks(
         {f"{table}_{key}": getattr(part, key) for table, part in parts.items() for key in type(part).model_fields}

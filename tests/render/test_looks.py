@@ -64,12 +64,19 @@ def test_a_plain_red_table_on_a_green_ground(tmp_path):
     assert picture[0, 0, 1] > 150 > 60 > picture[0, 0, 0]
 
 
+def test_depth_is_ahead_of_the_camera_above_the_horizon_too(tmp_path):
+    looks = written(tmp_path, "[camera]\nelevation = 5\nfov = 100\n")
+    render_scenes(FILE, tmp_path / "a", size=SIZE, looks=looks, depth=True, workers=1)
+    depth = np.load(tmp_path / "a" / "scene_0001_look.npz")["depth"]
+    assert (depth > 0.0).all() and (depth[0] == depth.max()).all()  # nothing is farther than the horizon
+
+
 @pytest.mark.parametrize(
     ("text", "place", "said"),
     [
-        ("[camera]\nelevation = 95", "2:1", "95 is not from 5 to 89"),
+        ("[camera]\nelevation = 95", "2:1", "it is not from 5 to 89"),
         ("[camera]\n\nazimut = 3", "3:1", "did you mean `azimuth`?"),
-        ("[light]\nazimuth = 1\n[camera]\nazimuth = 999", "4:1", "999 is not"),
+        ("[light]\nazimuth = 1\n[camera]\nazimuth = 999", "4:1", "it is not"),
         ("table.color = 'brwon'", "1:1", "did you mean `brown`?"),
         ("[table]\ntexture = 'marble'", "2:1", "wood"),
         ("[lights]\n", "1:2", "did you mean `light`?"),
@@ -79,6 +86,9 @@ def test_a_plain_red_table_on_a_green_ground(tmp_path):
         ("[camera]\nfov = nan", "2:1", "expected a number"),
         ("[ground]\ncolor = {hsv = [[0, 1], [1, 0], [0, 1]]}", "2:1", "smaller number first"),
         ("[camera", "1:8", ""),
+        ("[camera]\nfov = 1" + 400 * "0", "2:1", "it is not"),
+        ("[camera]\nfov = inf", "2:1", "it is not"),
+        ("x = " + 5000 * "1", "1:5005", ""),
     ],
 )
 def test_each_bad_entry_is_one_diagnostic_at_its_place(tmp_path, text, place, said):

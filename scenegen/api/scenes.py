@@ -130,24 +130,28 @@ class SceneSet(SceneArrays):
         self,
         out: str | Path,
         *,
-        views: tuple[str, ...] = ("top", "perspective"),
+        views: tuple[str, ...] | None = None,
         size: tuple[int, int] | None = None,
         distinct: bool = False,
         transparent: bool = False,
         depth: bool = False,
         masks: bool = False,
         renderer: str = "software",
+        looks: str | Path | None = None,
+        seed: int = 0,
         workers: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        `views` are of "top", "perspective", "front" and "three-quarter". `size` is in pixels, by default (640, 480),
-        wider for a wide workspace. `distinct` colours objects apart that would look the same. `transparent` leaves out
-        the ground below the table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and
-        NPZ. The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a
-        JSON file with intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told
-        how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter", by default the first two. `size` is in pixels,
+        by default (640, 480), wider for a wide workspace. `distinct` colours objects apart that would look the same.
+        `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
+        pixel shows, as PNG and NPZ. `looks`, a TOML file or "random", draws a look for each scene by `seed`; the
+        default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. The result's
+        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
+        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
+        of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
@@ -161,6 +165,8 @@ class SceneSet(SceneArrays):
             depth=depth,
             masks=masks,
             renderer=renderer,
+            looks=looks,
+            seed=seed,
             workers=workers,
             progress=progress,
         )

@@ -82,6 +82,15 @@ def render(
     renderer: Annotated[
         str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
     ] = "software",
+    looks: Annotated[
+        str | None,
+        typer.Option(
+            "--looks",
+            help="random, or a TOML file: draw table, ground, light and camera of each scene anew.",
+            metavar="LOOKS",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
@@ -95,6 +104,7 @@ def render(
       scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
+      scenegen render scenes.json --out dataset --looks random --seed 3
       scenegen render sets/*.json --out pictures
       scenegen render motions.jsonl --out motion.mp4 --motion 3
       scenegen render motions.jsonl --out figures --figure mp4 --figure strip
@@ -131,20 +141,25 @@ def render(
         raise _only(f"--out {out.name}", "is for one file, without --figure")
     if motion is not None and not alone:
         raise _only("--motion", "goes with --out FILE.gif or FILE.mp4")
+    if seed and looks is None:
+        raise _only("--seed", "goes with --looks")
     if figure or alone:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
+        if looks is not None:
+            raise _only("--looks", "goes with pictures, not with --figure")
     elif label is not None:
         raise _only("--label", "goes with --figure, and with --out FILE.gif or FILE.mp4")
-    views = tuple(view) if view else ("top", "perspective")
     of_figures = {"view": view[0] if view else "perspective", "size": shape, "distinct": distinct, "label": label}
     look: dict[str, Any] = {
         "size": shape,
-        "views": views,
+        "views": tuple(view) if view else None,
         "distinct": distinct,
         "transparent": transparent,
         "depth": depth,
         "masks": masks,
         "renderer": renderer,
+        "looks": looks,
+        "seed": seed,
     }
     if len(sources) > 1:
         from scenegen.formats.files import ensure_folder
@@ -206,12 +221,14 @@ def draw(
     *,
     size: tuple[int, int] | None = None,
     workers: int | None = None,
-    views: tuple[str, ...] = ("top", "perspective"),
+    views: tuple[str, ...] | None = None,
     distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
     renderer: str = "software",
+    looks: str | None = None,
+    seed: int = 0,
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
     from scenegen.cli.output import note_others, print_error, progress_bar
@@ -228,6 +245,8 @@ def draw(
             depth=depth,
             masks=masks,
             renderer=renderer,
+            looks=looks,
+            seed=seed,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done),
         )

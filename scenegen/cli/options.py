@@ -13,6 +13,15 @@ Root = Annotated[
     Path | None,
     typer.Option("--root", help="The folder that imports may read from; the spec's own if left out.", metavar="DIR"),
 ]
+Counts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--count",
+        help="How many there are of things whose number the spec draws; repeat for more.",
+        metavar="NAME=NUMBER",
+        show_default=False,
+    ),
+]
 
 
 def spec_names(incomplete: str) -> list[str]:

@@ -31,7 +31,8 @@ def test_sample_eval_and_count(scenegen, spec, here):
 @pytest.mark.parametrize(
     ("count", "code"),
     [
-        (["block"], "count-syntax"), (["block="], "count-syntax"), (["=3"], "count-syntax"), (["block=-1"], "count-syntax"),
+        (["block"], "count-syntax"), (["block="], "count-syntax"), (["=3"], "count-syntax"),
+        (["block=-1"], "count-syntax"),
         (["block=2.0"], "count-syntax"), (["block=0"], "count-out-of-range"), (["block=4"], "count-out-of-range"),
         (["mug=1"], "unknown-count"), (["block=2", "block=2"], "count-twice"), (["block=٣"], "count-syntax"),
     ],

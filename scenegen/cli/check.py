@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFiles, named
+from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
 
 if TYPE_CHECKING:
     from scenegen.api.feasibility import Doubt
@@ -55,9 +55,8 @@ def check(
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail
     from scenegen.errors import ScenegenError
-    from scenegen.lang.counts import parse_counts
 
-    numbers = parse_counts(count or [])
+    numbers = parse_counts(count)
     reports: list[dict[str, Any]] = []
     failed = False
     for position, path in enumerate(specs):

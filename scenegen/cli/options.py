@@ -24,6 +24,25 @@ Counts = Annotated[
 ]
 
 
+def parse_counts(options: list[str] | None) -> dict[str, int]:
+    """The numbers of `--count` options as typed, e.g. ["block=5"]. Raises RequestError with a caret."""
+    import re
+
+    from scenegen.errors import RequestError, Source, Span
+    from scenegen.errors.counts import COUNT_SYNTAX, COUNT_TWICE
+
+    found: dict[str, int] = {}
+    for text in options or ():
+        here = Span(Source("count", text, argument=True), 0, len(text))
+        name, _, number = (part.strip() for part in text.partition("="))
+        if not name or not re.fullmatch("[0-9]{1,9}", number, re.ASCII):
+            raise RequestError(COUNT_SYNTAX(here))
+        if name in found:
+            raise RequestError(COUNT_TWICE(here, name=name))
+        found[name] = int(number)
+    return found
+
+
 def spec_names(incomplete: str) -> list[str]:
     """What a shell completes a spec's name to: shipped ones, where no file begins like that (it completes files)."""
     from scenegen.resources import shipped_specs

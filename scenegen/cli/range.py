@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, named
+from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -48,12 +48,11 @@ def range_(
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail
     from scenegen.formats.files import check_writable, write_whole
-    from scenegen.lang.counts import parse_counts
 
     if png is not None:
         _check_png(png)
         check_writable(png, spec)
-    checked = load(spec, root).with_counts(parse_counts(count or []))
+    checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
     found = rarity(checked, label, seed=seed)
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")

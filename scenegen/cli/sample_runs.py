@@ -100,7 +100,7 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     subject = _load(source, wishes.spec, wishes.root)
     if wishes.counts:
         from scenegen.api.model import Model
-        from scenegen.lang.counts import parse_counts
+        from scenegen.cli.options import parse_counts
 
         counts = parse_counts(wishes.counts)
         if isinstance(subject, Model):

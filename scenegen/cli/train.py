@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Counts, Root, SpecFiles
+from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts
 from scenegen.formats.locations import names_set
 
 
@@ -153,7 +153,6 @@ def train(
     Several specs are trained side by side, by --engine; one that fails is reported by its name, the others are trained,
     and the exit status is 1. With --resume complete models are left alone, and the others go on.
     """
-    from scenegen.lang.counts import parse_counts
     from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
     from scenegen.validation import as_seconds
@@ -171,7 +170,7 @@ def train(
     }
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
-    counts = parse_counts(count or [])
+    counts = parse_counts(count)
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
     if len(specs) > 1 or names_set(out):

@@ -94,7 +94,7 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         self.observation_space = self.views.space()  # type: ignore[assignment]
         self.render_mode = render_mode
         self.resets = Resets(self.scenes, self.rules, source, phi)
-        self.easel = Easel(self.scenes.checked, view, size)
+        self.easel = Easel(self.scenes.drawn, view, size)
         self._feed: SceneStream | None = None
         self._tables: Tables | None = None
         self._over = False

@@ -6,12 +6,11 @@ Every member is checked as if its numbers stood in the text, so whatever works o
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
-from scenegen.errors.counts import COUNT_SYNTAX, COUNT_TWICE, DEPENDS_ON_NUMBER, NUMBERS_OVER_TIME, ONE_NUMBER
+from scenegen.errors import Diagnostic, SpecError
+from scenegen.errors.counts import DEPENDS_ON_NUMBER, NUMBERS_OVER_TIME, ONE_NUMBER
 from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.lang import ast
 from scenegen.lang.scope import Scope
@@ -30,20 +29,6 @@ def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
 def written(numbers: Mapping[str, int]) -> str:
     """Numbers of things as a spec has them: `block[3] and cup[1]`."""
     return " and ".join(f"{name}[{number}]" for name, number in numbers.items())
-
-
-def parse_counts(options: Sequence[str]) -> dict[str, int]:
-    """The numbers of `--count` options as typed, e.g. ["block=5"]. Raises RequestError with a caret."""
-    found: dict[str, int] = {}
-    for text in options:
-        here = Span(Source("count", text, argument=True), 0, len(text))
-        name, _, number = (part.strip() for part in text.partition("="))
-        if not name or not re.fullmatch("[0-9]{1,9}", number, re.ASCII):
-            raise RequestError(COUNT_SYNTAX(here))
-        if name in found:
-            raise RequestError(COUNT_TWICE(here, name=name))
-        found[name] = int(number)
-    return found
 
 
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:

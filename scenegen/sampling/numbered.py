@@ -28,8 +28,9 @@ from scenegen.errors.requests import (
 )
 from scenegen.lang.core import gated
 from scenegen.lang.counts import combinations, written
+from scenegen.lang.members import rows_among
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import X, along, row_count, rows_of
+from scenegen.pose import X, along, row_count
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.digest import digest
 from scenegen.sampling.fixed_objects import hold_fixed
@@ -288,7 +289,7 @@ def plan_numbers(
         _problem(spec, request, plans, numbers, left_out),
         tuple(plans),
         tuple(numbers),
-        tuple(_rows(spec, plan.problem.spec) for plan in plans),
+        tuple(rows_among(spec, plan.problem.spec) for plan in plans),
         _turns([max(plan.fewest, request.n / len(plans) / max(plan.scenes_per_piece, 1e-9)) for plan in plans]),
         tuple(plan.fact_count for plan in plans),
         tuple(left_out),
@@ -326,12 +327,6 @@ def _problem(
         first, spec=spec, core=gated(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
         cells=cells, possible=possible, warnings=tuple(warnings),
     )  # fmt: skip
-
-
-def _rows(spec: CheckedSpec, member: CheckedSpec) -> Index:
-    """The rows of a member's storage in that of all objects; switches of choices have rows as objects have."""
-    place = {name: number for number, name in enumerate(spec.core.objects)}
-    return np.array([row for name in member.core.objects for row in rows_of(place[name])], dtype=np.intp)
 
 
 def _turns(pieces: Sequence[float]) -> Index:

@@ -123,7 +123,7 @@ class Spec:
 
     def _repr_html_(self) -> str:
         """For notebooks: the formula of every label as a tree."""
-        if self._checked.timed is not None:
+        if self._checked.timed is not None or self.counts:
             from html import escape
 
             return f"<pre>{escape(self.source)}</pre>"

@@ -18,7 +18,7 @@ Counts = Annotated[
     typer.Option(
         "--count",
         help="How many there are of things whose number the spec draws; repeat for more.",
-        metavar="NAME=NUMBER",
+        metavar="NAME=N",
         show_default=False,
     ),
 ]

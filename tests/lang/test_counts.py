@@ -96,3 +96,17 @@ def test_the_last_of_them_is_another_one_with_another_number():
     spec = scenegen.parse("object b[1..2], m task: leftOf(b.last, m) & x(m) >= b.count * 0.1")
     texts = [member.checked.core.objects for _, member in spec.members]
     assert texts == [("b[1]", "m"), ("b[1]", "b[2]", "m")]
+
+
+def test_editors_say_how_many_there_can_be():
+    from scenegen.lsp.document import Document
+    from scenegen.lsp.hover import hover
+
+    found = hover(Document(FAMILY), FAMILY.index("block"))
+    assert found is not None and "2 to 4 of block" in found.markdown
+
+
+@pytest.mark.long
+def test_a_grammar_names_what_is_always_there():
+    text = scenegen.grammar_of(scenegen.parse("object block[2..3], mug task: leftOf(mug, block[1])"), "gbnf")
+    assert "block[2..3], mug" in text and "block[2]" in text and "block[3]" not in text

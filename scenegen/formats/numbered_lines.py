@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 
@@ -28,10 +29,11 @@ class NumberedLines:
     def __init__(self, header: SceneFile, labels: Sequence[str]) -> None:
         self._header, self._labels = header, labels
         self._members: dict[Index, tuple[SceneLines, list[int]]] = {}
+        self._heads: dict[str, tuple[SceneLines, list[int]]] = {}
         numbers = ", ".join(
             f"{re.escape(json.dumps(one.name, ensure_ascii=False))}: ([0-9]{{1,5}})" for one in header.counts
         )
-        self._pattern = re.compile(rf'\{{"counts": \{{{numbers}\}}, ')
+        self._pattern = re.compile(rf'\{{"counts": \{{{numbers}\}}')
 
     def of(self, block: Block) -> list[str]:
         """A line for each scene of a block; floats are written so that they read back bit for bit."""
@@ -47,19 +49,28 @@ class NumberedLines:
 
     def numbers(self, line: str) -> list[float] | None:
         """The numbers of a scene, in the order of a block, in a line as `of` writes it; None for any other text."""
-        match = self._pattern.match(line)
-        if match is None:
+        head = line[: line.find("}") + 1]
+        known = self._heads.get(head) or self._read_head(head)
+        if known is None:
             return None
-        counts = tuple(map(int, match.groups()))
-        if any(not one.least <= number <= one.most for one, number in zip(self._header.counts, counts, strict=True)):
-            return None
-        text, rows = self._member(counts)
+        text, rows = known
         found = text.numbers(line)
         if found is None:
             return None
-        whole = np.full(self._header.coordinates, np.nan)
-        whole[rows] = found[: len(rows)]
-        return [*whole.tolist(), *found[len(rows) :]]
+        whole = [math.nan] * self._header.coordinates
+        for row, value in zip(rows, found, strict=False):  # phi comes after the coordinates
+            whole[row] = value
+        return whole + found[len(rows) :]
+
+    def _read_head(self, head: str) -> tuple[SceneLines, list[int]] | None:
+        """The member that the beginning of a line names, kept for later lines."""
+        match = self._pattern.fullmatch(head)
+        counts = () if match is None else tuple(map(int, match.groups()))
+        drawn = self._header.counts
+        if match is None or any(not one.least <= many <= one.most for one, many in zip(drawn, counts, strict=True)):
+            return None
+        self._heads[head] = self._member(counts)
+        return self._heads[head]
 
     def _member(self, counts: Index) -> tuple[SceneLines, list[int]]:
         """The text of scenes with these numbers of things, and the rows of their objects among those of all."""

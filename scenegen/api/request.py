@@ -125,7 +125,7 @@ def plan_of(source: Spec | Model, request: SampleRequest, budget: Budget, on_not
         return Settling(plan.problem, plan, request.workers, budget, why=plan.why)
 
     if spec.counts:
-        from scenegen.sampling.numbered import plan_numbers
+        from scenegen.sampling.numbered_planning import plan_numbers
 
         plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
     else:

@@ -17,10 +17,10 @@ from scenegen.formats.blocks import BLOCK, Block
 from scenegen.lang.levels import chosen
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, as_rows, row_count, row_of
+from scenegen.scene.count_data import CountData
 from scenegen.scene.data import (
     RAISED,
     VERSION,
-    CountData,
     ObjectData,
     Pose,
     RegionData,

@@ -25,6 +25,7 @@ from pydantic import (
 from scenegen.pose import row_count
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import is_convex, signed_area
+from scenegen.scene.count_data import CountData, check_counts
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
@@ -266,15 +267,6 @@ class RequestData(_Strict):
     spread: Literal["flat", "base"] = "flat"
 
 
-class CountData(_Strict):
-    """An array of objects whose number of elements is drawn, from `least` to `most`: the file has an object for each
-    that there can be, `block[1]` to `block[8]`."""
-
-    name: str
-    least: Annotated[int, Field(ge=1)]
-    most: Annotated[int, Field(ge=1)]
-
-
 class SceneFile(_Strict):
     """A set of scenes with everything needed to re-score and draw them.
 
@@ -303,13 +295,7 @@ class SceneFile(_Strict):
 
     @model_validator(mode="after")
     def _counts_of_objects(self) -> Self:
-        names = {one.name for one in self.objects}
-        for one in self.counts:
-            elements = {f"{one.name}[{number}]" for number in range(1, min(one.most, len(names) + 1) + 1)}
-            if one.least >= one.most or not elements <= names:
-                raise ValueError(f"there are not {one.least} to {one.most} objects of {one.name}")
-        if len({one.name for one in self.counts}) < len(self.counts):
-            raise ValueError("two of the counts are of the same array")
+        check_counts(self.counts, {one.name for one in self.objects})
         return self
 
     @property

@@ -8,7 +8,7 @@ import scenegen
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
 from scenegen.sampling.mixed_tails import MixedTail, mean
-from scenegen.sampling.numbered import seed_of
+from scenegen.sampling.numbered_planning import seed_of
 from scenegen.sampling.tails import constant
 
 SPEC = "object block[2..4], cup[1..2], mug\nrequire x(mug) >= 0.3\ntask: forall b in block: leftOf(b, mug)\n"

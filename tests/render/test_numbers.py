@@ -5,6 +5,7 @@ import pytest
 from PIL import Image
 
 import scenegen
+from scenegen.api.sweep import sweep
 from scenegen.figures.heatmap import heatmap
 from scenegen.render.picture import FIRST
 from scenegen.scene.stage import overlaps_of, poses_of, stage_of
@@ -35,6 +36,14 @@ def test_masks_show_what_is_there(scenes, tmp_path):
             seen = set(np.unique(np.asarray(picture)).tolist())
         shown = {k for k in range(3) if k + FIRST in seen}
         assert shown == set(np.flatnonzero(here).tolist())
+
+
+def test_a_sweep_keeps_the_number_of_things_of_the_hardest_scene(scenes):
+    found, label = sweep(scenes, frames=3)
+    hardest = int(scenes.phi["task"].argmin())
+    assert label == "task" and not found.header.counts
+    assert len(found.objects) == scenes.present[hardest].sum()
+    assert (np.diff(found.phi["task"]) > 0.0).all()
 
 
 @pytest.mark.long

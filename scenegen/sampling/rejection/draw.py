@@ -96,7 +96,8 @@ def candidates(
     rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
     np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
-    values = evaluate(problem.core, list(rows), NUMPY, check)
+    needed = {*problem.core.labels.values(), *(node for part in cover.parts for node, _, _ in part.apart)}
+    values = evaluate(problem.core, list(rows), NUMPY, check, needed)
     for part, span in zip(cover.parts, spans, strict=True):
         if part.apart:
             mine = part.owns(values, span)

@@ -155,13 +155,14 @@ class Numbered(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says: the share of each number of things, and its member's own account."""
         accounts = [self._account(member, tally) for member in range(len(self.plans))]
+        whole = tally.scenes >= self.wanted  # a run that was cut short has what was found
+        share = {"share": 1.0 / len(self.plans)} if whole else {}
         info: dict[str, object] = {
             "method": self.method,
             "seed": self.seed,
             "pieces": tally.pieces,
             "numbers": [
-                {"numbers": numbers, "share": 1.0 / len(self.plans), **one.info}
-                for numbers, one in zip(self.numbers, accounts, strict=True)
+                {"numbers": numbers, **share, **one.info} for numbers, one in zip(self.numbers, accounts, strict=True)
             ],
         }
         if self.left_out:

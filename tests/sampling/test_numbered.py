@@ -5,10 +5,14 @@ import pytest
 from scipy import stats
 
 import scenegen
+from scenegen.api.request import plan_of
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
 from scenegen.sampling.mixed_tails import MixedTail, mean
 from scenegen.sampling.numbered_planning import seed_of
+from scenegen.sampling.plan import Tally
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.tails import constant
 
 SPEC = "object block[2..4], cup[1..2], mug\nrequire x(mug) >= 0.3\ntask: forall b in block: leftOf(b, mug)\n"
@@ -123,3 +127,9 @@ def test_the_mixture_of_tails_is_the_mean():
     assert 10.0 ** tail(0.2).log10 == pytest.approx(0.5) and tail(0.05).log10 == 0.0 and tail(0.4) is None
     assert tail.quantile(0.25) == 0.3 and tail.quantile(0.75) == 0.1
     assert mean([None, None]) is None
+
+
+def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):
+    plan = plan_of(spec, SampleRequest(n=10), Budget(30.0))
+    assert all(one["share"] == 1 / 6 for one in plan.account(Tally(10, 10, 6, 60)).info["numbers"])
+    assert not any("share" in one for one in plan.account(Tally(0, 7, 4, 7)).info["numbers"])

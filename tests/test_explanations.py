@@ -44,7 +44,7 @@ def codes_of_spec(text):
         spec = scenegen.load(path)
     except ScenegenError as error:
         return [one.code for one in error.diagnostics]
-    found = [one.problem for one in doubts(spec.checked) if one.problem is not None] if spec.horizon is None else []
+    found = [one.problem for one in doubts(spec.declared) if one.problem is not None] if spec.horizon is None else []
     return [one.code for one in (*spec.warnings, *found)]
 
 

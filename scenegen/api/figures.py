@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenegen.api.labels import chosen_label
-from scenegen.api.scene_arrays import SceneArrays, rows_of
+from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.temporal import TIME_NOT_HERE
@@ -216,29 +216,31 @@ def topviews(job: Job) -> dict[str, bytes]:
     from scenegen.figures.drawing import Thing, View
     from scenegen.figures.topview import topview
 
-    spec, scenes = job.spec, job.scenes
-    if spec.timed is not None:
-        raise RequestError(TIME_NOT_HERE(file=spec.name))
-    chosen = chosen_label(spec.labels, job.label)
-    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
+    whole, scenes = job.spec, job.scenes
+    if whole.timed is not None:
+        raise RequestError(TIME_NOT_HERE(file=whole.name))
+    chosen = chosen_label(whole.labels, job.label)
+    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in whole.regions]
     made = {}
-    for number, rows in enumerate(rows_of(spec, scenes).T, start=1):
-        values = evaluate(spec.core, rows.tolist())
-        node = deciding_atom(spec.core, chosen, values)
-        atom = spec.core.nodes[node]
-        assert isinstance(atom, Atom)
-        phi = values[spec.core.labels[chosen]]
-        things = [
-            Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
-            for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=True)
-        ]
-        view = View(
-            [*zones, *things],
-            x=spec.workspace.x,
-            y=spec.workspace.y,
-            marks=dimensions(spec.core, node, rows.tolist()),
-            caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
-            good=phi >= 0.0,
-        )
-        made[f"{scene_name(number, len(scenes))}_topview.svg"] = topview(view, width=480).encode()
-    return made
+    for part in parts_of(whole, scenes):
+        spec = part.spec
+        for number, rows in zip(part.which + 1, part.rows.T, strict=True):
+            values = evaluate(spec.core, rows.tolist())
+            node = deciding_atom(spec.core, chosen, values)
+            atom = spec.core.nodes[node]
+            assert isinstance(atom, Atom)
+            phi = values[spec.core.labels[chosen]]
+            things = [
+                Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
+                for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=False)
+            ]
+            view = View(
+                [*zones, *things],
+                x=spec.workspace.x,
+                y=spec.workspace.y,
+                marks=dimensions(spec.core, node, rows.tolist()),
+                caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
+                good=phi >= 0.0,
+            )
+            made[f"{scene_name(int(number), len(scenes))}_topview.svg"] = topview(view, width=480).encode()
+    return dict(sorted(made.items()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -32,7 +32,9 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
     WRONG_VALUE,
 )
-from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_of
+from scenegen.lang.members import rows_among
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of
 from scenegen.sampling.request import BAND, Range
 from scenegen.scene.data import Pose, RestingPose, SceneData
 from scenegen.training.datasets.arrange import check_scenes
@@ -156,28 +158,39 @@ def read_scene(spec: Spec, scene: object) -> Array:
         if array.shape != (len(spec.objects), SIZE):
             what = f"an array of shape {array.shape}" if array.size else f"a {type(scene).__name__}"
             raise refused(NOT_POSES(found=f"this is {what}", objects=len(spec.objects)))
-        poses = dict(zip(spec.objects, array, strict=True))
-    missing = [name for name in spec.objects if name not in poses]
-    extra = [str(name) for name in poses if name not in spec.objects]
+        here = [
+            name for name, pose in zip(spec.objects, array, strict=True) if not (spec.counts and np.isnan(pose).all())
+        ]
+        poses = {name: array[spec.objects.index(name)] for name in here}
+    checked = _member(spec.drawn, poses)
+    missing = [name for name in checked.objects if name not in poses]
+    extra = [str(name) for name in poses if name not in checked.objects]
     if missing or extra:
         what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
-        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=spec.objects))
-    rows = np.array([_pose(name, poses[name]) for name in spec.objects]).ravel()
+        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
+    rows = np.array([_pose(name, poses[name]) for name in checked.objects]).ravel()
     theta = rows[along(THETA)]
     theta %= TWO_PI
     theta[theta >= TWO_PI] = 0.0
-    for index, pose in spec.checked.fixed.items():
+    for index, pose in checked.fixed.items():
         if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
             rows[row_of(index, THETA)] = pose[THETA]
-    rows = np.concatenate([rows, *(_switch(spec, which, poses) for which in spec.checked.choices)])
+    rows = np.concatenate([rows, *(_switch(checked, which, poses) for which in checked.choices)])
     with as_gymnasium():
-        check_scenes(spec.checked, rows[:, None])
-    return rows
+        check_scenes(checked, rows[:, None])
+    whole = np.full(row_count(len(spec.drawn.core.objects)), np.nan)
+    whole[rows_among(spec.drawn, checked)] = rows
+    return whole
 
 
-def _switch(spec: Spec, which: int, poses: Mapping[Any, Any]) -> Array:
+def _member(spec: CheckedSpec, names: Collection[object]) -> CheckedSpec:
+    """The ordinary spec that has most of these objects, and no others if there is one."""
+    return max(spec.members or (spec,), key=lambda one: -len(set(one.objects) ^ set(names)))
+
+
+def _switch(spec: CheckedSpec, which: int, poses: Mapping[Any, Any]) -> Array:
     """The rows of the switch of an object that stands on one of several surfaces."""
-    choice, name = spec.checked.choices[which], spec.objects[which]
+    choice, name = spec.choices[which], spec.objects[which]
     pose, known = poses[name], [one.name for one in choice.options]
     on = pose.on if isinstance(pose, RestingPose) else pose.get("on") if isinstance(pose, Mapping) else None
     if on not in known:

@@ -79,7 +79,7 @@ class Rules:
         rows[self.flat] = kept
         if len(self.turning):
             theta = np.mod(rows[self.turning], TWO_PI)
-            rows[self.turning] = np.where(theta < TWO_PI, theta, 0.0)  # the remainder of -1e-17 is rounded up
+            rows[self.turning] = np.where(theta >= TWO_PI, 0.0, theta)  # the remainder of -1e-17 is rounded up
         phi = self.score(rows)
         blocked = np.zeros(len(off), dtype=np.bool_)
         if self.score.requires:
@@ -126,10 +126,10 @@ def make_rules(
     if spec.over_time is not None:
         raise refused(TIME_NOT_HERE(file=spec.declared.name), more=f"to learn motions make {MOTION_ID}")
     target = make_goal(spec, goal)
-    made, length = make_moves(spec.checked, moves, move, step, turn)
+    made, length = make_moves(spec.drawn, moves, move, step, turn)
     changed = np.unique(made.rows)
     angles = np.array([is_angle(row) for row in changed], dtype=bool)
     flat, turning = changed[~angles], changed[angles]
-    low, high = (ends[flat][:, None] for ends in spec.checked.box())
-    paid, seen = Reward(reward, length), make_views(spec.checked)
+    low, high = (ends[flat][:, None] for ends in spec.drawn.box())
+    paid, seen = Reward(reward, length), make_views(spec.drawn)
     return Rules(target, Scorer(target), made, paid, seen, flat, low, high, turning)

@@ -97,7 +97,9 @@ class Painter:
         self._studio.close()
 
     def paint(self, places: npt.NDArray[np.float64]) -> dict[str, Shot]:
-        """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on."""
+        """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on; NaN
+        of objects that are not there."""
+        places = np.where(np.isnan(places[:, :1]), (*self._high[:2], 0.0, 0.0), places)
         for bodies, (x, y, theta, z) in zip(self._things, np.clip(places, self._low, self._high), strict=True):
             for body in bodies:
                 self._studio.place(body, (float(x), float(y), float(z)), float(theta))

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.splitting.chains import Region
+
+if TYPE_CHECKING:
+    from scenegen.sampling.mixed_tails import MixedTail
 
 Array = npt.NDArray[np.float64]
 
@@ -75,8 +78,8 @@ class Tail:
 class Reach:
     """The distribution of a label's phi among the scenes that satisfy the requirement."""
 
-    up: Tail
-    down: Tail
+    up: Tail | MixedTail
+    down: Tail | MixedTail
     evaluations: int
 
 

@@ -90,6 +90,10 @@ class Rejection(Plan):
         return sum(source.candidates for source in self.sources)
 
     @property
+    def fact_count(self) -> int:
+        return len(self.sources)
+
+    @property
     def scenes_per_piece(self) -> float:
         return SPARE * self.wanted * self.candidates / max(self.expected, 1.0)
 

@@ -263,7 +263,7 @@ def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, An
     from scenegen.cli import motion_pictures
     from scenegen.cli.output import note_others, print_error, progress_bar
 
-    made = motion_pictures.figures(source, out, kinds, look)
+    made, scenes = motion_pictures.figures(source, out, kinds, look), None
     if made is None:
         scenes = read_scenes(source)
         check_count(scenes)
@@ -277,9 +277,9 @@ def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, An
                 **look,
             )
         _note_unknown(scenes)
-        if "topview" in kinds:
-            note_others(out, len(scenes), "_topview.svg")
     print_error(f"drew {len(made)} figures in {out}" if len(made) > 4 else f"drew {', '.join(map(str, made))}")
+    if scenes is not None and "topview" in kinds:
+        note_others(out, len(scenes), "_topview.svg")
 
 
 def _note_unknown(scenes: SceneSet) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.sampling.interval import Estimate
-from scenegen.sampling.tails import Rarity, Reach, Tail
+from scenegen.sampling.tails import Rarity, Reach, Run, Tail
 
 Array = npt.NDArray[np.float64]
 
@@ -21,7 +21,7 @@ CERTAIN = Estimate(0.0, 0.0)
 class MixedTail:
     """Tails of the same direction, each with the same share of the scenes; it has what `Tail` has."""
 
-    tails: tuple[Tail | MixedTail, ...]
+    tails: tuple[Run, ...]
 
     @property
     def sign(self) -> int:

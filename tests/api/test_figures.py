@@ -21,6 +21,7 @@ def scenes():
     return scenegen.sample(scenegen.parse(RULES), phi={"task": (0.0, None)}, n=6, seed=2)
 
 
+@pytest.mark.long
 def test_a_sweep_climbs_evenly_keeps_the_rules_and_holds_what_is_fixed(scenes):
     spec = scenegen.parse(RULES).checked
     found, label = sweep(scenes, frames=12)

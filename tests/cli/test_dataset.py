@@ -45,6 +45,7 @@ def table(folder):
     return polars.read_parquet(f"{folder}/part-*.parquet")
 
 
+@pytest.mark.long
 def test_shares_rarity_and_cards(made, here, scenegen):
     done = scenegen(*WORDS, "--workers", "1", "--resume")  # nothing is left to be done
     assert done.status == 1 and "bad failed:\n" in done.err and "600 scenes of 2 specs in data/" in done.err

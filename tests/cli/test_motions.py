@@ -72,6 +72,7 @@ def test_what_motions_do_not_have(options, said, scenegen, here):
     assert sorted(here.iterdir()) == before
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("passing")
 def test_the_range_of_motions(scenegen, here, monkeypatch):
     monkeypatch.setattr("scenegen.motions.rarity.WORK", 30_000_000)

@@ -9,6 +9,7 @@ LEFT = "leftOf(mug, plate)"
 SCENE = {"mug": (0.3, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
 
 
+@pytest.mark.long
 def test_pictures_follow_the_scene():
     env = TableTop(LEFT, render_mode="rgb_array", view="top", size=(96, 64), step=0.3)
     env.reset(options={"scene": SCENE})

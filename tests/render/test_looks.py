@@ -42,6 +42,7 @@ def test_another_distribution_of_one_entry_leaves_the_others(tmp_path):
     assert (one.camera_elevation, other.camera_elevation, other.table_color) == (30.0, 50.0, (1.0, 0.0, 0.0))
 
 
+@pytest.mark.long
 def test_pictures_do_not_depend_on_workers_and_the_record_places_objects(tmp_path):
     drawn = render_scenes(FILE, tmp_path / "a", size=SIZE, masks=True, looks="random", seed=5, workers=1)
     again = render_scenes(FILE, tmp_path / "b", size=SIZE, masks=True, looks="random", seed=5, workers=2)
@@ -56,6 +57,7 @@ def test_pictures_do_not_depend_on_workers_and_the_record_places_objects(tmp_pat
         assert at[:2] / at[2] == pytest.approx(middle, abs=2.0)
 
 
+@pytest.mark.long
 def test_a_plain_red_table_on_a_green_ground(tmp_path):
     text = "table = {color = 'red', texture = 'plain'}\nground = {color = '#00ff00'}\n"
     drawn = render_scenes(FILE, tmp_path / "a", size=SIZE, looks=written(tmp_path, text), workers=1)
@@ -64,6 +66,7 @@ def test_a_plain_red_table_on_a_green_ground(tmp_path):
     assert picture[0, 0, 1] > 150 > 60 > picture[0, 0, 0]
 
 
+@pytest.mark.long
 def test_depth_is_ahead_of_the_camera_above_the_horizon_too(tmp_path):
     looks = written(tmp_path, "[camera]\nelevation = 5\nfov = 100\n")
     render_scenes(FILE, tmp_path / "a", size=SIZE, looks=looks, depth=True, workers=1)

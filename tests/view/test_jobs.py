@@ -263,6 +263,7 @@ def test_imports_stay_inside_the_folder(tmp_path):
     assert do("check", inner, text=text.replace("own.spec", "link.spec"))[0]["spec"] is None
 
 
+@pytest.mark.long
 def test_large_formulas_are_folded_and_cut(tmp_path):
     text = "object block[40]\nrequire noOverlap()\ntask: forall i in 1..39: leftOf(block[i], block[i+1])\n"
     described, _ = do("check", tmp_path, text=text)

@@ -66,6 +66,7 @@ def test_every_relation_takes_part():
     assert {name for name in names if f"{name}(" not in written} <= left_out | {"atLevel", "underneath", "stacked"}
 
 
+@pytest.mark.long
 def test_words_of_time_where_there_is_time():
     timed, still = lark(rules_for("timed")), lark(rules_for("pair"))
     for word in ("always", "until_with", "initially", "displacement(", " cm/s"):

@@ -110,6 +110,7 @@ def test_phi_goes_where_it_is_wanted(mixed, compiled):
         run.rows(rows.clone().requires_grad_(), out=out)
 
 
+@pytest.mark.long
 def test_gradients_are_those_of_the_tape(mixed):
     eager, run = Robustness(mixed.core), Robustness(mixed.core, compiled=True)
     rows = torch.from_numpy(scenes(3, 20, seed=7))

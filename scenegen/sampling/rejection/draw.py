@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ WORK = 1 << 26  # candidates times nodes of one exploration
 PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
 EXPLORE = 4  # chunks drawn from the common cover to see which cells they hit
 CHEAP = 0.3  # share of the work of scoring; less than that is done before the rest
+GUESS = 2048  # candidates that show how many are scored no further than that
 ENOUGH = 16  # hits after which a cell's rate is known well enough
 
 
@@ -77,8 +79,7 @@ def draw_kept(
     rows, spans, usable = _drawn(problem, cover, count, rng, room)
     first = _cheap_label(problem)
     if first is not None:
-        value = evaluate(problem.core, list(rows), NUMPY, check, (first[1],))[first[1]]
-        passed = np.flatnonzero(usable & _in_range(problem, first[0], value))
+        passed = np.flatnonzero(usable & _in_range(problem, first.label, first.values(problem, rows, check)))
         spans = [slice(*np.searchsorted(passed, (span.start, span.stop))) for span in spans]
         rows, usable = rows.take(passed, axis=1), np.ones(len(passed), dtype=bool)
     phi = _scored(problem, cover, rows, spans, usable, check)
@@ -135,17 +136,40 @@ def _in_range(problem: Problem, label: int, value: Array) -> Bool:
     return held if low > -math.inf or high < math.inf else np.ones(np.shape(value), dtype=bool)
 
 
-def _cheap_label(problem: Problem) -> tuple[int, int] | None:
-    """The label, and its node, that is looked at before all others, because it costs much less than they do and has a
-    range: most candidates need not be scored any further."""
+@dataclass(frozen=True, slots=True)
+class _Cheap:
+    """A label that is looked at before all others; `work` is that of scoring it."""
+
+    work: float
+    label: int
+    node: int
+
+    def values(self, problem: Problem, rows: Array, check: Callable[[], None] | None = None) -> Array:
+        found: Array = evaluate(problem.core, list(rows), NUMPY, check, (self.node,))[self.node]
+        return found
+
+
+def _cheap_label(problem: Problem) -> _Cheap | None:
+    """The label that costs much less than all of them and has a range: most candidates need not be scored any further
+    than that."""
     nodes, found = problem.core.nodes, []
     for label, node in enumerate(problem.core.labels.values()):
         if problem.cells.low[label] > -math.inf or problem.cells.high[label] < math.inf:
             skipped = find_groups(problem.core, (node,)).skipped
-            found.append((per_scene(one for index, one in enumerate(nodes) if index not in skipped)[0], label, node))
-    if not found or min(found)[0] > CHEAP * per_scene(nodes)[0]:
-        return None
-    return min(found)[1:]
+            work = per_scene(one for index, one in enumerate(nodes) if index not in skipped)[0]
+            found.append(_Cheap(work, label, node))
+    best = min(found, key=lambda one: one.work, default=None)
+    return best if best is not None and best.work <= CHEAP * per_scene(nodes)[0] else None
+
+
+def work_each(problem: Problem, cover: Cover, rng: np.random.Generator) -> float:
+    """The work of a candidate on average; see scenegen.bounds.effort."""
+    whole, first = per_scene(problem.core.nodes)[0], _cheap_label(problem)
+    if first is None:
+        return whole
+    rows, _, usable = _drawn(problem, cover, affordable(problem, GUESS), rng)
+    passed = float(np.mean(usable & _in_range(problem, first.label, first.values(problem, rows))))
+    return first.work + passed * (whole - first.work)
 
 
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from scenegen.api.spec import Spec, refuse_choices
 from scenegen.curriculum.errors import as_gymnasium, names, one_of, refused
 from scenegen.curriculum.motion_moves import MotionMoves
 from scenegen.curriculum.motion_starts import MotionStream, open_motions
+from scenegen.curriculum.picture import Easel, check_render
 from scenegen.curriculum.register import ID
 from scenegen.curriculum.request import PhiRanges, check_options, read_ranges
 from scenegen.curriculum.rules import load_spec
@@ -75,11 +76,14 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     MotionSet or its file. With a `source`, {"nearest": True} takes the nearest of its motions if none is in the range,
     and `Curriculum` can choose phi.
 
+    `render_mode="rgb_array"` draws the moment in a process that runs until `close`; `view` and `size` (width, height)
+    are those of SceneSet.render, and as many pictures make a second of a film as moments make one of the motion.
+
     Raises errors of `gymnasium.error`: InvalidBound for phi out of reach, InvalidAction, ResetNeeded, MissingArgument,
-    and Error for the rest.
+    UnsupportedMode for an unknown render mode, and Error for the rest.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - gymnasium's
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - gymnasium's
 
     def __init__(
         self,
@@ -92,11 +96,10 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         phi: object = (0.0, None),
         source: MotionSet | str | Path | None = None,
         render_mode: str | None = None,
+        view: str = "perspective",
+        size: tuple[int, int] = (480, 360),
     ) -> None:
-        if render_mode is not None:
-            wanted = "None: draw `env.unwrapped.motion` with `scenegen render`"
-            problem = WRONG_VALUE(argument="render_mode", value=repr(render_mode), wanted=wanted)
-            raise refused(problem, error.UnsupportedMode)
+        check_render(render_mode, view, size)
         one_of("reward", reward, REWARDS)
         self.scenes = load_spec(spec)
         timed = self.scenes.over_time
@@ -119,6 +122,8 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         self.names = (*self._views.names, "time left", *ends)
         self.action_space = self.moves.space()
         self.observation_space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
+        self.render_mode, self.easel = render_mode, Easel(self.scenes.declared, view, size)
+        self.metadata = {**self.metadata, "render_fps": 1.0 / timed.horizon.dt}
         self._stream: MotionStream | None = None
         self._watch: Watch | None = None
         self._poses: list[Array] = []
@@ -179,6 +184,18 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             worth = low if math.isfinite(low) else self._paid  # nothing is certain yet
             reward, self._paid = worth - self._paid, worth
         return self._seen(), float(reward), self._over, False, self._info(blocked, violated)
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The last moment as (height, width, 3) if `render_mode` is "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        if not self._poses:
+            raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
+        return self.easel.draw(self._poses[-1].reshape(-1))
+
+    def close(self) -> None:
+        """End the process that draws, if there is one."""
+        self.easel.close()
 
     def _begun(self, poses: Array) -> tuple[Watch, bool]:
         """A monitor of motions that begin so, and whether the requirement can hold in one."""

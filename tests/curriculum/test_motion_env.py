@@ -239,7 +239,9 @@ BAD_SETTINGS = [
     ({"phi": {"order": (0.0, 1.0)}}, "unknown-label"),
     ({"source": 3}, "wrong-value"),
     ({"source": "nowhere.jsonl"}, "cannot-read"),
-    ({"render_mode": "human"}, "wrong-value"),
+    ({"render_mode": "human"}, "unknown-choice"),
+    ({"render_mode": "rgb_array", "view": "tap"}, "unknown-choice"),
+    ({"render_mode": "rgb_array", "size": (4, 4)}, "out-of-range"),
 ]
 
 

@@ -67,7 +67,7 @@ task: finally leftOf(mug, plate)"""
     np.testing.assert_array_equal(moved, waited)
     for one, other in ((first, moved), (moved, again)):
         changed = np.flatnonzero((one != other).any(axis=2).any(axis=0))
-        assert 0 < len(changed) and changed.max() < 60  # the plate stays where it is
+        assert len(changed) > 0 and changed.max() < 60  # the plate stays where it is
     env.close()
     env.close()
     MotionTable(spec).close()

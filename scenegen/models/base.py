@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
@@ -76,6 +76,11 @@ class SceneModel(nn.Module, ABC):
     def fit(self, examples: Examples) -> None:
         """Take up what the training data fixes besides weights: the label range, and what subclasses add."""
         self.label_lowest, self.label_highest = examples.phi.amin(0), examples.phi.amax(0)
+
+    def prepare(self, examples: Examples, generator: torch.Generator, check: Callable[[], None]) -> None:
+        """Learn what needs no other part of the model, after `fit` and before `start`, on the CPU; by default nothing.
+        `check` is called often, and may raise."""
+        return
 
     @abstractmethod
     def start(self, lr: float, spec_loss: SpecLoss) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import ClassVar
 
 import torch
@@ -42,6 +43,16 @@ class ConditionedModel(SceneModel):
         spread = examples.phi.std(0, unbiased=False)
         self.label_scale = torch.where(spread > 0.0, spread, torch.ones_like(spread))
 
+    def prepare(self, examples: Examples, generator: torch.Generator, check: Callable[[], None]) -> None:
+        """The selector learns by itself how often each branch occurs: among the many scenes of a batch of the other
+        networks it would still be far off when they are done, and scenes of the wrong branch are right in all but their
+        number."""
+        if self.layout.branches < 2:
+            return
+        empty = examples.x.new_empty(len(examples), 0)  # scenes are not looked at
+        told = Examples(empty, examples.phi, examples.branch, examples.balanced)
+        self.selector.learn(told, lambda batch: self.view.features(self.wanted(batch, generator)), generator, check)
+
     def start(self, lr: float, spec_loss: SpecLoss) -> None:
         self.spec_loss = spec_loss
         self.optimisers = {"all": torch.optim.Adam(self.parameters(), lr=lr, betas=self.betas, fused=True)}
@@ -74,14 +85,20 @@ class ConditionedModel(SceneModel):
     def make(self, features: Tensor, branch: Tensor, generator: torch.Generator) -> Tensor:
         """Scenes (B, C) for label features (B, 2L) and branches (B,)."""
 
-    @torch.no_grad()
     def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
+        return self.sample_in(n, phi, generator)[0]
+
+    @torch.no_grad()
+    def sample_in(
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """As `sample`, in branches (n,), which are drawn where they are not given: the scenes and their branches."""
         phi = phi.to(self.label_lowest)
         alike = phi.ndim == 1 or phi.stride(0) == 0
         features = self.view.features(phi[None] if phi.ndim == 1 else phi[:1] if alike else phi)
         features = features.expand(n, -1)
-        branch = self.selector.draw(features, generator)
-        return self.view.scenes(self.make(features, branch, generator), generator)
+        branch = self.selector.draw(features, generator) if branch is None else branch
+        return self.view.scenes(self.make(features, branch, generator), generator), branch
 
 
 ALONE, PAIR = 0.4, 0.4  # shares of scenes with one label given, and with two; the others have all

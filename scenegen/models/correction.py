@@ -5,8 +5,9 @@ then, and blurs the edges between separate pieces of a level set. The spec itsel
 fraction of the network's evaluation. So each scene takes a few Newton steps along the gradient of phi (the shortest
 that closes the gap to first order), and steps back over the limit of what is required, as far inside as it was outside:
 on either side of the limit the network's blur is alike, so that scenes do not pile up on it. Scenes that are not there
-after that are replaced by others for the same phi, a few times over. At last some random moves that leave phi where it
-is even out what the network has blurred (scenegen.models.stirring).
+after that are replaced by others for the same phi, a few times over; at first in the same branch, since some branches
+are missed more often than others, and their shares are known better than that. At last some random moves that leave phi
+where it is even out what the network has blurred (scenegen.models.stirring).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scenegen.pose import THETA, TWO_PI, along
 from scenegen.robustness import Robustness
 
 STEPS, BACK = 4, 3  # Newton steps of a scene; and of one that breaks what is required
-ROUNDS = 6  # times that scenes that do not arrive are drawn again
+ROUNDS, SAME = 6, 3  # times that scenes that do not arrive are drawn again, and of these in the same branch
 SPARE = 4  # scenes for one that is missing, at most
 MOST = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
@@ -33,8 +34,9 @@ STEP = 16_384  # scenes at a time: they and the values of the formula stay in ca
 
 TURNS = along(THETA)
 
-Make = Callable[[Tensor, torch.Generator], Tensor]
-"""Wanted phi (L, B), NaN where a label is free -> scenes (3N, B) in metres and radians."""
+Make = Callable[[Tensor, torch.Generator, Tensor | None], tuple[Tensor, Tensor | None]]
+"""Wanted phi (L, B), NaN where a label is free, and branches (B,) or None -> scenes (3N, B) in metres and radians, and
+the branches that they were made in, where the model has any."""
 
 
 class Correction:
@@ -54,21 +56,27 @@ class Correction:
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""
-        rows, off = self._corrected(make(wanted, generator), wanted)
+        first, branch = make(wanted, generator, None)
+        rows, off = self._corrected(first, wanted)
         made = count = len(off)
-        for _ in range(ROUNDS):
+        same = branch is not None
+        for number in range(ROUNDS):
             missing = off.nonzero()[:, 0]
             rate = 1.0 - len(missing) / max(1, count)
             places = missing.repeat(max(1, min(SPARE, round(1.0 / max(rate, 0.1)))))
             made += len(places)
             if not len(missing) or made > MOST * count:
                 break
-            fresh, failed = self._corrected(make(wanted[:, places], generator), wanted[:, places])
+            same = same and number < SAME
+            again, _ = make(wanted[:, places], generator, branch[places] if branch is not None and same else None)
+            fresh, failed = self._corrected(again, wanted[:, places])
             good = (~failed).nonzero()[:, 0].flip(0)  # of several for one place the first
             rows[:, places[good]] = fresh[:, good]
             off[places[good]] = False
-            if len(good) < USEFUL * len(places):  # the rest is out of reach
-                break
+            if len(good) < USEFUL * len(places):  # the rest is out of reach, in these branches at least
+                if not same:
+                    break
+                same = False
         random = _on_cpu(generator)
         for start in range(0, count if self._stir.count else 0, STEP):
             some = slice(start, start + STEP)

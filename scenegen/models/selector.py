@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
+from scenegen.models.examples import Examples
 from scenegen.models.layout import Layout
 from scenegen.models.mlp import Mlp
 
 WIDTH = 64
+PASSES, STEPS, BATCH, RATE = 30, 3000, 512, 6e-3  # of learning it by itself
 
 
 class Selector(nn.Module):
@@ -26,6 +31,30 @@ class Selector(nn.Module):
     def loss(self, features: Tensor, branch: Tensor) -> Tensor:
         """Mean surprise (nats) at the branch of each scene."""
         return cross_entropy(self.body(features), branch)
+
+    def learn(
+        self,
+        examples: Examples,
+        features: Callable[[Examples], Tensor],
+        generator: torch.Generator,
+        check: Callable[[], None],
+    ) -> None:
+        """Learn the branches of examples (M scenes) by Adam at a rate that falls along a cosine, in PASSES through all
+        of them, or STEPS batches if that is less."""
+        steps = min(STEPS, PASSES * -(-len(examples) // BATCH))
+        optimiser = torch.optim.Adam(self.parameters(), lr=RATE, betas=(0.9, 0.99), fused=True)
+        step = 0
+        while step < steps:
+            check()
+            for index in torch.split(torch.randperm(len(examples), generator=generator), BATCH)[: steps - step]:
+                for group in optimiser.param_groups:
+                    group["lr"] = RATE * 0.5 * (1.0 + math.cos(math.pi * step / steps))
+                batch = examples.take(index)
+                loss = self.loss(features(batch), batch.branch)
+                optimiser.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                optimiser.step()
+                step += 1
 
     @torch.no_grad()
     def draw(self, features: Tensor, generator: torch.Generator) -> Tensor:

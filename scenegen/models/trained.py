@@ -17,6 +17,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
 from scenegen.models.card import ModelCard
 from scenegen.models.codec import Codec
+from scenegen.models.conditioned import ConditionedModel
 from scenegen.models.correction import Correction
 from scenegen.validation import as_int
 
@@ -95,10 +96,23 @@ class TrainedModel:
         """The network alone."""
         return replace(self, correction=None)
 
-    def _made(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+    def _made(
+        self, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """Scenes (3N, n), and the branches (n,) that they were made in, where the model has any: those that are given,
+        or drawn."""
         alike = phi[:, :1].expand_as(phi) if phi.shape[1] > 1 and bool(_same(phi, phi[:, :1]).all()) else phi
-        made = [self.model.sample(part.shape[1], part.T, generator) for part in torch.split(alike, BATCH, dim=1)]
-        return self.codec.decode(torch.cat(made)).cpu()
+        parts = torch.split(alike, BATCH, dim=1)
+        if not isinstance(self.model, ConditionedModel):
+            made = [self.model.sample(part.shape[1], part.T, generator) for part in parts]
+            return self.codec.decode(torch.cat(made)).cpu(), None
+        given = [None] * len(parts) if branch is None else torch.split(branch, BATCH)
+        found = [
+            self.model.sample_in(part.shape[1], part.T, generator, mine)
+            for part, mine in zip(parts, given, strict=True)
+        ]
+        scenes = torch.cat([each for each, _ in found])
+        return self.codec.decode(scenes).cpu(), torch.cat([each for _, each in found])
 
     @torch.no_grad()
     def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:
@@ -115,7 +129,7 @@ class TrainedModel:
             raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
         phi = phi.to(torch.float32)
         correction = self.correction
-        rows = self._made(phi, generator) if correction is None else correction(self._made, phi, generator)
+        rows = self._made(phi, generator)[0] if correction is None else correction(self._made, phi, generator)
         if not bool(torch.isfinite(rows.sum())):
             raise DataError(OUTPUT_NOT_FINITE())
         return rows

@@ -24,12 +24,12 @@ from scenegen.training.config import TrainConfig
 from scenegen.training.datasets.gathering import Gathering, Tell
 from scenegen.training.datasets.registry import is_file
 from scenegen.training.events import event_log
-from scenegen.training.feed import Feed, make_feed
+from scenegen.training.feed import make_feed
 from scenegen.training.interrupt import Interrupted
 from scenegen.training.recipes import CONSTANT
 from scenegen.training.report import EpochReport
 from scenegen.training.session import Session
-from scenegen.training.state import load_state, state_path
+from scenegen.training.state import TrainingState, load_state, state_path
 
 
 def train(
@@ -74,7 +74,7 @@ def train(
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
         gathering = Gathering(timeout, on_gather, say)
-        session = Session(spec, config, _gathered(spec, config, gathering), saved)
+        session = _begun(spec, config, gathering, saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
             say(NEW_RATE(epochs=config.epochs, before=before))
@@ -96,10 +96,12 @@ def train(
     return load_model(out, spec)
 
 
-def _gathered(spec: CheckedSpec, config: TrainConfig, gathering: Gathering) -> Feed:
-    """The training scenes. An interrupt says how far that was."""
+def _begun(spec: CheckedSpec, config: TrainConfig, gathering: Gathering, saved: TrainingState | None) -> Session:
+    """The training scenes, and what is learnt before the first step. An interrupt says how far that was."""
     try:
-        return make_feed(spec, config, gathering)
+        feed = make_feed(spec, config, gathering)
+        gathering.begin("preparing the model")
+        return Session(spec, config, feed, saved, gathering.check)
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt(f"interrupted while {gathering.account}; nothing was written") from error
 

@@ -16,6 +16,7 @@ class Stream(IntEnum):
     ORDER = 2
     NOISE = 3
     VALIDATION = 4
+    BRANCHES = 5
 
 
 def stream(seed: int, *key: int, device: torch.device | str = "cpu") -> torch.Generator:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -41,7 +41,15 @@ SAVE_SHARE = 0.01  # of the time, at most, for writing them
 class Session:
     """Mutable: `epoch` epochs are done and `step` steps of the next."""
 
-    def __init__(self, spec: CheckedSpec, config: TrainConfig, feed: Feed, saved: TrainingState | None) -> None:
+    def __init__(
+        self,
+        spec: CheckedSpec,
+        config: TrainConfig,
+        feed: Feed,
+        saved: TrainingState | None,
+        check: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`check` is called often while parts of the model learn by themselves, and may raise."""
         self.spec = spec
         self.config = config
         self.feed = feed
@@ -59,6 +67,7 @@ class Session:
         if saved is None:
             self.model.initialise(stream(config.seed, Stream.WEIGHTS))
             self.model.fit(feed.fitting)
+            self.model.prepare(feed.fitting, stream(config.seed, Stream.BRANCHES), check)
             self.model.to(self.device)
             self.model.start(config.lr, self.spec_loss)
         else:

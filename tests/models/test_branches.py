@@ -9,7 +9,9 @@ from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate, phi
 from scenegen.models.branches import MOST, OTHER, survey
 from scenegen.models.codec import Codec
+from scenegen.models.examples import Examples
 from scenegen.models.layout import Layout, layout_of
+from scenegen.models.selector import PASSES, Selector
 from scenegen.models.spec_loss import SpecLoss
 from scenegen.resources import shipped_specs
 from scenegen.robustness.deciding import deciding
@@ -84,3 +86,21 @@ def test_what_phi_does_not_depend_on_is_free():
     for bad in ({"positions": (0, 0)}, {"positions": (9,)}, {"angles": (-1,)}, {"branches": 0}):
         with pytest.raises(ValueError, match="validation error"):
             Layout(**{"objects": 3, "labels": 1, **bad})
+
+
+def test_the_selector_learns_how_often_each_branch_occurs():
+    rng = np.random.default_rng(5)
+    wanted = torch.from_numpy(rng.uniform(-1.0, 1.0, (20_000, 1)).astype(np.float32))
+    share = torch.sigmoid(6.0 * wanted[:, 0])
+    branch = (torch.from_numpy(rng.random(20_000)) < share).long()
+    examples = Examples(wanted.new_empty(len(wanted), 0), wanted, branch)
+    selector = Selector(Layout(objects=1, labels=1, branches=2))
+    selector.initialise(torch.Generator().manual_seed(1))
+    calls = []
+    selector.learn(
+        examples, lambda batch: batch.phi.repeat(1, 2), torch.Generator().manual_seed(2), lambda: calls.append(1)
+    )
+    asked = torch.linspace(-0.9, 0.9, 13)[:, None]
+    found = torch.softmax(selector.body(asked.repeat(1, 2)), dim=1)[:, 1]
+    assert float((found - torch.sigmoid(6.0 * asked[:, 0])).abs().max()) < 0.05
+    assert len(calls) == PASSES

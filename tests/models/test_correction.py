@@ -30,10 +30,10 @@ def uniform(spec):
     """A proposer that knows nothing of phi."""
     codec = Codec(spec.workspace, len(spec.objects))
 
-    def make(wanted, generator):
+    def make(wanted, generator, branch):
         rows = codec.decode(torch.rand(wanted.shape[1], 3 * len(spec.objects), generator=generator))
         rows[6:9] = torch.tensor([0.5, 0.5, 0.0])[:, None]
-        return rows
+        return rows, None
 
     return make
 
@@ -83,7 +83,7 @@ def test_newton_is_the_shortest_step_that_closes_the_gaps():
 def test_moves_keep_phi_and_what_is_required(spec):
     phi = torch.tensor([-0.1, math.nan])[:, None].expand(2, 500)
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
-    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1)), phi)
+    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi)
     stir = Stir(spec, torch.full((2, 1), 1e-3))
     assert stir.count
     moved = stir(rows, phi, torch.Generator().manual_seed(2))
@@ -120,12 +120,34 @@ def test_moves_leave_the_truth_alone_and_mend_what_is_not():
     assert apart[0] > 0.4 and apart[1] < 0.5 * apart[0]
 
 
+@pytest.mark.parametrize(("arrive", "share"), [(0.5, 0.5), (0.0, 1.0)])
+def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
+    """A branch that is missed half the time keeps its share; one that is always missed is given up for another."""
+    asked = []
+
+    def make(wanted, generator, branch):
+        count = wanted.shape[1]
+        asked.append(branch)
+        branch = torch.rand(count, generator=generator).lt(0.5).long() if branch is None else branch
+        rows, _ = uniform(spec)(wanted, generator, branch)
+        rows[0] = branch.float()
+        rows[2] = ((branch == 0) & (torch.rand(count, generator=generator) >= arrive)).float()
+        return rows, branch
+
+    correct = Correction(spec, torch.tensor([1.0, 1.0]))
+    correct._corrected = lambda rows, wanted: (rows.clone(), rows[2] > 0.0)
+    correct._stir.count = 0
+    made = correct(make, torch.zeros(2, 2000), torch.Generator().manual_seed(2))
+    assert asked[0] is None and bool((asked[1] == 0).all())
+    assert float(made[0].double().mean()) == pytest.approx(share, abs=0.04)
+
+
 def test_what_is_out_of_reach_is_given_up_soon(spec):
     made = []
 
-    def make(wanted, generator):
+    def make(wanted, generator, branch):
         made.append(wanted.shape[1])
-        return uniform(spec)(wanted, generator)
+        return uniform(spec)(wanted, generator, branch)
 
     phi = torch.tensor([5.0, math.nan])[:, None].expand(2, 100)
     rows = Correction(spec, torch.tensor([1.0, 1.0]))(make, phi, torch.Generator().manual_seed(1))

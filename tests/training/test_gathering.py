@@ -80,13 +80,13 @@ def test_time_is_up_between_steps(easy, tmp_path, monkeypatch):
     """The model is what training has come to; it goes on to the result of an unbroken run."""
     out, notes = tmp_path / "m.safetensors", []
     settings = {"recipe": "paper", "scenes": 256, "epochs": 4, "on_note": notes.append}
-    over = iter([False] * 5 + [True] * 1000)
+    over = iter([False] * 6 + [True] * 1000)
     real = module.time.monotonic
     monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
     with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*resume"):
         scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, **settings)
     monkeypatch.undo()
-    over = iter([False] * 12 + [True] * 1000)
+    over = iter([False] * 13 + [True] * 1000)
     monkeypatch.setattr("scenegen.training.loop.time.monotonic", lambda: real() + 1e6 * next(over, True))
     made = scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, resume=True, card=True, **settings)
     monkeypatch.undo()

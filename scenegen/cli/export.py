@@ -38,6 +38,19 @@ def export(
         Path | None,
         typer.Option("--map", help="pddl: predicates of your own.", metavar="TOML", show_default=False),
     ] = None,
+    problem: Annotated[
+        Path | None,
+        typer.Option(
+            "--problem",
+            help="pddl: the problem that the spec was imported from: facts and goal in its words.",
+            metavar="PROBLEM",
+            show_default=False,
+        ),
+    ] = None,
+    domain: Annotated[
+        Path | None,
+        typer.Option("--domain", help="pddl: the domain of that problem.", metavar="DOMAIN", show_default=False),
+    ] = None,
 ) -> None:
     """Write scenes for MuJoCo (mjcf) and Gazebo (sdf), for planners (pddl), or in another format of scene files (json,
     jsonl, parquet).
@@ -47,6 +60,7 @@ def export(
       scenegen export scenes.json --to sdf --out worlds
       scenegen export scenes.json --out all.xml
       scenegen export scenes.json --to pddl --out problems
+      scenegen export starts.json --to pddl --out problems --problem task.bddl
       scenegen export scenes.json --out scenes.parquet
 
     A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf. A file holds all of
@@ -57,7 +71,8 @@ def export(
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates
     of --map. The goal is the label `goal`, else all labels, else those of --goal. Of pairs and motions the goal is what
-    these ask for, as it is in the goal scene.
+    these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
+    are in its own words, so that its own domain reads them.
     """
     from scenegen.api.export import PLANNERS, chosen, convert
     from scenegen.cli.output import note_others, print_error
@@ -65,11 +80,12 @@ def export(
     from scenegen.errors.requests import OUT_OF_PLACE
 
     if chosen(to, out) == PLANNERS:
-        from scenegen.cli.problems import export_problems
+        from scenegen.cli.problems import Original, export_problems
 
-        export_problems(scenes, out, facts, goal, whole_goal, table)
+        export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table))
         return
-    given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table}
+    given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
+    given["--domain"] = domain
     for option in (name for name, value in given.items() if value):
         raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
     count, files = convert(scenes, out, to)

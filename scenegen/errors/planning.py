@@ -62,6 +62,11 @@ GOAL_ON_THE_EDGE = Kind(
     "planners do not",
     severity="note",
 )
+NOT_ITS_SCENES = Kind(
+    "not-its-scenes",
+    "the scenes are not of {file}: they have no `{name}`",
+    help="give the problem, domain and map that the spec was imported from",
+)
 ONE_PROBLEM_A_FILE = Kind(
     "one-problem-a-file",
     "{path} is one file, and there are {count:,} scenes",

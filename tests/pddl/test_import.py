@@ -67,6 +67,13 @@ def test_a_disjunction_with_what_has_no_geometry_is_left_out(tmp_path: Path) -> 
     assert "cup_2" not in goal
 
 
+def test_what_is_clear_at_first_need_not_stay_so(tmp_path: Path) -> None:
+    blocks = "(define (problem p) (:objects a b - block) (:init (clear a) (clear b) (on-table b)) (:goal (on a b)))"
+    text = imported(tmp_path, blocks).text
+    assert "require reachableFromAbove" not in text
+    assert "reachableFromAbove(b)" in text.partition("start:")[2].partition("goal:")[0]
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

@@ -5,7 +5,7 @@ BIN    := .venv/bin
 STAMP  := .venv/.installed
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 SPREAD := -n auto --maxprocesses 4 --dist loadfile
-# Tests that take a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
+# Tests that take half a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
 ALL    := not slow and not browser and not cluster and not robosuite
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
@@ -31,7 +31,7 @@ test: $(STAMP)   ## lint, types, import layers and all quick tests
 	$(MAKE) --no-print-directory lint
 	$(PYTEST) -m "$(ALL) and not long" $(SPREAD)
 
-test-long: $(STAMP) ## the tests that take a second or more each: pages and examples that are run, workers, training, kills
+test-long: $(STAMP) ## the tests that take half a second or more each: pages and examples that are run, workers, training, kills
 	$(PYTEST) -m "$(ALL) and long" $(SPREAD)
 
 test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder, file and test, the dearest first

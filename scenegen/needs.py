@@ -1,5 +1,5 @@
 """Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling,
-mujoco for settling."""
+mujoco for settling, PyAV for MP4 files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_INSTALLED
 
 INSTALL = {
+    "av": 'pip install "scenegen[video]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pyarrow": 'pip install "scenegen[parquet]"',
     "pybullet": "pip install pybullet",

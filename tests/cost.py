@@ -70,6 +70,8 @@ class Cost:
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self) -> None:
+        if getattr(self.config.option, "numprocesses", None):
+            return  # this process hands out the work; what its workers spent, they say themselves
         self._charge(END)
         if (output := getattr(self.config, "workeroutput", None)) is not None:
             output["cost"] = dict(self.tally)

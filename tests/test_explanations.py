@@ -44,7 +44,7 @@ def codes_of_spec(text):
         spec = scenegen.load(path)
     except ScenegenError as error:
         return [one.code for one in error.diagnostics]
-    found = [one.problem for one in doubts(spec.checked) if one.problem is not None] if spec.horizon is None else []
+    found = [one.problem for one in doubts(spec.declared) if one.problem is not None] if spec.horizon is None else []
     return [one.code for one in (*spec.warnings, *found)]
 
 
@@ -106,6 +106,7 @@ def codes(table, monkeypatch, capfd):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", TRIED)
 def test_an_example_triggers_its_code_and_mended_it_does_not(code, codes):
     entry = CATALOG[code]
@@ -146,6 +147,7 @@ def uses():
                 )
 
 
+@pytest.mark.long
 def test_every_kind_is_used_and_gets_the_facts_that_its_title_needs():
     used = set()
     for place, kind, given in uses():
@@ -164,6 +166,7 @@ def test_every_kind_is_used_and_gets_the_facts_that_its_title_needs():
     assert used == set(CATALOG)
 
 
+@pytest.mark.long
 def test_problems_are_made_of_kinds_and_flags_are_named_in_the_program_alone():
     for path in sorted(PACKAGE.rglob("*.py")):
         if path.parent.name in ("errors", "cli"):

@@ -72,6 +72,7 @@ def test_the_workspace_has_a_range_for_each_axis() -> None:
     assert space.contains(highest[:, None]).all()
 
 
+@pytest.mark.long
 def test_nothing_else_writes_the_layout_out() -> None:
     found = [
         f"{path.relative_to(SOURCES)}:{number}: {line.strip()}"

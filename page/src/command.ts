@@ -21,7 +21,7 @@ export function command(): string {
   if (method !== "auto" && method !== "model") words.push("--method", method);
   if (spread !== "flat") words.push("--spread", spread);
   for (const [name, pose] of Object.entries(fix) as [string, Pose][]) words.push("--fix", quoted(`${name}=${pose.join(",")}`));
-  words.push("--out", "scenes.json");
+  words.push("--out", spec.value?.time ? "motions.jsonl" : "scenes.json");
   return words.join(" ");
 }
 

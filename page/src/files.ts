@@ -1,5 +1,6 @@
 // Files: specs that are opened and saved, scenes that are taken away.
 import { editor, replaceText } from "./editor/editor";
+import { asShown, path } from "./motions";
 import { table } from "./panels/Stage";
 import { http } from "./server";
 import { edited, message, on, poses, request, result, saved, selected, shown, text, view } from "./state";
@@ -62,10 +63,12 @@ export async function download(format: string): Promise<void> {
   const found = result.value;
   if (!found) return;
   // What is on the page: a scene that was moved by hand goes as it stands.
-  const all = shown.value.map((k) => (edited.value && k === selected.value ? poses.value : found.poses[k]));
+  const one = (k: number) => (found.motions ? asShown(k) : edited.value && k === selected.value ? poses.value : found.poses[k]);
+  const all = format === "gif" ? [path.value] : shown.value.map(one);
   const surfaces = found.on && shown.value.map((k) => (edited.value && k === selected.value ? on.value : found.on![k]));
   const sampler = edited.value ? { ...found.sampler, edited: selected.value + 1 } : found.sampler;
   const body = { format, text: text.value, path: saved.value.path, poses: all, on: surfaces, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
+  if (format === "gif") message.value = "drawing the motion…";
   try {
     const answer = await http("/api/download", { method: "POST", body: JSON.stringify(body) });
     const name = answer.headers.get("content-disposition")?.match(/filename="?([^";]+)"?/)?.[1] ?? `scenes.${format}`;

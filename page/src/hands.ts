@@ -2,6 +2,7 @@
 import { batch } from "@preact/signals";
 import { askOne } from "./server";
 import { about, alone, edited, message, chooser, moment, motion, on, poses, replaying, request, result, selected, spec, type Motion } from "./state";
+import { change as changeMotion, playMotion, timed } from "./motions";
 import { explain } from "./store";
 import type { Pose, Report } from "./types";
 
@@ -25,11 +26,12 @@ export function place(name: string, pose: Partial<{ x: number; y: number; theta:
     pose.theta === undefined ? oldTheta : wrapped(pose.theta),
   ];
   batch(() => {
-    poses.value = poses.value.map((one, at) => (at === index ? next : one));
+    if (timed.value) changeMotion(index, next, name in request.value.fix);
+    else poses.value = poses.value.map((one, at) => (at === index ? next : one));
     edited.value = true;
     if (name in request.value.fix) request.value = { ...request.value, fix: { ...request.value.fix, [name]: next } };
   });
-  record(name, next);
+  if (!timed.value) record(name, next);
   explain();
 }
 
@@ -41,7 +43,7 @@ export function hold(name: string): void {
   if (name in fix) delete fix[name];
   else fix[name] = poses.value[index];
   const choice = now.objects[index].surfaces.length > 1 ? "; its surface is still chosen" : "";
-  message.value = name in fix ? `${name} is held${choice}` : `${name} is free`;
+  message.value = name in fix ? `${name} is held${choice}${timed.value ? ": other motions have it there all the time" : ""}` : `${name} is free`;
   request.value = { ...request.value, fix };
 }
 
@@ -118,6 +120,7 @@ export function seek(time: number): void {
 }
 
 export function play(): void {
+  if (timed.value) return playMotion();
   const one = motion.value;
   if (!one || replaying.value) {
     replaying.value = false;

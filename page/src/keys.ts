@@ -4,6 +4,7 @@ import { closeReader } from "./panels/Reader";
 import { closeCode, explained, reading } from "./reader";
 import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
 import { table } from "./panels/Stage";
+import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
 import { band, justSolved } from "./rare";
 import { alone, heat, help, layout, names, pane, poses, selected, spec, tab, thing, view } from "./state";
@@ -27,7 +28,9 @@ export const KEYS: [string, string][] = [
   ["h", "hold it, or let it go"],
   ["u", "put it onto the next of its surfaces"],
   ["z", "put the scene back as it was sampled"],
-  ["p", "play the last motion"],
+  ["space, p", "play a motion, or stop it"],
+  ["← →", "of a motion, without a selected object: one step back, one on; with Shift 5"],
+  ["Home End", "its first moment, its last"],
   ["v", "3D or from above"],
   ["a d w", "without a selected object: turn the camera; + − 0 zoom"],
   ["g", "many scenes or one"],
@@ -43,6 +46,10 @@ let resting: ReturnType<typeof setTimeout> | undefined;
 function nudge(event: KeyboardEvent, dx: number, dy: number, turn: number): boolean {
   const name = thing.value;
   const now = spec.value;
+  if (now?.time && dx && (!name || alone)) {
+    stepBy(dx * (event.shiftKey ? 5 : 1));
+    return true;
+  }
   if (!name || !now || alone) return false;
   const index = now.objects.findIndex((one) => one.name === name);
   if (index < 0) return false;
@@ -80,6 +87,9 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   g: () => void (layout.value = layout.value === "many" ? "one" : "many"),
   l: () => void (names.value = !names.value),
   m: () => void (heat.value = !heat.value),
+  " ": () => (timed.value ? play() : false),
+  Home: () => (timed.value ? toEnd("first") : false),
+  End: () => (timed.value ? toEnd("last") : false),
   "1": () => void ((tab.value = "request"), (pane.value = "panel")),
   "2": () => void ((tab.value = "why"), (pane.value = "panel")),
   "3": () => void ((tab.value = "where"), (pane.value = "panel")),
@@ -122,8 +132,8 @@ export function listen(): void {
     const typing = target.closest(".cm-editor, input:not([type=range]), select, textarea, .menu");
     if (typing || event.ctrlKey || event.metaKey) return;
     // A button that is focused keeps Enter and space for itself; options and sliders their arrows.
-    if (event.key === "Enter" && target.closest("button, a, [role=slider]")) return;
-    if (event.key.startsWith("Arrow") && target.closest("[role=slider], [role=listbox], input, [role=tablist]")) return;
+    if ((event.key === "Enter" || event.key === " ") && target.closest("button, a, [role=slider]")) return;
+    if (/^Arrow|^Home$|^End$/.test(event.key) && target.closest("[role=slider], [role=listbox], input, [role=tablist]")) return;
     const done = PLAIN[event.key] ?? (event.altKey ? PLAIN[event.code === "Comma" ? "," : event.code === "Period" ? "." : ""] : undefined);
     if (!done) return;
     if (done(event) !== false) event.preventDefault();

@@ -2,7 +2,7 @@
 // moved, those that lie in it are shown at once, until the wanted ones are there.
 import { askOne } from "./server";
 import { about, alone, coming, preparing, rarity, rested, request, result, spec } from "./state";
-import type { Ends, Request, Result } from "./types";
+import type { Ends, Pose, Request, Result } from "./types";
 
 interface Known {
   poses: Result["poses"][number];
@@ -10,6 +10,8 @@ interface Known {
   on: number[] | null;
   phi: Record<string, number>;
   require: number | null;
+  motion: Pose[][] | null;
+  rises: number[][] | null;
 }
 
 const MOST = 1200;
@@ -40,9 +42,12 @@ export function learn(found: Result): void {
     on: found.on?.[k] ?? null,
     phi: Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]])),
     require: found.require ? found.require[k] : null,
+    motion: found.motions?.[k] ?? null,
+    rises: found.rises?.[k] ?? null,
   }));
-  const seen = new Set(more.map((one) => JSON.stringify(one.poses)));
-  known = [...more, ...known.filter((one) => !seen.has(JSON.stringify(one.poses)))].slice(0, MOST);
+  const key = (one: Known) => JSON.stringify(one.motion ?? one.poses);
+  const seen = new Set(more.map(key));
+  known = [...more, ...known.filter((one) => !seen.has(key(one)))].slice(0, MOST);
 }
 
 export function within(phi: number | undefined, [low, high]: Ends): boolean {
@@ -58,6 +63,7 @@ export function inside(wanted: Request): Result {
   return {
     poses: some.map((one) => one.poses),
     bases: some.map((one) => one.bases),
+    ...(some.length && some[0].motion ? { motions: some.map((one) => one.motion!), rises: some[0].rises ? some.map((one) => one.rises!) : null } : {}),
     on: some.length && some[0].on ? some.map((one) => one.on!) : null,
     phi: Object.fromEntries(labels.map((name) => [name, some.map((one) => one.phi[name])])),
     require: some.length && some[0].require !== null ? some.map((one) => one.require!) : null,
@@ -81,7 +87,7 @@ export async function spread(): Promise<void> {
 
 async function spreadNow(): Promise<void> {
   const now = spec.value;
-  if (!now || alone || !result.value) return;
+  if (!now || alone || !result.value || now.time) return; // motions take longer than anybody waits
   fresh();
   for (const { label, reached } of Object.values(rarity.value)) {
     const mine = about_;

@@ -11,9 +11,11 @@ import { MotionPanel } from "./panels/Motion";
 import { Reader } from "./panels/Reader";
 import { RequestPanel } from "./panels/Request";
 import { Stage } from "./panels/Stage";
+import { Timeline } from "./panels/Timeline";
 import { TopBar } from "./panels/TopBar";
 import { Where } from "./panels/Where";
 import { Why } from "./panels/Why";
+import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
 import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, problems, request, result, spec, tab } from "./state";
@@ -63,13 +65,14 @@ function Problems() {
 const TABS = [["request", alone ? "Filter" : "Request"], ["why", "Why"], ["where", "Where"], ["motion", "Motion"]] as const;
 
 function Panel() {
+  const open = tab.value === "motion" && timed.value ? "request" : tab.value; // a motion has its own line of time
   return (
     <aside class="panel" aria-label="details">
       <div class="tabs" role="tablist" aria-label="details">
-        {TABS.filter(([key]) => !(alone && key === "motion")).map(([key, name]) => <button key={key} role="tab" id={`tab-${key}`} aria-controls="details" aria-selected={tab.value === key} onClick={() => (tab.value = key)}>{name}</button>)}
+        {TABS.filter(([key]) => !((alone || timed.value) && key === "motion")).map(([key, name]) => <button key={key} role="tab" id={`tab-${key}`} aria-controls="details" aria-selected={open === key} onClick={() => (tab.value = key)}>{name}</button>)}
       </div>
-      <div class="inside" id="details" role="tabpanel" aria-labelledby={`tab-${tab.value}`} tabIndex={0}>
-        {tab.value === "request" ? <RequestPanel /> : tab.value === "why" ? <Why /> : tab.value === "where" ? <Where /> : <MotionPanel />}
+      <div class="inside" id="details" role="tabpanel" aria-labelledby={`tab-${open}`} tabIndex={0}>
+        {open === "request" ? <RequestPanel /> : open === "why" ? <Why /> : open === "where" ? <Where /> : <MotionPanel />}
       </div>
     </aside>
   );
@@ -95,14 +98,15 @@ function Page() {
       <TopBar />
       <main>
         <Editor />
-        <section class="middle" aria-label="scenes">
+        <section class={`middle${timed.value ? " timed" : ""}`} aria-label={timed.value ? "motions" : "scenes"}>
           <Stage />
+          <Timeline />
           <Grid />
         </section>
         <Panel />
       </main>
       <nav class="panes" aria-label="parts of the page">
-        {([["spec", "Spec"], ["scenes", "Scenes"], ["panel", alone ? "Filter" : "Request"]] as const).map(([key, name]) => <button key={key} aria-pressed={pane.value === key} onClick={() => (pane.value = key)}>{name}{key === "spec" && problems.value.length ? <i class="badge">{problems.value.length}</i> : null}</button>)}
+        {([["spec", "Spec"], ["scenes", timed.value ? "Motions" : "Scenes"], ["panel", alone ? "Filter" : "Request"]] as const).map(([key, name]) => <button key={key} aria-pressed={pane.value === key} onClick={() => (pane.value = key)}>{name}{key === "spec" && problems.value.length ? <i class="badge">{problems.value.length}</i> : null}</button>)}
       </nav>
       <Explain />
       {help.value ? <Help /> : null}
@@ -135,14 +139,18 @@ function begin(): void {
   (window as any).scenegen.link = link; // for tests, as what store.ts puts there
   render(<Page />, document.getElementById("app")!);
   listen();
-  if (boot.scenes && alone) show(boot.scenes, false);
+  if (boot.scenes && alone) show(taken(boot.scenes), false);
   if (comeBack) {
     const wanted = comeBack;
     const stop = effect(() => {
-      if (result.value && poses.value.length === wanted.poses.length)
+      if (result.value && (wanted.moments ? path.value.length === wanted.moments.length : poses.value.length === wanted.poses.length))
         queueMicrotask(() => {
           stop();
-          poses.value = wanted.poses;
+          if (wanted.moments) {
+            path.value = wanted.moments;
+            rest();
+            seek(wanted.frame ?? 0);
+          } else poses.value = wanted.poses;
           on.value = wanted.on ?? on.value;
           edited.value = true;
           explain();

@@ -7,10 +7,18 @@ import { round } from "./words";
 
 export const kept = new Map<string, Record<string, Rarity>>();
 
+let under = ""; // what is being measured
+
+/** Whether the spec as it stands is being measured, for a long time as motions are: worth going on with. */
+export function measuringMotions(): boolean {
+  return !!spec.value?.time && under === spec.value.sha256;
+}
+
 export async function measure(): Promise<void> {
   const now = spec.value;
-  if (!now || alone || now.labels.every((one) => one.name in rarity.value)) return;
+  if (!now || alone || measuringMotions() || now.labels.every((one) => one.name in rarity.value)) return;
   measuring.value = true;
+  under = now.sha256;
   try {
     await ask("range", about(), (part: Rarity) => {
       const known = { ...(kept.get(now.sha256) ?? {}), [part.label]: part };
@@ -20,7 +28,10 @@ export async function measure(): Promise<void> {
   } catch {
     /* the handles lie over the bounds instead */
   } finally {
-    measuring.value = false;
+    if (under === now.sha256) {
+      under = "";
+      measuring.value = false;
+    }
   }
 }
 

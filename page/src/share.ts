@@ -1,5 +1,6 @@
 // The state of the page in a link, behind the #: it never leaves this machine by itself.
-import { boot, edited, label, layout, on, poses, request, saved, selected, tab, text, thing, view } from "./state";
+import { boot, edited, label, layout, on, poses, request, saved, selected, spec, tab, text, thing, view } from "./state";
+import { frame, path as motion } from "./motions";
 import type { Pose, Request } from "./types";
 import { token } from "./server";
 
@@ -17,6 +18,8 @@ interface State {
   tab: "request" | "why" | "where" | "motion";
   poses?: Pose[];
   on?: number[] | null;
+  moments?: Pose[][]; // of a motion
+  frame?: number;
 }
 
 export function state(): State {
@@ -33,7 +36,7 @@ export function state(): State {
     view: view.value,
     layout: layout.value,
     tab: tab.value,
-    ...(edited.value ? { poses: poses.value, on: on.value } : {}),
+    ...(edited.value ? (spec.value?.time ? { moments: motion.value, frame: frame.value } : { poses: poses.value, on: on.value }) : {}),
   };
 }
 
@@ -54,7 +57,7 @@ export function link(): string {
 }
 
 /** The state of a link, taken over before anything is shown; the poses of a moved scene come back once it is there. */
-export function takeOver(found: Partial<State>, withText: boolean): { poses: Pose[]; on: number[] | null } | null {
+export function takeOver(found: Partial<State>, withText: boolean): { poses: Pose[]; on: number[] | null; moments?: Pose[][]; frame?: number } | null {
   if (withText && typeof found.text === "string") {
     text.value = found.text;
     saved.value = { path: found.path ?? null, sha: found.sha ?? null, name: found.name ?? "spec", text: boot.text === found.text ? found.text : null };
@@ -67,5 +70,6 @@ export function takeOver(found: Partial<State>, withText: boolean): { poses: Pos
   if (found.view === "3d" || found.view === "top") view.value = found.view;
   if (found.layout === "one" || found.layout === "many") layout.value = found.layout;
   if (found.tab && ["request", "why", "where", "motion"].includes(found.tab)) tab.value = found.tab;
+  if (Array.isArray(found.moments)) return { poses: [], on: null, moments: found.moments, frame: found.frame };
   return Array.isArray(found.poses) ? { poses: found.poses, on: Array.isArray(found.on) ? found.on : null } : null;
 }

@@ -99,5 +99,6 @@ effect(() => {
     preview: preview.value,
     rested: rested.value && !preparing.value,
     explaining: explaining.value,
+    measuring: measuring.value,
   };
 });

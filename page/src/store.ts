@@ -1,10 +1,13 @@
 // What changes the page: its text, its scenes, and what is asked of the server.
 import { batch } from "@preact/signals";
 import { inside, learn, spread } from "./known";
-import { kept, measure } from "./rare";
+import { choose, frame, path, playing, rises, seek, taken } from "./motions";
+import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
 import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing } from "./state";
 import type { Ends, PackedMesh, Report, Request, Result, Spec } from "./types";
+
+const MOTION_METHODS = ["auto", "rejection", "splitting"];
 
 // ---- the text
 
@@ -59,7 +62,8 @@ function take(found: Spec): void {
       phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [0, null];
     const free = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
     const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => free.has(name)));
-    request.value = { ...now, phi, fix };
+    const { n, method } = found.time ? { n: Math.max(1, Math.min(now.n, found.time.most)), method: MOTION_METHODS.includes(now.method) ? now.method : "auto" } : now;
+    request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};
     if (!sameObjects(before, found)) {
@@ -68,13 +72,16 @@ function take(found: Spec): void {
       on.value = null;
       report.value = null;
       motion.value = null;
+      path.value = [];
+      playing.value = false;
     }
   });
   void fetchMeshes(found);
   if (boot.scenes && !opened && text.value === boot.text) {
     opened = true;
-    learn(boot.scenes);
-    show(boot.scenes, false);
+    const first = taken(boot.scenes);
+    learn(first);
+    show(first, false);
     setTimeout(() => void measure().then(spread), 350);
   } else if (!same || !result.value) void sample();
   else explain();
@@ -82,7 +89,8 @@ function take(found: Spec): void {
 
 export function sameObjects(one: Spec | null, other: Spec | null): boolean {
   const facts = (spec: Spec) => JSON.stringify(spec.objects.map(({ name, surfaces }) => [name, surfaces.length > 1 ? surfaces : []]));
-  return !!one && !!other && facts(one) === facts(other);
+  const lasts = (spec: Spec) => `${spec.time?.steps}`;
+  return !!one && !!other && facts(one) === facts(other) && lasts(one) === lasts(other);
 }
 
 async function fetchMeshes(found: Spec): Promise<void> {
@@ -113,11 +121,11 @@ export async function sample(): Promise<void> {
   const mine = ++samples;
   busy.value = "sample";
   rested.value = false;
-  void stop("range"); // what somebody waits for goes first
+  if (!measuringMotions()) void stop("range"); // what somebody waits for goes first
   void stop("spread");
   const fields = { ...about(), request: request.value };
   const early = setTimeout(() => {
-    if (mine !== samples || now.objects.length < FEW) return;
+    if (mine !== samples || now.objects.length < FEW || now.time) return;
     askOne<Result | null>("first", fields).then(
       (found) => {
         if (!found || mine !== samples || busy.value !== "sample") return;
@@ -128,7 +136,7 @@ export async function sample(): Promise<void> {
     );
   }, EARLY);
   try {
-    const found = await askOne<Result>("sample", fields);
+    const found = taken(await askOne<Result>("sample", fields));
     if (mine !== samples) return;
     void stop("first");
     learn(found);
@@ -158,7 +166,7 @@ export function show(found: Result, early: boolean): void {
     select(Math.min(selected.value, found.poses.length - 1), true);
     if (!early) {
       const some = found.warnings.map((one) => `; ${one.title}`).join("");
-      message.value = `${found.poses.length} scenes${some}`;
+      message.value = `${found.poses.length} ${found.motions ? "motions" : "scenes"}${some}`;
     }
   });
 }
@@ -177,8 +185,11 @@ export function select(index: number, again = false): void {
   if (!again && index === selected.value && !edited.value) return;
   batch(() => {
     selected.value = index;
-    poses.value = found.poses[index];
-    bases.value = found.bases[index];
+    if (found.motions) choose(found, index);
+    else {
+      poses.value = found.poses[index];
+      bases.value = found.bases[index];
+    }
     on.value = found.on?.[index] ?? null;
     edited.value = false;
     replaying.value = false;
@@ -237,11 +248,16 @@ async function explainNow(): Promise<void> {
   explaining.value = true;
   const mine = poses.value;
   try {
-    const found = await askOne<Report>("evaluate", { ...about(), poses: [mine], on: on.value && [on.value], why: true });
+    const moving = spec.value.time ? path.value : null;
+    const found = await askOne<Report>("evaluate", { ...about(), poses: [moving ?? mine], on: on.value && [on.value], why: true });
     batch(() => {
-      if (poses.value.length !== mine.length) return;
+      if (poses.value.length !== mine.length || (moving && path.value.length !== moving.length)) return;
       report.value = found;
-      bases.value = found.bases[0];
+      if (!moving) bases.value = found.bases[0];
+      else {
+        rises.value = (found.bases as unknown as number[][][] | null)?.[0] ?? null;
+        if (!playing.value) seek(frame.value);
+      }
     });
   } catch (error) {
     if (!(error instanceof Ended)) refuse(error);

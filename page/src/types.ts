@@ -31,7 +31,7 @@ export interface Region {
 
 export interface Line {
   line: number;
-  kind: "all" | "one" | "atom";
+  kind: "all" | "one" | "atom" | "time";
   text: string;
   margin: string;
   unit: string;
@@ -55,6 +55,7 @@ export interface Spec {
   labels: { name: string; bounds: [number, number] }[];
   requires: boolean;
   trees: Record<string, Line>;
+  time: { steps: number; dt: number; moves: "one" | "all"; most: number } | null; // of a spec over time
 }
 
 export type Mark =
@@ -69,6 +70,8 @@ export interface Decides {
   lines: number[];
   marks: Mark[];
   required: boolean;
+  moment?: number; // of a motion: the moment that decides
+  signal?: (number | null)[]; // and the atom's margin at every moment
 }
 
 export interface Report {
@@ -77,12 +80,17 @@ export interface Report {
   bases: number[][];
   on?: number[][] | null; // for each object with several surfaces the number of its surface, from 1
   values?: (number | null)[];
-  decides?: Record<string, Decides>;
+  decides?: Record<string, Decides | null>;
+  signals?: Record<string, (number | null)[]>; // of a motion: phi from every moment on
+  at?: number[]; // of a motion, by line: the moment at which its value counts
+  over?: (number | null)[][] | null; // and its value at every moment
   overlaps?: [string, string][];
 }
 
 export interface Result extends Report {
   poses: Pose[][];
+  motions?: Pose[][][]; // of a spec over time: the poses of each motion, moment by moment; `poses` are the last ones
+  rises?: number[][][] | null; // and how high above the table objects stand; null where all stand on it
   sampler: Record<string, unknown>;
   warnings: { code: string; title: string }[];
   notes: string[];
@@ -149,7 +157,7 @@ export interface Boot {
     spec: Spec;
     meshes: Record<string, PackedMesh>;
     rarity: Rarity[];
-    reports: { values: (number | null)[]; decides: Record<string, Decides>; overlaps: [string, string][] }[];
+    reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][] }[];
     command: string;
   };
 }

@@ -10,8 +10,8 @@ export function signed(value: number): string {
 }
 
 /** `1 in 38 million` for log10 of a probability. */
-export function oneIn(log: number): string {
-  if (log > -0.31) return `${Math.round(100 * 10 ** log)} % of scenes`;
+export function oneIn(log: number, what = "scenes"): string {
+  if (log > -0.31) return `${Math.round(100 * 10 ** log)} % of ${what}`;
   const count = 10 ** -log;
   for (const [size, word] of [[1e12, ""], [1e9, " billion"], [1e6, " million"], [1e3, ",000"]] as [number, string][]) {
     if (count < size) continue;

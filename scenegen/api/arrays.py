@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.formats.columns import columns
+from scenegen.formats.columns import COUNT, columns
 from scenegen.needs import need
 from scenegen.pose import row_count
 
@@ -54,5 +54,7 @@ def to_pandas(scenes: SceneArrays) -> pandas.DataFrame:
     names = columns(scenes.header, tuple(scenes.phi))
     poses, phi = to_numpy(scenes)
     on = [] if scenes.on is None else [scenes.on]
-    table = np.concatenate([poses.reshape(len(scenes), row_count(len(scenes.objects))), *on, phi], axis=1)
-    return pandas.DataFrame(table, columns=names)
+    counts = scenes.counts
+    each = [number[:, None].astype(np.float64) for number in counts.values()]
+    table = np.concatenate([poses.reshape(len(scenes), row_count(len(scenes.objects))), *on, *each, phi], axis=1)
+    return pandas.DataFrame(table, columns=names).astype({f"{COUNT}{name}": np.int64 for name in counts})

@@ -18,6 +18,7 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.models import NOTHING_TO_LEARN
 from scenegen.lang.core import REQUIRE, Core, gated, part
+from scenegen.lang.counts import combinations, written
 from scenegen.lang.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
@@ -57,6 +58,8 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     """
     if spec.timed is not None:
         return _over_time(spec)
+    if spec.members:
+        return _of_members(spec)
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
     waiting = _not_at_once(core, box)
@@ -102,6 +105,26 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         if name == REQUIRE:
             break  # without it nothing else matters
     return found + [Doubt(name, False, None) for name in left_out]
+
+
+def _of_members(spec: CheckedSpec) -> list[Doubt]:
+    """What is doubtful with some number of things; it is proved only where it is proved of every number."""
+    found: dict[str, list[tuple[str, Doubt]]] = {}
+    for numbers, member in zip(combinations(spec.counts), spec.members, strict=True):
+        for one in doubts(member):
+            found.setdefault(one.label, []).append((written(numbers), one))
+    told = []
+    for label, each in found.items():
+        with_problem = [(name, one) for name, one in each if one.problem is not None]
+        if not with_problem:
+            told.append(Doubt(label, False, None))
+            continue
+        problem = with_problem[0][1].problem
+        assert problem is not None
+        everywhere = len(each) == len(spec.members) and all(one.proved for _, one in each)
+        names = ", ".join(name for name, _ in with_problem)
+        told.append(Doubt(label, everywhere, problem.but(counted="any number" if everywhere else names)))
+    return told
 
 
 def _over_time(spec: CheckedSpec) -> list[Doubt]:

@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenegen.api.labels import chosen_label
-from scenegen.api.scene_arrays import SceneArrays, rows_of
+from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.temporal import TIME_NOT_HERE
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.pose import as_poses, flat
 from scenegen.scene.data import SceneFile
 from scenegen.validation import as_path, as_words
@@ -34,6 +36,7 @@ FIGURES: dict[str, str] = {
     "sheet": "scenegen.api.figures:sheet",
     "sweep": "scenegen.api.figures:sweep_strip",
     "gif": "scenegen.api.figures:sweep_gif",
+    "mp4": "scenegen.api.figures:sweep_mp4",
     "heatmap": "scenegen.api.figures:heatmap",
     "topview": "scenegen.api.figures:topviews",
 }
@@ -97,7 +100,7 @@ class Job:
         phi = [float(value) for value in frames.phi[chosen]]
         picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
         file = frames.file()
-        if "gif" not in self.kinds:
+        if not {"gif", "mp4"} & {*self.kinds}:
             file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
             phi, picked = [phi[place] for place in picked], list(range(len(picked)))
         notes = [", ".join(pairs) for pairs in overlaps_of(file)]
@@ -119,10 +122,10 @@ def figures(
     """Make figures in the folder `out` (made if its parent is there); the paths of their files.
 
     `kinds` are of "sheet" (contact_sheet.png), "sweep" (sweep.png: one layout from hard to solved, as a strip), "gif"
-    (the same as sweep.gif), "heatmap" (heatmap.png: where each object goes) and "topview" (scene_0001_topview.svg, ...:
-    names, headings, and the atom that decides phi of `label`, the first one if left out, as a dimension line). `view`
-    and `size` are those of the pictures that sheet, sweep and gif are put together from; `distinct` colours objects
-    apart that would look the same.
+    (the same as sweep.gif), "mp4" (as sweep.mp4, with the extra `video`), "heatmap" (heatmap.png: where each object
+    goes) and "topview" (scene_0001_topview.svg, ...: names, headings, and the atom that decides phi of `label`, the
+    first one if left out, as a dimension line). `view` and `size` are those of the pictures that sheet, sweep, gif and
+    mp4 are put together from; `distinct` colours objects apart that would look the same.
 
     Raises RequestError for what cannot be drawn, DataError where the scenes' spec is of no use, OutputError.
     """
@@ -138,6 +141,8 @@ def figures(
             raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=FIGURES))
     size = usual_size(scenes.header) if size is None else size
     check_request((view,), size, workers)
+    if "mp4" in kinds:
+        need("av", "for MP4 files")
     look = Look(view, size, distinct, workers, progress)
     if not len(scenes):
         raise RequestError(NO_SCENES())
@@ -188,6 +193,15 @@ def sweep_gif(job: Job) -> dict[str, bytes]:
     return {"sweep.gif": animation(job.moving.drawn, job.moving.phi, job.moving.label, job.moving.notes)}
 
 
+def sweep_mp4(job: Job) -> dict[str, bytes]:
+    """The same as a video."""
+    from scenegen.figures.strip import HELD, STEP, pages
+    from scenegen.figures.video import video
+
+    moving = job.moving
+    return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), STEP, HELD)}
+
+
 def heatmap(job: Job) -> dict[str, bytes]:
     """Where each object goes."""
     from scenegen.figures import heatmap as drawing
@@ -202,27 +216,31 @@ def topviews(job: Job) -> dict[str, bytes]:
     from scenegen.figures.drawing import Thing, View
     from scenegen.figures.topview import topview
 
-    spec, scenes = job.spec, job.scenes
-    chosen = chosen_label(spec.labels, job.label)
-    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
+    whole, scenes = job.spec, job.scenes
+    if whole.timed is not None:
+        raise RequestError(TIME_NOT_HERE(file=whole.name))
+    chosen = chosen_label(whole.labels, job.label)
+    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in whole.regions]
     made = {}
-    for number, rows in enumerate(rows_of(spec, scenes).T, start=1):
-        values = evaluate(spec.core, rows.tolist())
-        node = deciding_atom(spec.core, chosen, values)
-        atom = spec.core.nodes[node]
-        assert isinstance(atom, Atom)
-        phi = values[spec.core.labels[chosen]]
-        things = [
-            Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
-            for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=True)
-        ]
-        view = View(
-            [*zones, *things],
-            x=spec.workspace.x,
-            y=spec.workspace.y,
-            marks=dimensions(spec.core, node, rows.tolist()),
-            caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
-            good=phi >= 0.0,
-        )
-        made[f"{scene_name(number, len(scenes))}_topview.svg"] = topview(view, width=480).encode()
-    return made
+    for part in parts_of(whole, scenes):
+        spec = part.spec
+        for number, rows in zip(part.which + 1, part.rows.T, strict=True):
+            values = evaluate(spec.core, rows.tolist())
+            node = deciding_atom(spec.core, chosen, values)
+            atom = spec.core.nodes[node]
+            assert isinstance(atom, Atom)
+            phi = values[spec.core.labels[chosen]]
+            things = [
+                Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
+                for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=False)
+            ]
+            view = View(
+                [*zones, *things],
+                x=spec.workspace.x,
+                y=spec.workspace.y,
+                marks=dimensions(spec.core, node, rows.tolist()),
+                caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
+                good=phi >= 0.0,
+            )
+            made[f"{scene_name(int(number), len(scenes))}_topview.svg"] = topview(view, width=480).encode()
+    return dict(sorted(made.items()))

@@ -46,10 +46,11 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
         wanted = f"at most {MOST_OBJECTS} objects: a grammar names every pair"
         raise RequestError(OUT_OF_RANGE(argument="objects", value=len(spec.objects), wanted=wanted))
     text = spec.source
-    scenes = valid_scenes(spec.declared)
+    _, least = next(iter(spec.members))  # names what is there whatever the number of things
+    scenes = valid_scenes(least.declared)
     if scenes is None:
         raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
-    found = findings(Source(spec.declared.name, text), scenes)
+    found = findings(Source(spec.declared.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape
     return grammar(found, declared if only == "spec" else "", label_names(text, GOALS), chosen)

@@ -71,8 +71,7 @@ class Monitor:
         horizon = self._timed.horizon
         if self._watch is not None and self._watch.seen >= horizon.moments:
             raise RequestError(MOTION_HAS_ENDED(moments=horizon.moments, end=horizon.seconds))
-        array = self._named(poses) if isinstance(poses, Mapping) else _numbers(poses)
-        self._check(array)
+        array = self.read(poses)
         if self._watch is None:
             self._batch = array.shape[:-2]
             count = self._batch[0] if self._batch else 1
@@ -82,6 +81,12 @@ class Monitor:
         low, high = ({name: self._out(value[end]) for name, value in phi.items()} for end in (LOW, HIGH))
         both = None if required is None else (self._out(required[LOW]), self._out(required[HIGH]))
         return Outlook(moment, moment * horizon.dt, low, high, both)
+
+    def read(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Array:
+        """What `add` takes as an array, checked, without adding it. Raises RequestError for poses of another form."""
+        array = self._named(poses) if isinstance(poses, Mapping) else _numbers(poses)
+        self._check(array)
+        return array
 
     def reset(self) -> None:
         """Forget what was seen: the next moment is the first of another motion."""

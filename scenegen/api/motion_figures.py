@@ -11,20 +11,26 @@ from scenegen.api.figures import Look
 from scenegen.api.labels import chosen_label
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import RequestError, quoted
-from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.figures.strip import animation, strip
+from scenegen.errors.motions import WHICH_MOTION
+from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.temporal import NO_SUCH_MOTION
+from scenegen.figures.strip import HELD, STEP, animation, pages, strip
+from scenegen.figures.video import video
+from scenegen.formats.files import check_writable, write_whole
 from scenegen.formats.folder import whole_files
 from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.lang.check import check_text
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.pose import as_rows
 from scenegen.primitives import NUMPY
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
 
-KINDS = ("gif", "strip", "phi")
+KINDS = ("gif", "mp4", "strip", "phi")
+MOVING = (".gif", ".mp4")  # endings of files with one motion
 SHOWN = 6  # moments of a strip
 
 
@@ -39,8 +45,6 @@ def figures(
     workers: int | None = None,
 ) -> tuple[Path, ...]:
     """See `MotionSet.figures`."""
-    from scenegen.render.request import check_request, usual_size
-
     folder = as_path("out", out)
     for kind in kinds:
         if kind not in KINDS:
@@ -48,9 +52,7 @@ def figures(
     if not kinds:
         wanted = f"something to draw, after the folder; there are {quoted(KINDS)}"
         raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
-    size = usual_size(scenes_header(motions.header)) if size is None else size
-    check_request((view,), size, workers)
-    look = Look(view, size, distinct, workers, None)
+    look = _look(motions, kinds, view, size, distinct, workers)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     chosen = chosen_label(spec.labels, label)
     made: dict[str, bytes] = {}
@@ -61,6 +63,56 @@ def figures(
         for name, data in made.items():
             put(name, data)
     return tuple(folder / name for name in made)
+
+
+def animate(
+    motions: MotionArrays,
+    path: str | Path,
+    motion: int | None = None,
+    *,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> Path:
+    """See `MotionSet.animate`; `motion` counts from 1."""
+    path = as_path("path", path)
+    ending = path.suffix.lower()
+    if ending not in MOVING:
+        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
+    count = len(motions.poses)
+    if motion is None and count > 1:
+        raise RequestError(WHICH_MOTION(path=path.name, count=count))
+    number = 1 if motion is None else motion
+    if not 1 <= number <= count:
+        raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
+    kinds = (ending[1:],)
+    look = _look(motions, kinds, view, size, distinct, workers)
+    check_writable(path)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
+    return path
+
+
+def _look(
+    motions: MotionArrays,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int] | None,
+    distinct: bool,
+    workers: int | None,
+) -> Look:
+    """How pictures are drawn. Raises RequestError for what cannot be, before anything is drawn."""
+    from scenegen.render.request import check_request, usual_size
+
+    size = usual_size(scenes_header(motions.header)) if size is None else size
+    check_request((view,), size, workers)
+    if "mp4" in kinds:
+        need("av", "for MP4 files")
+    if not len(motions.poses):
+        raise RequestError(NO_SCENES())
+    return Look(view, size, distinct, workers, None)
 
 
 def _one(
@@ -76,11 +128,13 @@ def _one(
         from scenegen.figures.over_time import over_time as chart
 
         made["_phi.png"] = chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
-    if "gif" not in kinds and "strip" not in kinds:
+    if set(kinds) <= {"phi"}:
         return made
     drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
+    if "mp4" in kinds:
+        made[".mp4"] = video(pages(drawn, values, label), STEP, HELD)
     if "strip" in kinds:
         picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
         small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)

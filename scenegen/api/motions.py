@@ -95,13 +95,33 @@ class MotionSet:
         workers: int | None = None,
     ) -> tuple[Path, ...]:
         """Draw every motion into the folder `out`; the paths of the files. `kinds` are of "gif" (motion_0001.gif: the
-        motion, with phi below), "strip" (motion_0001_strip.png: six moments side by side) and "phi"
-        (motion_0001_phi.png: phi over time). The other arguments are those of `SceneSet.figures`. phi at a moment is
-        that of the formula from there on. Raises RequestError, OutputError."""
+        motion, with phi below), "mp4" (the same as a video, with the extra `video`), "strip" (motion_0001_strip.png:
+        six moments side by side) and "phi" (motion_0001_phi.png: phi over time). The other arguments are those of
+        `SceneSet.figures`. phi at a moment is that of the formula from there on. Raises RequestError, OutputError."""
         from scenegen.api.motion_figures import figures
 
         return figures(
             self._arrays(), out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers
+        )
+
+    def animate(
+        self,
+        path: str | Path,
+        motion: int | None = None,
+        *,
+        view: str = "perspective",
+        size: tuple[int, int] | None = None,
+        distinct: bool = False,
+        label: str | None = None,
+        workers: int | None = None,
+    ) -> Path:
+        """Draw one motion, with phi below, into a .gif or .mp4 file; `motion` counts from 1 and may be left out where
+        there is only one. The file appears whole or not at all. The other arguments are those of `figures`. Raises
+        RequestError, also without the extra `video` for .mp4, and OutputError."""
+        from scenegen.api.motion_figures import animate
+
+        return animate(
+            self._arrays(), path, motion, view=view, size=size, distinct=distinct, label=label, workers=workers
         )
 
 

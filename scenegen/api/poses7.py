@@ -45,6 +45,7 @@ def poses7(
         shapes, poses, declared=heights_of(header, np.empty((len(poses), 0)) if on is None else on)
     )
     found[..., 3], found[..., 6] = np.cos(poses[..., THETA] / 2.0), np.sin(poses[..., THETA] / 2.0)
+    found[np.isnan(poses[..., X])] = np.nan
     found = found.astype(dtype)
     if not tensor:
         return found

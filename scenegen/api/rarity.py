@@ -11,11 +11,14 @@ import numpy as np
 from scenegen.api.spec import Spec, check_spec, refuse_choices
 from scenegen.bounds.effort import Effort
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.counts import NUMBER_LEFT_OUT
 from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
 from scenegen.errors.motions import NO_MOTION_MEETS, NO_MOTION_SATISFIES
 from scenegen.errors.requests import ALL_HELD, OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_LABEL
+from scenegen.lang.counts import written
 from scenegen.sampling.interval import Estimate
-from scenegen.sampling.rarity import measure
+from scenegen.sampling.mixed_tails import mixed
+from scenegen.sampling.rarity import WORK, measure
 from scenegen.sampling.request import MAX_SEED
 from scenegen.sampling.tails import OutOfReach, Rarity, Reach
 from scenegen.sampling.vast import measure_vast, vast
@@ -27,6 +30,7 @@ ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 CURVE = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
 HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
 SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
+MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
 
 Ends = tuple[float, float]
 
@@ -101,11 +105,28 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
     if spec.over_time is not None:
         return _of_motions(spec, labels, seed)
     bounds = spec.bounds()
-    found = _measure(spec, labels, bounds, seed)
+    left_out: list[Diagnostic] = []
+    found = _measure(spec, labels, bounds, seed) if not spec.counts else _of_numbers(spec, labels, seed, left_out)
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     never = {one.label for one in reports if one.reached[1] < 0.0}
     warnings = tuple(_clashes(spec, never)) if never else ()
-    return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
+    return SpecRarity(reports, found.requirement, seed, found.evaluations, (*left_out, *warnings))
+
+
+def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Diagnostic]) -> Rarity:
+    """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
+    RequestError where all are."""
+    found: list[Rarity] = []
+    share = WORK // min(len(spec.declared.members), MOST_SHARES)
+    for numbers, member in spec.members:
+        try:
+            found.append(_measure(member, labels, member.bounds(), seed, share))
+        except RequestError as error:
+            first = error.diagnostics[0]
+            left_out.append(NUMBER_LEFT_OUT(counted=written(numbers), why=first.title))
+            if len(left_out) == len(spec.declared.members):
+                raise
+    return mixed(found)
 
 
 def _of_motions(spec: Spec, labels: Sequence[str], seed: int) -> SpecRarity:
@@ -126,7 +147,7 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int) -> SpecRarity:
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
 
-def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int) -> Rarity:
+def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, work: int = WORK) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
     checked = spec.checked
@@ -136,7 +157,7 @@ def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed
             return measure_vast(checked, labels, seed)
         except RequestError as error:
             raise _clash(spec) or error from None
-    found = measure(checked.core, lowest, highest, labels, seed)
+    found = measure(checked.core, lowest, highest, labels, seed, work=work)
     if isinstance(found, OutOfReach):
         try:
             return measure_vast(checked, labels, seed)

@@ -28,6 +28,7 @@ from scenegen.scene.data import RequestData
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
     from scenegen.sampling.plan import Plan
     from scenegen.sampling.problem import Budget
 
@@ -110,16 +111,28 @@ def plan_of(source: Spec | Model, request: SampleRequest, budget: Budget, on_not
     from scenegen.sampling.problem import make_problem
 
     model = source if isinstance(source, Model) else None
-    spec = (source.spec if isinstance(source, Model) else source).checked
-    problem = make_problem(spec, request, budget)
-    plan = make_plan(problem, budget, None if model is None else replace(model.proposer, asked=tuple(request.phi)))
+    spec = source.spec if isinstance(source, Model) else source
+
+    def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
+        proposer = None if model is None else replace(model.proposer, asked=tuple(request.phi))
+        return make_plan(make_problem(checked, request, budget), budget, proposer)
+
+    def settled(plan: Plan) -> Plan:
+        if not request.settle or not plan.reached:
+            return plan
+        from scenegen.physics.settling import Settling
+
+        return Settling(plan.problem, plan, request.workers, budget, why=plan.why)
+
+    if spec.counts:
+        from scenegen.sampling.numbered_planning import plan_numbers
+
+        plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
+    else:
+        plan = settled(make(spec.checked, request))
     if plan.why is not None and on_note is not None:
         on_note(f"{plan.method}: {plan.why}")
-    if not request.settle or not plan.reached:
-        return plan
-    from scenegen.physics.settling import Settling
-
-    return Settling(problem, plan, request.workers, budget, why=plan.why)
+    return plan
 
 
 def request_data(request: SampleRequest) -> RequestData:

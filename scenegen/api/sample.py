@@ -100,7 +100,7 @@ def draw_scenes(
 
 def _check_size(source: Spec | Model, n: int) -> None:
     """Refuse more scenes than go into memory. Raises RequestError."""
-    spec = (source.spec if isinstance(source, Model) else source).checked
+    spec = (source.spec if isinstance(source, Model) else source).drawn
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
         raise RequestError(TOO_MANY_FOR_MEMORY(n=n, objects=len(spec.objects), most=most))

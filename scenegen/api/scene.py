@@ -28,7 +28,15 @@ class Scene:
 
     def data(self) -> SceneData:
         """The scene as files hold it."""
-        return SceneData(poses=dict(self.poses), phi=dict(self.phi))
+        return SceneData(poses=dict(self.poses), phi=dict(self.phi), counts=self.counts or None)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many things there are, by array of objects, where that is drawn."""
+        return {
+            one.name: sum(f"{one.name}[{k}]" in self.poses for k in range(1, one.most + 1))
+            for one in self.header.counts
+        }
 
     def file(self) -> SceneFile:
         """A scene file with this scene alone."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,8 @@ from scenegen.formats import registry as table
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.lang.levels import chosen
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import as_rows, row_count
+from scenegen.pose import X, as_rows, row_count, row_of
+from scenegen.scene.count_data import CountData
 from scenegen.scene.data import (
     RAISED,
     VERSION,
@@ -32,9 +34,10 @@ from scenegen.scene.data import (
     WorkspaceData,
     footprint_data,
 )
+from scenegen.scene.numbers import member_of, numbers_in
 from scenegen.scene.standing import pose_of
 from scenegen.scene.workspace import turned
-from scenegen.training.datasets.arrange import arranged, check_held, order_of, with_switches
+from scenegen.training.datasets.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
@@ -64,6 +67,43 @@ class SceneArrays:
     def objects(self) -> tuple[str, ...]:
         return tuple(one.name for one in self.header.objects)
 
+    @property
+    def counts(self) -> dict[str, npt.NDArray[np.intp]]:
+        """How many things there are, (n,) by array of objects, where that is drawn: others have NaN in `poses`."""
+        if not self.header.counts:
+            return {}
+        numbers = numbers_in(self.objects, self.header.counts, self.present)
+        return {one.name: number for one, number in zip(self.header.counts, numbers, strict=True)}
+
+    @property
+    def present(self) -> npt.NDArray[np.bool_]:
+        """(n, N): which objects are there."""
+        return ~np.isnan(self.poses[:, :, X])
+
+    def parts(self) -> Iterator[tuple[dict[str, int], npt.NDArray[np.intp]]]:
+        """The numbers of things that there are, in lexicographic order, and the scenes that have them."""
+        counts = self.counts
+        if not counts:
+            yield {}, np.arange(len(self))
+            return
+        table = np.array(list(counts.values())).reshape(len(counts), len(self))
+        for numbers in np.unique(table, axis=1).T:
+            mine = np.flatnonzero((table == numbers[:, None]).all(axis=0))
+            yield dict(zip(counts, numbers.tolist(), strict=True)), mine
+
+    def only(self, numbers: Mapping[str, int], which: npt.NDArray[np.intp]) -> SceneArrays:
+        """Scenes that all have these numbers of things, as a set of scenes in which no number is drawn."""
+        header = member_of(self.header, numbers)
+        here = {one.name for one in header.objects}
+        columns = [column for column, name in enumerate(self.objects) if name in here]
+        chosen = [column for column, one in enumerate(self.header.choosers) if one.name in here]
+        return SceneArrays(
+            self.poses[which[:, None], columns],
+            {name: values[which] for name, values in self.phi.items()},
+            header,
+            on=None if self.on is None else self.on[which[:, None], chosen],
+        )
+
     def names(self) -> str:
         """The first objects in words."""
         more = len(self.objects) - NAMED
@@ -76,6 +116,7 @@ class SceneArrays:
         poses = {
             name: pose_of(choosers.get(name), tuple(pose), on.get(name, 0.0))
             for name, pose in zip(self.objects, self.poses[index].tolist(), strict=True)
+            if not math.isnan(pose[0])
         }
         return poses, {name: float(values[index]) for name, values in self.phi.items()}
 
@@ -83,7 +124,11 @@ class SceneArrays:
         """The scene file: validated data, ready to be written."""
         if not len(self):
             return self.header.without_scenes(tuple(self.phi))
-        scenes = [SceneData(poses=poses, phi=phi) for poses, phi in map(self.places, range(len(self)))]
+        counts = self.counts
+        scenes = [
+            SceneData(poses=poses, phi=phi, counts={name: int(each[number]) for name, each in counts.items()} or None)
+            for number, (poses, phi) in enumerate(map(self.places, range(len(self))))
+        ]
         return self.header.model_copy(update={"scenes": scenes})
 
     def save(self, path: str | Path) -> Path:
@@ -113,6 +158,7 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
             ObjectData(name=name, shape=_shape_data(shape), support=_support_data(spec, which))
             for which, (name, shape) in enumerate(zip(spec.objects, spec.shapes, strict=True))
         ],
+        counts=[CountData(name=one.name, least=one.least, most=one.most) for one in spec.counts],
         regions=[
             RegionData(
                 name=region.name,
@@ -153,11 +199,31 @@ def _shape_data(shape: Shape) -> ShapeData:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """The scenes of a set that one ordinary spec is of: `which` they are, and their `rows` in the order of its core."""
+
+    spec: CheckedSpec
+    which: npt.NDArray[np.intp]
+    rows: Array
+
+
+def parts_of(spec: CheckedSpec, scenes: SceneArrays) -> Iterator[Part]:
+    """The scenes by the ordinary spec that they are of: the spec, or members of it where it draws how many things there
+    are. Raises DataError as `rows_of` does."""
+    for numbers, which in scenes.parts():
+        some = scenes.only(numbers, which) if numbers else scenes
+        found = (one for one in spec.members if set(one.objects) == set(some.objects))
+        mine = next(found, spec)
+        yield Part(mine, which, rows_of(mine, some))
+
+
 def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
     """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
     """
+    refuse_numbers(scenes.header, "this")
     stored = as_rows(scenes.poses)
     rows = turned(arranged(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
@@ -169,5 +235,8 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
     if not spec.choices:
         return rows
     count = row_count(len(spec.objects))
-    on = [chosen(choice, rows) + 1.0 for choice in spec.choices.values()]
+    on = [
+        np.where(np.isnan(rows[row_of(one.switch, X)]), np.nan, chosen(one, rows) + 1.0)
+        for one in spec.choices.values()
+    ]
     return np.concatenate([rows[:count], on])

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
-from scenegen.api.scene_arrays import Array, SceneArrays, rows_of
+from scenegen.api.scene_arrays import Array, SceneArrays, parts_of
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, OUT_OF_RANGE
 from scenegen.formats import registry as table
@@ -131,24 +131,28 @@ class SceneSet(SceneArrays):
         self,
         out: str | Path,
         *,
-        views: tuple[str, ...] = ("top", "perspective"),
+        views: tuple[str, ...] | None = None,
         size: tuple[int, int] | None = None,
         distinct: bool = False,
         transparent: bool = False,
         depth: bool = False,
         masks: bool = False,
         renderer: str = "software",
+        looks: str | Path | None = None,
+        seed: int = 0,
         workers: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
-        `views` are of "top", "perspective", "front" and "three-quarter". `size` is in pixels, by default (640, 480),
-        wider for a wide workspace. `distinct` colours objects apart that would look the same. `transparent` leaves out
-        the ground below the table; `depth` and `masks` add the depth in metres and what each pixel shows, as PNG and
-        NPZ. The result's `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a
-        JSON file with intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told
-        how many scenes of how many are drawn. Raises RequestError, DataError, OutputError.
+        `views` are of "top", "perspective", "front" and "three-quarter", by default the first two. `size` is in pixels,
+        by default (640, 480), wider for a wide workspace. `distinct` colours objects apart that would look the same.
+        `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
+        pixel shows, as PNG and NPZ. `looks`, a TOML file or "random", draws a look for each scene by `seed`; the
+        default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. The result's
+        `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
+        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
+        of how many are drawn. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 
@@ -162,6 +166,8 @@ class SceneSet(SceneArrays):
             depth=depth,
             masks=masks,
             renderer=renderer,
+            looks=looks,
+            seed=seed,
             workers=workers,
             progress=progress,
         )
@@ -232,33 +238,39 @@ def scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> Scen
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
     """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
-    rows = rows_of(spec, scenes)
     phi = {name: np.empty(len(scenes)) for name in spec.labels}
-    for start in range(0, len(scenes), CACHED):
-        part = slice(start, start + CACHED)
-        for name, value in score(spec.core, list(np.ascontiguousarray(rows[:, part])), NUMPY).items():
-            phi[name][part] = value
+    for part in parts_of(spec, scenes):
+        for start in range(0, len(part.which), CACHED):
+            some = slice(start, start + CACHED)
+            rows = list(np.ascontiguousarray(part.rows[:, some]))
+            for name, value in score(part.spec.core, rows, NUMPY).items():
+                phi[name][part.which[some]] = value
     return phi
 
 
 def requirement(spec: CheckedSpec, scenes: SceneSet) -> Array | None:
     """The margin by which each scene meets what the spec requires, (n,): negative where it does not. None where the
-    spec requires nothing."""
-    if spec.core.requirement is None:
+    spec requires nothing; infinite in scenes of which it requires nothing because they have too few things."""
+    if all(one.core.requirement is None for one in spec.members or (spec,)):
         return None
-    value = score(gated(spec.core), list(rows_of(spec, scenes)), NUMPY)[REQUIRE]
-    return np.array(np.broadcast_to(value, len(scenes)))
+    margin = np.full(len(scenes), np.inf)
+    for part in parts_of(spec, scenes):
+        if part.spec.core.requirement is not None:
+            margin[part.which] = score(gated(part.spec.core), list(part.rows), NUMPY)[REQUIRE]
+    return margin
 
 
 def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:
     """For every label and scene the atom that decides phi: its margin is phi, so it alone would have to change."""
-    atoms: dict[str, list[str]] = {label: [] for label in spec.labels}
-    for scene in rows_of(spec, scenes).T:
-        values = interpret(spec.core, scene.tolist())
-        for label, found in atoms.items():
-            atom = spec.core.nodes[deciding_atom(spec.core, label, values)]
-            assert isinstance(atom, Atom)
-            found.append(atom.text)
+    atoms: dict[str, list[str]] = {label: [""] * len(scenes) for label in spec.labels}
+    for part in parts_of(spec, scenes):
+        core = part.spec.core
+        for which, scene in zip(part.which, part.rows.T, strict=True):
+            values = interpret(core, scene.tolist())
+            for label, found in atoms.items():
+                atom = core.nodes[deciding_atom(core, label, values)]
+                assert isinstance(atom, Atom)
+                found[which] = atom.text
     return atoms
 
 

@@ -109,6 +109,7 @@ class _Look:
                 found.phi[label] = found.phi.get(label, 0) + counts
             for index, name in enumerate(self.objects):
                 x, y = block.rows[row_of(index, X)], block.rows[row_of(index, Y)]
+                x, y = x[~np.isnan(x)], y[~np.isnan(x)]
                 counts = np.histogram2d(x, y, GRID, self.table)[0].astype(np.int64)
                 found.places[name] = found.places.get(name, 0) + counts
             hashes.append(_hashes(block.rows))
@@ -158,6 +159,7 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
     repeated = None if total > HASHED else total - len(np.unique(np.concatenate(hashes))) if hashes else 0
     # shards of a data set have requests of their own, of which none is that of the set
     comparable = not any(one.fault for one in shards) and all(shard.made is None for shard in stored.shards)
+    comparable = comparable and not stored.header.counts  # distances are those of scenes of the same objects
     return SetReport(
         len(stored), sum(shard.bytes for shard in stored.shards), manifest.complete, phi, places, repeated,
         coverage_of(stored, timeout) if comparable and shards and timeout > 0 else None, tuple(shards), verify,
@@ -170,7 +172,7 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
     from scenegen.errors.stores import NOT_A_SET
 
     try:
-        return parse(stored.header.spec.source).checked
+        return parse(stored.header.spec.source).drawn
     except SpecError as error:
         reason = f"the spec in its header does not parse: {error.diagnostics[0].title}"
         remedy = "it was made by another version of scenegen"

@@ -55,7 +55,7 @@ def write_set(
     from scenegen.version import __version__
 
     size = None if shard_size is None else as_int("shard_size", shard_size)
-    spec = (source.spec if isinstance(source, Model) else source).checked
+    spec = (source.spec if isinstance(source, Model) else source).drawn
     size = sets.shard_size(size, len(spec.objects), len(spec.labels))
     check_engine(engine, address)
     refuse_held(store)

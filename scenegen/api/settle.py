@@ -33,6 +33,7 @@ from scenegen.physics.rest import ROUND, Rested, Resting, check_simulator, versi
 from scenegen.pose import as_poses, row_count
 from scenegen.scene.data import SceneFile
 from scenegen.scene.settled import SettledHeader, SimulatorData
+from scenegen.training.datasets.arrange import refuse_numbers
 from scenegen.validation import as_path, as_seconds
 
 Array = npt.NDArray[np.float64]
@@ -120,6 +121,7 @@ def settle_file(
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
     check_simulator(simulator)
+    refuse_numbers(scenes, "settling")
     spec = check_text(scenes.spec.source, "the spec of the scenes")
     return SettledHeader(
         spec=scenes.spec,

@@ -9,6 +9,7 @@ from scenegen.errors.requests import NOT_A_SCENE
 from scenegen.export.setting import world_of
 from scenegen.formats.lines import block_of
 from scenegen.needs import need
+from scenegen.scene.numbers import member_of
 
 if TYPE_CHECKING:
     from scenegen.api.scene import Scene
@@ -36,5 +37,6 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
 
     if not isinstance(scene, Scene):
         raise RequestError(NOT_A_SCENE(value=repr(scene)))
-    world = world_of(scene.header, block_of([scene.data()], scene.header, tuple(scene.phi)))
+    header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
+    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)))
     return load(world, getattr(client, "_client", client), table=table)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, RequestError, SpecError
+from scenegen.errors.counts import COUNT_OUT_OF_RANGE, NUMBERS_NOT_HERE, UNKNOWN_COUNT
 from scenegen.errors.language import PHI_TOO_LARGE
-from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT
+from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
+from scenegen.lang.counts import combinations
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
-from scenegen.validation import as_path
+from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
     from scenegen.lang.horizon import Horizon, Movers
@@ -46,9 +50,56 @@ class Spec:
     def checked(self) -> CheckedSpec:
         """What the spec means for single scenes. Raises RequestError for a spec over time: whatever asks for this
         works on scenes."""
+        if self.counts:
+            name, (_, most) = next(iter(self.counts.items()))
+            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=name, most=most))
+        return self.drawn
+
+    @property
+    def drawn(self) -> CheckedSpec:
+        """The same, of a spec that may draw how many things there are: read no `core` from it, but from its members.
+        Raises RequestError for a spec over time."""
         if self._checked.timed is not None:
             raise RequestError(TIME_NOT_HERE(file=self._checked.name))
         return self._checked
+
+    @property
+    def counts(self) -> dict[str, tuple[int, int]]:
+        """The arrays whose number of elements is drawn, and the least and the most there can be."""
+        return {one.name: (one.least, one.most) for one in self._checked.counts}
+
+    def with_counts(self, counts: Mapping[str, int]) -> Spec:
+        """The spec with these numbers of things, by name; it draws the others. With all of them it is an ordinary spec.
+
+        >>> spec = scenegen.parse("object block[3..8], mug task: forall b in block: leftOf(b, mug)")
+        >>> spec.counts, spec.with_counts({"block": 3}).objects
+        ({'block': (3, 8)}, ('block[1]', 'block[2]', 'block[3]', 'mug'))
+
+        Raises RequestError for a name whose number is not drawn, and for a number that cannot be.
+        """
+        if not isinstance(counts, Mapping):
+            raise RequestError(
+                WRONG_VALUE(argument="counts", value=repr(counts), wanted='numbers by name: {"block": 5}')
+            )
+        for name, number in counts.items():
+            if name not in self.counts:
+                raise RequestError(UNKNOWN_COUNT(name=name, known=tuple(self.counts)))
+            least, most = self.counts[name]
+            if not least <= as_int("counts", number) <= most:
+                raise RequestError(COUNT_OUT_OF_RANGE(name=name, number=number, least=least, most=most))
+        if not counts:
+            return self
+        made = check_text(self.source, self._checked.name, counts)
+        return Spec(dataclasses.replace(made, title=self._checked.title))
+
+    @property
+    def members(self) -> Iterator[tuple[dict[str, int], Spec]]:
+        """An ordinary spec for each combination of numbers of things, with the numbers: itself where it draws none."""
+        if not self.counts:
+            yield {}, self
+            return
+        for numbers, member in zip(combinations(self._checked.counts), self._checked.members, strict=True):
+            yield numbers, Spec(member)
 
     @property
     def declared(self) -> CheckedSpec:
@@ -72,7 +123,7 @@ class Spec:
 
     def _repr_html_(self) -> str:
         """For notebooks: the formula of every label as a tree."""
-        if self._checked.timed is not None:
+        if self._checked.timed is not None or self.counts:
             from html import escape
 
             return f"<pre>{escape(self.source)}</pre>"
@@ -84,7 +135,7 @@ class Spec:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
         for label, bounds in self.bounds().items():
             if not all(map(math.isfinite, bounds)):
-                raise SpecError(PHI_TOO_LARGE(file=self.checked.name, label=label))
+                raise SpecError(PHI_TOO_LARGE(file=self._checked.name, label=label))
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -143,7 +194,10 @@ class Spec:
 
             return phi_bounds(self._checked.timed, *self._checked.box(), Effort())
 
-        return spec_bounds(self.checked)
+        each = [spec_bounds(one) for one in self._checked.members or (self._checked,)]
+        return {
+            label: (min(one[label][0] for one in each), max(one[label][1] for one in each)) for label in self.labels
+        }
 
     def infeasible(self) -> list[Diagnostic]:
         """A warning for each label that no scene seems to satisfy, and for a requirement that no scene meets.
@@ -152,7 +206,7 @@ class Spec:
         """
         from scenegen.api.feasibility import infeasible
 
-        return infeasible(self.checked)
+        return infeasible(self.drawn)
 
 
 def refuse_choices(spec: Spec, what: str) -> None:

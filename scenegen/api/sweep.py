@@ -29,13 +29,16 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
     Objects are moved by Newton steps along the gradient of phi, each scene from the one before it, up to what the set
     reaches at most, or to `DONE`; what the spec requires holds on the way, and what stands on one of several
-    surfaces stays there. `label` is by default the first one. Fewer than `frames` scenes come back where some phi
-    cannot be had. Raises RequestError for an unknown label and for a set without scenes.
+    surfaces stays there. Where the number of things is drawn, it is that of the hardest scene. `label` is by default
+    the first one. Fewer than `frames` scenes come back where some phi cannot be had. Raises RequestError for an unknown
+    label and for a set without scenes.
     """
     if not len(scenes):
         raise RequestError(NO_SCENES())
     spec = parse(scenes.header.spec.source, "the spec of these scenes")
     chosen = chosen_label(spec.labels, label)
+    if scenes.header.counts:
+        spec, scenes = _hardest_numbers(spec, scenes, chosen)
     core = gated(spec.checked.core)
     start = _start(spec, rows_of(spec.checked, scenes), chosen)
     here = float(np.min(score(core, list(start), NUMPY)[chosen]))
@@ -52,6 +55,13 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     on = stored_rows(spec.checked, rows)[placed:].T if spec.checked.choices else None
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
     return SceneArrays(poses, values, header, on=on), chosen
+
+
+def _hardest_numbers(spec: Spec, scenes: SceneArrays, label: str) -> tuple[Spec, SceneArrays]:
+    """The scenes with as many things as the hardest has, and the spec that these are of."""
+    hardest = int(scenes.phi[label].argmin()) if label in scenes.phi else 0
+    found = next((numbers, which) for numbers, which in scenes.parts() if hardest in which)
+    return spec.with_counts(found[0]), scenes.only(*found)
 
 
 def _start(spec: Spec, rows: Array, label: str) -> Array:

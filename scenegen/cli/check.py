@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root, SpecFiles, named
+from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
 
 if TYPE_CHECKING:
     from scenegen.api.feasibility import Doubt
@@ -33,6 +33,7 @@ def check(
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document instead, for editors and scripts.")
     ] = False,
+    count: Counts = None,
     root: Root = None,
 ) -> int:
     """Check specs: print the formula of each label, the objects, and what phi can be.
@@ -55,11 +56,12 @@ def check(
     from scenegen.cli.output import complain, detail
     from scenegen.errors import ScenegenError
 
+    numbers = parse_counts(count)
     reports: list[dict[str, Any]] = []
     failed = False
     for position, path in enumerate(specs):
         try:
-            spec = load(path, root)
+            spec = load(path, root).with_counts(numbers)
         except ScenegenError as error:
             failed = True
             if not json:
@@ -126,6 +128,7 @@ def _facts(spec: Spec) -> dict[str, Any]:
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
         **_time(spec),
+        **({"counts": {name: list(ends) for name, ends in spec.counts.items()}} if spec.counts else {}),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +16,7 @@ from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 
 if TYPE_CHECKING:
-    from scenegen.api.outline import Line
+    from scenegen.api.outline import Line, Outline
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
 
@@ -105,12 +106,12 @@ def evaluate(
         _explain(checked, found, one)
         return _compare(checked, found, scenes)
     columns: dict[str, list[float] | list[str]] = {}
-    atoms = why(checked.checked, found) if explain else {}
-    for label, values in score(checked.checked, found).items():
+    atoms = why(checked.drawn, found) if explain else {}
+    for label, values in score(checked.drawn, found).items():
         columns[label] = values.tolist()
         if explain:
             columns[f"{label} is decided by"] = atoms[label]
-    required = requirement(checked.checked, found)
+    required = requirement(checked.drawn, found)
     if required is not None:
         columns[REQUIRE] = required.tolist()
     if sys.stdout.isatty():
@@ -125,14 +126,10 @@ def evaluate(
 
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
-    from scenegen.api.outline import Outline
-    from scenegen.api.scene_arrays import rows_of
     from scenegen.cli.tree import tree
     from scenegen.lang.core import REQUIRE
-    from scenegen.lang.interpret import evaluate as interpret
 
-    outline = Outline(spec)
-    values = interpret(outline.core, rows_of(spec.checked, scenes)[:, number - 1].tolist())
+    outline, values = _values(spec, scenes, number)
     typer.echo(f"scene {number} of {len(scenes)}")
     for label in outline.labels:
         value = values[outline.core.labels[label]]
@@ -148,15 +145,15 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
     from scenegen.api.scenes import explain as why
     from scenegen.api.scenes import requirement
 
-    phi = score(spec.checked, scenes)
-    required = requirement(spec.checked, scenes)
-    atoms = why(spec.checked, scenes) if explain else {}
+    phi = score(spec.drawn, scenes)
+    required = requirement(spec.drawn, scenes)
+    atoms = why(spec.drawn, scenes) if explain else {}
     rows: list[dict[str, Any]] = []
     for number in range(1, len(scenes) + 1) if only is None else (only,):
         at = number - 1
         row: dict[str, Any] = {"scene": number, "phi": {label: float(values[at]) for label, values in phi.items()}}
         if required is not None:
-            row[REQUIRED] = float(required[at])
+            row[REQUIRED] = float(required[at]) if isfinite(required[at]) else None
         if explain:
             row["decided_by"] = {label: texts[at] for label, texts in atoms.items()}
         rows.append(row)
@@ -170,13 +167,20 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
 
 def _formulas(spec: Spec, scenes: SceneSet, number: int) -> dict[str, list[Line]]:
     """Every sub-formula of a scene, by label, each with its value."""
+    outline, values = _values(spec, scenes, number)
+    return {label: outline.lines(label, most=EVERY, values=values)[0] for label in outline.labels}
+
+
+def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[float]]:
+    """The formulas of the spec that a scene is of, and the value of each node."""
     from scenegen.api.outline import Outline
-    from scenegen.api.scene_arrays import rows_of
+    from scenegen.api.scene_arrays import parts_of
+    from scenegen.api.spec import Spec
     from scenegen.lang.interpret import evaluate as interpret
 
-    outline = Outline(spec)
-    values = interpret(outline.core, rows_of(spec.checked, scenes)[:, number - 1].tolist())
-    return {label: outline.lines(label, most=EVERY, values=values)[0] for label in outline.labels}
+    (part,) = parts_of(spec.drawn, scenes[number - 1 : number])
+    outline = Outline(Spec(part.spec))
+    return outline, list(interpret(outline.core, part.rows[:, 0].tolist()))
 
 
 def _table(columns: dict[str, list[float] | list[str]]) -> None:
@@ -200,10 +204,10 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
 
     if not scenes.phi:  # moments of motions
         return 0
-    if scenes.header.spec.sha256 != spec.checked.sha256:
+    if scenes.header.spec.sha256 != spec.drawn.sha256:
         note(PHI_NOT_COMPARED(file=path))
         return 0
-    phi = score(spec.checked, scenes)
+    phi = score(spec.drawn, scenes)
     unknown = sorted(set(scenes.phi) - set(phi))
     if unknown:
         complain(LABEL_WITHOUT_SPEC(file=path, label=unknown[0]))

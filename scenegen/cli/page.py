@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.api.fold import Folded, Part
 from scenegen.api.outline import Line, Outline
+from scenegen.api.spec import Spec
 from scenegen.cli.tree import tree
 from scenegen.errors import Source
 from scenegen.lang import ast
@@ -20,7 +21,6 @@ from scenegen.lang.parse import parse
 from scenegen.lang.print import print_statement
 
 if TYPE_CHECKING:
-    from scenegen.api.spec import Spec
     from scenegen.lang.horizon import Horizon
 
 LINES = 40  # of a page, at most
@@ -46,9 +46,10 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
     everything = full or depth is not None
     head = list(_head(spec, None if full else width))
     yield from head
-    outline = Outline(spec)
+    outline = Outline(spec if not spec.counts else Spec(spec.declared.members[-1]))
     labels = outline.labels
-    titles = {name: _title(outline, name, rough.get(name, "")) for name in labels}
+    bounds = spec.bounds() if spec.counts else {}
+    titles = {name: _title(outline, name, rough.get(name, ""), bounds.get(name)) for name in labels}
     left = MOST if everything else LINES - len(head) - 2
     if left < HEAD * len(labels):  # no space for formulas
         left = max(left, HEAD)
@@ -99,6 +100,9 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         if index in checked.fixed
     ]
     free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
+    if checked.counts:
+        drawn = ", ".join(f"{one.least} to {one.most} {one.name}" for one in checked.counts)
+        yield f"  numbers    {drawn}: {len(checked.members)} specs; what follows is that of the most"
     regions = [one.name for one in checked.regions]
     for kind, names in (("objects", free if width is None else arrays(free)), ("fixed", held), ("regions", regions)):
         if not names:
@@ -131,10 +135,12 @@ def arrays(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _title(outline: Outline, label: str, remark: str) -> str:
+def _title(outline: Outline, label: str, remark: str, bounds: tuple[float, float] | None) -> str:
+    """`bounds` are those over all numbers of things, where these are drawn."""
     top = outline.line(outline.core.labels[label], margin=False)
     what = "margin" if label == REQUIRE else "phi"
-    return f"  {label}: {what} in [{top.low:.4g}, {top.high:.4g}]" + (f"; {remark}" if remark else "")
+    low, high = bounds or (top.low, top.high)
+    return f"  {label}: {what} in [{low:.4g}, {high:.4g}]" + (f"; {remark}" if remark else "")
 
 
 def _unfold(folded: Folded, roots: list[_Shown], left: int, depth: int | None) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Root, SpecFile, named
+from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def range_(
         typer.Option("--png", help="Draw the curves into this file, too.", metavar="FILE", show_default=False),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    count: Counts = None,
     root: Root = None,
 ) -> None:
     """Say what phi can be reached and how rare it is, before you ask for scenes.
@@ -51,7 +52,7 @@ def range_(
     if png is not None:
         _check_png(png)
         check_writable(png, spec)
-    checked = load(spec, root)
+    checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
     found = rarity(checked, label, seed=seed)
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
@@ -60,7 +61,7 @@ def range_(
 
         typer.echo(dumps(as_json(named(spec), found), indent=1, ensure_ascii=False))
     else:
-        _print(spec, found, "scene" if checked.over_time is None else "motion")
+        _print(spec, found, "scene" if checked.over_time is None else "motion", count or [])
     complain(*found.warnings)
     if png is not None:
         from scenegen.cli.output import print_error
@@ -81,7 +82,7 @@ def _check_png(path: Path) -> None:
         raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
 
-def _print(spec: Path, found: SpecRarity, what: str) -> None:
+def _print(spec: Path, found: SpecRarity, what: str, counts: list[str]) -> None:
     title = f"{named(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
@@ -89,11 +90,11 @@ def _print(spec: Path, found: SpecRarity, what: str) -> None:
         typer.echo(f"  what the spec requires is met by {many} (log10 P = {exactly}); what follows is about these")
     for one in found.labels:
         typer.echo("")
-        for line in _lines(spec, one, what):
+        for line in _lines(spec, one, what, counts):
             typer.echo(line)
 
 
-def _lines(spec: Path, one: LabelRarity, what: str) -> list[str]:
+def _lines(spec: Path, one: LabelRarity, what: str, counts: list[str]) -> list[str]:
     import shlex
 
     (low, high), (least, most) = one.bounds, one.reached
@@ -123,6 +124,7 @@ def _lines(spec: Path, one: LabelRarity, what: str) -> list[str]:
         for band in one.bands:
             share = TOO_RARE if band.log10 is None else one_in(band.log10, what)
             command = f"scenegen sample {shlex.quote(named(spec))} --phi {_option(one, band)}"
+            command += "".join(f" --count {shlex.quote(text)}" for text in counts)
             lines.append(f"    {band.name:<10} {share:<22} {command}")
     return lines
 

@@ -24,7 +24,15 @@ def render(
         list[Path],
         typer.Argument(help="A scenes file; several get a folder each in --out.", metavar="SCENES", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", help="The folder for the pictures.", metavar="DIR", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            help="The folder for the pictures, or a .gif or .mp4 file for one motion.",
+            metavar="DIR|FILE",
+            show_default=False,
+        ),
+    ],
     view: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,17 +66,31 @@ def render(
         list[str] | None,
         typer.Option(
             "--figure",
-            help="A figure instead of pictures: sheet, sweep, gif, heatmap or topview; more than one may be given.",
+            help="A figure instead of pictures: sheet, sweep, gif, mp4, heatmap or topview; of motions gif, mp4, strip "
+            "or phi; more than one may be given.",
             metavar="FIGURE",
         ),
     ] = None,
     label: Annotated[
         str | None,
-        typer.Option("--label", help="The label that sweep, gif and topview are about; default: the first."),
+        typer.Option("--label", help="The label that figures are about; default: the first."),
+    ] = None,
+    motion: Annotated[
+        int | None,
+        typer.Option("--motion", help="The motion of several that a .gif or .mp4 file shows.", metavar="NUMBER"),
     ] = None,
     renderer: Annotated[
         str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
     ] = "software",
+    looks: Annotated[
+        str | None,
+        typer.Option(
+            "--looks",
+            help="random, or a TOML file: draw table, ground, light and camera of each scene anew.",
+            metavar="LOOKS",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
@@ -82,7 +104,10 @@ def render(
       scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
+      scenegen render scenes.json --out dataset --looks random --seed 3
       scenegen render sets/*.json --out pictures
+      scenegen render motions.jsonl --out motion.mp4 --motion 3
+      scenegen render motions.jsonl --out figures --figure mp4 --figure strip
 
     Several files are drawn side by side, by --engine, each into a folder of its name in --out; one that fails is
     reported by its name, the others are drawn, and the exit status is 1.
@@ -95,61 +120,87 @@ def render(
       sheet    all scenes with their phi: contact_sheet.png
       sweep    one layout from hard to solved: sweep.png
       gif      the same, animated: sweep.gif
+      mp4      the same as a video, with the extra `video`: sweep.mp4
       heatmap  where each object goes: heatmap.png
       topview  what decides phi, as a dimension: scene_0001_topview.svg
+
+    \b
+    Figures of motions:
+      gif      the motion, with phi below: motion_0001.gif
+      mp4      the same as a video: motion_0001.mp4
+      strip    six moments side by side: motion_0001_strip.png
+      phi      phi over time: motion_0001_phi.png
     """
     from scenegen.api.scenes import check_count, read_scenes
+    from scenegen.cli.motion_pictures import film, names_film
+    from scenegen.cli.output import print_error
 
     shape = None if size is None else parse_size(size)
-    views = tuple(view) if view else ("top", "perspective")
-    if figure:
+    alone = names_film(out)
+    if alone and (figure or len(sources) > 1):
+        raise _only(f"--out {out.name}", "is for one file, without --figure")
+    if motion is not None and not alone:
+        raise _only("--motion", "goes with --out FILE.gif or FILE.mp4")
+    if seed and looks is None:
+        raise _only("--seed", "goes with --looks")
+    if figure or alone:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
+        if looks is not None:
+            raise _only("--looks", "goes with pictures, not with --figure")
     elif label is not None:
-        raise _only("--label", "goes with --figure sweep, gif or topview")
-    of_figures = (tuple(figure), view[0] if view else "perspective", shape, distinct, label) if figure else None
+        raise _only("--label", "goes with --figure, and with --out FILE.gif or FILE.mp4")
+    of_figures = {"view": view[0] if view else "perspective", "size": shape, "distinct": distinct, "label": label}
     look: dict[str, Any] = {
         "size": shape,
-        "views": views,
+        "views": tuple(view) if view else None,
         "distinct": distinct,
         "transparent": transparent,
         "depth": depth,
         "masks": masks,
         "renderer": renderer,
+        "looks": looks,
+        "seed": seed,
     }
     if len(sources) > 1:
         from scenegen.formats.files import ensure_folder
 
         jobs = [(name, (source, out / name)) for name, source in zip(names_of(sources), sources, strict=True)]
         ensure_folder(out)
-        return shared_work(_Drawing(of_figures, look), jobs, engine, workers, address, "drawing")
+        job = _Drawing(tuple(figure or ()), of_figures if figure else look)
+        return shared_work(job, jobs, engine, workers, address, "drawing")
     refuse_engine(engine, address)
-    found = read_scenes(sources[0])
-    check_count(found)
-    if of_figures is not None:
-        _figures(found, out, *of_figures, workers)
+    if alone:
+        print_error(film(sources[0], out, motion, {**of_figures, "workers": workers}))
+    elif figure:
+        _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers})
     else:
+        found = read_scenes(sources[0])
+        check_count(found)
         draw(found, out, workers=workers, **look)
     return 0
 
 
 @dataclass(frozen=True, slots=True)
 class _Drawing:
-    """The job of one file among several: (scenes, folder). `figures` are kinds, view, size, distinct and label."""
+    """The job of one file among several: (scenes, folder). Without `kinds` of figures, pictures."""
 
-    figures: tuple[tuple[str, ...], str, tuple[int, int] | None, bool, str | None] | None
+    kinds: tuple[str, ...]
     look: dict[str, Any]
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
         from scenegen.api.scenes import check_count, read_scenes
+        from scenegen.cli.motion_pictures import figures
 
         source, out = paths
+        made = figures(source, out, self.kinds, {**self.look, "workers": 1}) if self.kinds else None
+        if made is not None:
+            return Said((f"drew {len(made)} figures in {out}",))
         found = read_scenes(source)
         check_count(found)
-        if self.figures is None:
+        if not self.kinds:
             drawn = found.render(out, workers=1, **self.look)
             return Said((f"drew {len(drawn.pictures)} pictures in {out}",), _unknown(found))
-        kinds, view, size, distinct, label = self.figures
-        made = found.figures(out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=1)
+        made = found.figures(out, *self.kinds, workers=1, **self.look)
         return Said((f"drew {len(made)} figures in {out}",), _unknown(found))
 
 
@@ -170,12 +221,14 @@ def draw(
     *,
     size: tuple[int, int] | None = None,
     workers: int | None = None,
-    views: tuple[str, ...] = ("top", "perspective"),
+    views: tuple[str, ...] | None = None,
     distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
     renderer: str = "software",
+    looks: str | None = None,
+    seed: int = 0,
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
     from scenegen.cli.output import note_others, print_error, progress_bar
@@ -192,6 +245,8 @@ def draw(
             depth=depth,
             masks=masks,
             renderer=renderer,
+            looks=looks,
+            seed=seed,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done),
         )
@@ -202,38 +257,28 @@ def draw(
     note_others(out, len(scenes), ".png")
 
 
-def _figures(
-    scenes: SceneSet,
-    out: Path,
-    kinds: tuple[str, ...],
-    view: str,
-    size: tuple[int, int] | None,
-    distinct: bool,
-    label: str | None,
-    workers: int | None,
-) -> None:
+def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any]) -> None:
     from scenegen.api.figures import figures
+    from scenegen.api.scenes import check_count, read_scenes
+    from scenegen.cli import motion_pictures
     from scenegen.cli.output import note_others, print_error, progress_bar
 
-    with progress_bar() as bar:
-        task = bar.add_task("drawing", total=None)
-        made = figures(
-            scenes,
-            out,
-            kinds,
-            view=view,
-            size=size,
-            distinct=distinct,
-            label=label,
-            workers=workers,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
-    _note_unknown(scenes)
-    if len(made) > 4:
-        print_error(f"drew {len(made)} figures in {out}")
-    else:
-        print_error(f"drew {', '.join(map(str, made))}")
-    if "topview" in kinds:
+    made, scenes = motion_pictures.figures(source, out, kinds, look), None
+    if made is None:
+        scenes = read_scenes(source)
+        check_count(scenes)
+        with progress_bar() as bar:
+            task = bar.add_task("drawing", total=None)
+            made = figures(
+                scenes,
+                out,
+                kinds,
+                progress=lambda done, total: bar.update(task, completed=done, total=total),
+                **look,
+            )
+        _note_unknown(scenes)
+    print_error(f"drew {len(made)} figures in {out}" if len(made) > 4 else f"drew {', '.join(map(str, made))}")
+    if scenes is not None and "topview" in kinds:
         note_others(out, len(scenes), "_topview.svg")
 
 

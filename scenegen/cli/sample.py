@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Root, all_found, spec_names
+from scenegen.cli.options import Counts, Root, all_found, spec_names
 from scenegen.cli.sample_runs import Storing, Wishes, sample_many, sample_one
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, RESUME_WITHOUT_FILE
 from scenegen.sampling.methods import METHODS, methods_help
@@ -83,6 +83,7 @@ def sample(
             show_default=False,
         ),
     ] = None,
+    count: Counts = None,
     settle: Annotated[
         bool, typer.Option("--settle", help="Only scenes in which nothing moves when dropped in a simulator.")
     ] = False,
@@ -152,6 +153,7 @@ def sample(
       scenegen sample my.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=-0.2:0 --satisfied --out s.json
       scenegen sample my.spec --phi 0: --fix plate=0.5,0.5
+      scenegen sample my.spec --phi 0: --count block=5
       scenegen sample my.spec --phi 0: -n 1000000 --timeout 600 --out s.parquet
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
       scenegen sample my.spec --phi 0: -n 50_000_000 --timeout 36000 --out set/
@@ -178,7 +180,7 @@ def sample(
         raise RequestError(CONFLICTING_ARGUMENTS(one="satisfied", other="violated"))
     wishes = Wishes(
         phi or [], satisfied, violated, n, seed, method, spread, fix or [], settle, raw, workers, keep_partial, timeout,
-        steps, spec, root,
+        steps, spec, root, count or [],
     )  # fmt: skip
     storing = Storing(resume, engine, address, shard_size)
     if len(sources) == 1:

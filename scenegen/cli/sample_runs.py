@@ -38,6 +38,7 @@ class Wishes:
     steps: int | None
     spec: Path | None
     root: Path | None
+    counts: list[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,15 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     from scenegen.needs import need
 
     subject = _load(source, wishes.spec, wishes.root)
+    if wishes.counts:
+        from scenegen.api.model import Model
+        from scenegen.cli.options import parse_counts
+
+        counts = parse_counts(wishes.counts)
+        if isinstance(subject, Model):
+            subject.spec.with_counts(counts)  # says that a model's numbers are fixed
+        else:
+            subject = subject.with_counts(counts)
     if _is_over_time(subject):
         from scenegen.cli.motion_runs import sample_motions
 

@@ -57,6 +57,10 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
     if info["method"] == "growth":
         return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
+    if info["method"] == "numbered":
+        methods = ", ".join(dict.fromkeys(part["method"] for part in info["numbers"]))
+        equal = " in equal shares" if all("share" in part for part in info["numbers"]) else ""
+        return f"{len(info['numbers'])} numbers of things{equal}, by {methods}"
     if info["method"] == "paired":
         methods = ", ".join(part["method"] for part in info["components"])
         return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"

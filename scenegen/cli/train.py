@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Root, SpecFiles
+from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts
 from scenegen.formats.locations import names_set
 
 
@@ -127,6 +127,7 @@ def train(
         int | None,
         typer.Option("--workers", help="Models that are trained at a time; default: one per core.", show_default=False),
     ] = None,
+    count: Counts = None,
     root: Root = None,
 ) -> int:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
@@ -169,6 +170,7 @@ def train(
     }
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
+    counts = parse_counts(count)
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
     if len(specs) > 1 or names_set(out):
@@ -180,7 +182,7 @@ def train(
         jobs = [(name, (spec, folder / f"{name}.safetensors")) for name, spec in named]
         need("torch", "to train a model")
         ensure_folder(folder)
-        job = Training(model, recipe, options, card, resume, seconds, log_dir, root)
+        job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts)
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.cli.output import complain, console, detail, flag, print_error
@@ -198,7 +200,7 @@ def train(
 
     if card:
         check_card(path, spec)
-    checked = load(spec, root)
+    checked = load(spec, root).with_counts(counts)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:

@@ -30,6 +30,7 @@ class Training:
     seconds: float
     log_dir: Path | None
     root: Path | None
+    counts: dict[str, int]
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
         from scenegen.api.spec import load
@@ -41,7 +42,7 @@ class Training:
 
         source, out = paths
         began = time.monotonic()
-        spec = load(source, self.root)
+        spec = load(source, self.root).with_counts(self.counts)
         check_writable(out, source)
         if self.card:
             check_card(out, source)

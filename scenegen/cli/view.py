@@ -14,7 +14,9 @@ def view(
     what: Annotated[
         Path | None,
         typer.Argument(
-            help="A spec, a scene file, a model or a folder.", metavar="[SPEC|SCENES|MODEL]", show_default=False
+            help="A spec, a file of scenes or motions, a model or a folder.",
+            metavar="[SPEC|SCENES|MODEL]",
+            show_default=False,
         ),
     ] = None,
     port: Annotated[int | None, typer.Option(help="The port; any free one if left out.", min=0, max=65535)] = None,
@@ -27,7 +29,7 @@ def view(
         Path | None,
         typer.Option("--export", help="Write a page that needs no server instead.", metavar="FILE", show_default=False),
     ] = None,
-    n: Annotated[int, typer.Option("-n", help="With --export: how many scenes.", min=1, max=400)] = 200,
+    n: Annotated[int, typer.Option("-n", help="With --export: how many scenes or motions.", min=1, max=400)] = 200,
     seed: Annotated[int, typer.Option("--seed", help="With --export: the seed.", min=0)] = 0,
 ) -> int:
     """Open a page where you write a spec and see its scenes while you type.
@@ -35,6 +37,8 @@ def view(
     \b
       scenegen view my.spec
       scenegen view scenes.json
+      # motions, or a spec with `time`, are played
+      scenegen view motions.jsonl
       scenegen view my.safetensors
       # one file with the spec, its scenes and their phi, to send or to publish
       scenegen view my.spec --export page.html

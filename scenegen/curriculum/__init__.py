@@ -1,7 +1,8 @@
 """Learning with the scenes: environments, and strategies that choose the next task.
 
-If gymnasium is installed, importing this registers `scenegen/TableTop-v0` (gymnasium 1.0 has no plugins, so an import
-is needed): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` does the import.
+If gymnasium is installed, importing this registers `scenegen/TableTop-v0` and `scenegen/Motion-v0` (gymnasium 1.0 has
+no plugins, so an import is needed): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` does the
+import.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from scenegen.curriculum.register import register_environments
 _PUBLIC = {
     "Curriculum": "wrapper",
     "CurriculumCallback": "sb3",
+    "MotionTable": "motion_env",
     "Outcome": "tasks",
     "PhiBox": "tasks",
     "SB3Vector": "sb3_vector",
@@ -27,6 +29,7 @@ _PUBLIC = {
 __all__ = [
     "Curriculum",
     "CurriculumCallback",
+    "MotionTable",
     "Outcome",
     "PhiBox",
     "SB3Vector",
@@ -38,6 +41,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from scenegen.curriculum.env import TableTop
+    from scenegen.curriculum.motion_env import MotionTable
     from scenegen.curriculum.sb3 import CurriculumCallback
     from scenegen.curriculum.sb3_vector import SB3Vector
     from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy

@@ -43,6 +43,8 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
 
     Observations are float32 in [-1, 1], see `env.unwrapped.views.names`: x and y from edge to edge of the table, and
     the cosine and sine of each heading that phi or a requirement depends on. Objects that the spec fixes are left out.
+    Of objects that may be missing, `object block[3..8]`, a further number says whether they are there; if not, all
+    their numbers are 0, and moves of them change nothing.
 
     `info` has `phi` (label -> value), `is_success`, `off_table`, `blocked` (the last move was not made), and `task`:
     label -> [lowest, highest] requested phi of the start, infinite for an open end.
@@ -94,7 +96,7 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         self.observation_space = self.views.space()  # type: ignore[assignment]
         self.render_mode = render_mode
         self.resets = Resets(self.scenes, self.rules, source, phi)
-        self.easel = Easel(self.scenes.checked, view, size)
+        self.easel = Easel(self.scenes.drawn, view, size)
         self._feed: SceneStream | None = None
         self._tables: Tables | None = None
         self._over = False

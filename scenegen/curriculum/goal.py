@@ -15,6 +15,8 @@ from scenegen.errors import quoted
 from scenegen.errors.requests import UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.lang.core import Core, Junction, gated
 from scenegen.lang.interpret import phi
+from scenegen.lang.members import members_of
+from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import MATH, NUMPY
 
 Array = npt.NDArray[np.float64]
@@ -44,13 +46,18 @@ def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
         raise refused(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
     if len(wanted) == 1:
         return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
-    core = spec.checked.core
+    aimed = _aimed(spec.drawn, wanted)
+    members = tuple(_aimed(one, wanted) for one in spec.drawn.members)
+    labels = aimed.labels
+    return Goal(Spec(dataclasses.replace(aimed, members=members)), labels, len(labels) - 1, len(spec.labels), wanted)
+
+
+def _aimed(spec: CheckedSpec, wanted: Sequence[str]) -> CheckedSpec:
+    """The spec with one more label, the minimum of the wanted ones."""
+    core = spec.core
     together = Junction("min", tuple(core.labels[name] for name in wanted))
     labels = {**core.labels, " & ".join(wanted): len(core.nodes)}
-    aimed = dataclasses.replace(core, nodes=(*core.nodes, together), labels=labels)
-    return Goal(
-        Spec(dataclasses.replace(spec.checked, core=aimed)), tuple(labels), len(labels) - 1, len(spec.labels), wanted
-    )
+    return dataclasses.replace(spec, core=dataclasses.replace(core, nodes=(*core.nodes, together), labels=labels))
 
 
 class Scorer:
@@ -60,14 +67,24 @@ class Scorer:
     """
 
     def __init__(self, target: Goal) -> None:
-        self._core: Core = gated(target.spec.checked.core)
-        self.requires = self._core is not target.spec.checked.core
+        self._members = members_of(target.spec.drawn)
+        self._cores: tuple[Core, ...] = tuple(gated(one.core) for one in self._members.specs)
+        self.requires = any(one.core.requirement is not None for one in self._members.specs)
 
     def __call__(self, rows: Array) -> Array:
-        """(3N, B) -> (R, B)."""
+        """(3N, B) -> (R, B). Rows of objects that are not there are NaN."""
+        if len(self._cores) == 1:
+            return self._score(self._cores[0], rows)
+        found = np.full((len(self._members.specs[0].labels) + self.requires, rows.shape[1]), np.inf)
+        for member, which in self._members.of(rows):
+            values = self._score(self._cores[member], rows[self._members.rows[member][:, None], which])
+            found[: len(values), which] = values  # a member that requires nothing leaves the last row infinite
+        return found
+
+    def _score(self, core: Core, rows: Array) -> Array:
         count = rows.shape[1]
         if count == 1:
-            values = phi(self._core, rows[:, 0].tolist(), MATH)
+            values = phi(core, rows[:, 0].tolist(), MATH)
             return np.array(list(values.values()))[:, None]
-        values = phi(self._core, list(rows), NUMPY)
+        values = phi(core, list(rows), NUMPY)
         return np.stack([np.broadcast_to(value, count) for value in values.values()])

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.feasibility import doubts
 from scenegen.api.spec import Spec
-from scenegen.bounds import spec_bounds
 from scenegen.curriculum.draws import Draws
 from scenegen.curriculum.errors import refused
 from scenegen.curriculum.goal import Goal
@@ -29,7 +29,6 @@ from scenegen.curriculum.request import PhiRanges, everything
 from scenegen.curriculum.sources import Sampler, Scenes, open_source
 from scenegen.curriculum.tasks import PhiBox
 from scenegen.errors import RequestError
-from scenegen.errors.declarations import CANNOT_BE_SATISFIED
 from scenegen.errors.learning import GOAL_ALWAYS_MET, GOAL_OUT_OF_REACH
 from scenegen.sampling.request import Range
 from scenegen.validation import as_path
@@ -169,7 +168,7 @@ def make_library(target: Goal, source: Sampler | Scenes) -> Library:
     """Raises gymnasium.error.Error if there is nothing to learn, because every scene satisfies the goal or none does,
     and RequestError if no scenes are found."""
     goal = target.goal
-    least, most = spec_bounds(target.spec.checked)[target.names[goal]]
+    least, most = target.spec.bounds()[target.names[goal]]
     reach = {"label": target.names[goal], "lowest": least, "highest": most}
     if most < 0.0:
         raise refused(GOAL_OUT_OF_REACH(**reach))
@@ -179,7 +178,7 @@ def make_library(target: Goal, source: Sampler | Scenes) -> Library:
     if least >= 0.0:
         raise refused(GOAL_ALWAYS_MET(**reach))
     name = target.names[goal]
-    if any(one.kind == CANNOT_BE_SATISFIED and one.facts["name"] == name for one in target.spec.infeasible()):
+    if any(one.proved and one.label == name for one in doubts(target.spec.drawn)):
         raise refused(GOAL_OUT_OF_REACH(label=name))
     # which phi is hard depends on the spec, not on the source of the scenes
     pilot = Sampler(target).draw({name: Range(None, BELOW)}, PILOT, 0, "base")
@@ -200,7 +199,7 @@ def open_library(target: Goal, spec: Spec, source: Any) -> Library:
         source = Path(os.path.realpath(as_path("source", source)))
         with contextlib.suppress(OSError):
             stamp = source.stat().st_mtime_ns
-    checked = spec.checked
+    checked = spec.drawn
     key = (checked.sha256, checked.shapes, target.wanted, source, stamp)
     if key in _KEPT:
         _KEPT.move_to_end(key)

@@ -15,7 +15,7 @@ from scenegen.curriculum.errors import names, number, one_of, refused
 from scenegen.errors import quoted
 from scenegen.errors.learning import ACTION_OUT_OF_RANGE, NOTHING_TO_MOVE, UNKNOWN_ACTION, WRONG_ACTION
 from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.lang.core import Coord, Core, part
+from scenegen.lang.core import Coord, Core, gated, part
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, NAMES, PLACE, THETA, TWO_PI, row_of
 
@@ -89,6 +89,16 @@ def headings(core: Core) -> set[int]:
     return {node.object for node in nodes if isinstance(node, Coord) and node.axis == THETA}
 
 
+def headings_of(spec: CheckedSpec, requirement: bool = False) -> set[int]:
+    """The objects of a spec on whose heading a label depends, or what is required, whatever the number of things."""
+    place = {name: number for number, name in enumerate(spec.core.objects)}
+    found: set[int] = set()
+    for one in spec.members or (spec,):
+        core = gated(one.core) if requirement else one.core
+        found |= {place[core.objects[which]] for which in headings(core)}
+    return found
+
+
 def make_moves(
     spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
 ) -> tuple[Moves, float]:
@@ -102,7 +112,7 @@ def make_moves(
             unit = "metres" if name == "step" else "radians"
             wanted = f"more than 0 and at most {most:g} {unit}"
             raise refused(OUT_OF_RANGE(argument=name, value=f"{value:g}", wanted=wanted))
-    turned = headings(spec.core)
+    turned = headings_of(spec)
     rows, amounts, called = [], [], []
     for index in _movable(spec, move):
         for axis in FLAT if index in turned else PLACE:

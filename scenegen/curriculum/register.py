@@ -1,13 +1,15 @@
-"""Registers the environment with gymnasium."""
+"""Registers the environments with gymnasium."""
 
 from __future__ import annotations
 
 ID = "scenegen/TableTop-v0"
+MOTION_ID = "scenegen/Motion-v0"
 MAX_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
 
 
 def register_environments() -> None:
-    """Register `scenegen/TableTop-v0` with gymnasium, once; does nothing if gymnasium is not installed."""
+    """Register `scenegen/TableTop-v0` and `scenegen/Motion-v0` with gymnasium, once; does nothing if it is
+    not installed."""
     try:
         import gymnasium
     except ImportError:  # strategies do not need gymnasium
@@ -20,3 +22,5 @@ def register_environments() -> None:
         vector_entry_point="scenegen.curriculum.vector:TableTopVector",
         max_episode_steps=MAX_STEPS,
     )
+    # its episodes end with the spec's horizon, so there is no limit of steps
+    gymnasium.register(id=MOTION_ID, entry_point="scenegen.curriculum.motion_env:MotionTable")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -32,7 +32,9 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
     WRONG_VALUE,
 )
-from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_of
+from scenegen.lang.members import rows_among
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of
 from scenegen.sampling.request import BAND, Range
 from scenegen.scene.data import Pose, RestingPose, SceneData
 from scenegen.training.datasets.arrange import check_scenes
@@ -78,34 +80,42 @@ def everything(target: Goal) -> PhiRanges:
 
 
 def read_phi(target: Goal, phi: object, *, points: bool = False) -> PhiRanges:
-    """(lowest, highest) is for the goal, a mapping for the labels it names, and a PhiBox for all labels of the spec.
-    None is an open end; single values are allowed with `points`. Raises gymnasium.error.Error for anything else and for
-    unknown labels, and gymnasium.error.InvalidBound for ends that are not numbers or are reversed."""
+    """(lowest, highest) is for the goal; see `read_ranges`."""
+    return read_ranges(target.names, [target.goal], phi, labels=target.labels, points=points)
+
+
+def read_ranges(
+    names: Sequence[str], goal: Sequence[int], phi: object, *, labels: int | None = None, points: bool = False
+) -> PhiRanges:
+    """(lowest, highest) is for the labels of the goal, a mapping for the labels it names, and a PhiBox for all labels
+    of the spec, the first `labels` of `names`. None is an open end; single values are allowed with `points`. Raises
+    gymnasium.error.Error for anything else and for unknown labels, and gymnasium.error.InvalidBound for ends that are
+    not numbers or are reversed."""
     if isinstance(phi, PhiRanges):
         return phi
+    known = names[:labels]
     given: Mapping[int, object]
     if isinstance(phi, PhiBox):
         if not all(isinstance(ends, tuple | list | np.ndarray) for ends in (phi.low, phi.high)):
             raise refused(NOT_A_TASK(value=str(phi)), error.InvalidBound)
         for side in (phi.low, phi.high):
-            if len(side) != target.labels:
-                known = target.names[: target.labels]
+            if len(side) != len(known):
                 raise refused(LABELS_OF_TASK(count=len(side), labels=known))
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
-        given = {_label(target, name): ends for name, ends in phi.items()}
+        given = {_label(names, known, name): ends for name, ends in phi.items()}
     else:
-        given = {target.goal: phi}
-    low, high = ([end] * len(target.names) for end in (-math.inf, math.inf))
+        given = dict.fromkeys(goal, phi)
+    low, high = ([end] * len(names) for end in (-math.inf, math.inf))
     for k, ends in given.items():
-        low[k], high[k] = _ends(target.names[k], ends, points)
+        low[k], high[k] = _ends(names[k], ends, points)
     return PhiRanges(tuple(low), tuple(high))
 
 
-def _label(target: Goal, name: object) -> int:
-    if name in target.names:
-        return target.names.index(str(name))
-    raise refused(UNKNOWN_LABEL(name=str(name), known=target.names[: target.labels]))
+def _label(names: Sequence[str], known: Sequence[str], name: object) -> int:
+    if name in names:
+        return names.index(str(name))
+    raise refused(UNKNOWN_LABEL(name=str(name), known=known))
 
 
 def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
@@ -148,28 +158,39 @@ def read_scene(spec: Spec, scene: object) -> Array:
         if array.shape != (len(spec.objects), SIZE):
             what = f"an array of shape {array.shape}" if array.size else f"a {type(scene).__name__}"
             raise refused(NOT_POSES(found=f"this is {what}", objects=len(spec.objects)))
-        poses = dict(zip(spec.objects, array, strict=True))
-    missing = [name for name in spec.objects if name not in poses]
-    extra = [str(name) for name in poses if name not in spec.objects]
+        here = [
+            name for name, pose in zip(spec.objects, array, strict=True) if not (spec.counts and np.isnan(pose).all())
+        ]
+        poses = {name: array[spec.objects.index(name)] for name in here}
+    checked = _member(spec.drawn, poses)
+    missing = [name for name in checked.objects if name not in poses]
+    extra = [str(name) for name in poses if name not in checked.objects]
     if missing or extra:
         what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
-        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=spec.objects))
-    rows = np.array([_pose(name, poses[name]) for name in spec.objects]).ravel()
+        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
+    rows = np.array([_pose(name, poses[name]) for name in checked.objects]).ravel()
     theta = rows[along(THETA)]
     theta %= TWO_PI
     theta[theta >= TWO_PI] = 0.0
-    for index, pose in spec.checked.fixed.items():
+    for index, pose in checked.fixed.items():
         if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
             rows[row_of(index, THETA)] = pose[THETA]
-    rows = np.concatenate([rows, *(_switch(spec, which, poses) for which in spec.checked.choices)])
+    rows = np.concatenate([rows, *(_switch(checked, which, poses) for which in checked.choices)])
     with as_gymnasium():
-        check_scenes(spec.checked, rows[:, None])
-    return rows
+        check_scenes(checked, rows[:, None])
+    whole = np.full(row_count(len(spec.drawn.core.objects)), np.nan)
+    whole[rows_among(spec.drawn, checked)] = rows
+    return whole
 
 
-def _switch(spec: Spec, which: int, poses: Mapping[Any, Any]) -> Array:
+def _member(spec: CheckedSpec, names: Collection[object]) -> CheckedSpec:
+    """The ordinary spec that has most of these objects, and no others if there is one."""
+    return max(spec.members or (spec,), key=lambda one: -len(set(one.objects) ^ set(names)))
+
+
+def _switch(spec: CheckedSpec, which: int, poses: Mapping[Any, Any]) -> Array:
     """The rows of the switch of an object that stands on one of several surfaces."""
-    choice, name = spec.checked.choices[which], spec.objects[which]
+    choice, name = spec.choices[which], spec.objects[which]
     pose, known = poses[name], [one.name for one in choice.options]
     on = pose.on if isinstance(pose, RestingPose) else pose.get("on") if isinstance(pose, Mapping) else None
     if on not in known:

@@ -15,10 +15,12 @@ from scenegen.api.spec import Spec, load, parse
 from scenegen.curriculum.errors import refused
 from scenegen.curriculum.goal import Goal, Scorer, make_goal
 from scenegen.curriculum.moves import Moves, make_moves
+from scenegen.curriculum.register import MOTION_ID
 from scenegen.curriculum.rewards import Reward
 from scenegen.curriculum.views import Views, make_views
 from scenegen.errors import ScenegenError
 from scenegen.errors.requests import MISSING_ARGUMENT, WRONG_VALUE
+from scenegen.errors.temporal import TIME_NOT_HERE
 from scenegen.pose import TWO_PI, is_angle
 
 Array = npt.NDArray[np.float64]
@@ -77,7 +79,7 @@ class Rules:
         rows[self.flat] = kept
         if len(self.turning):
             theta = np.mod(rows[self.turning], TWO_PI)
-            rows[self.turning] = np.where(theta < TWO_PI, theta, 0.0)  # the remainder of -1e-17 is rounded up
+            rows[self.turning] = np.where(theta >= TWO_PI, 0.0, theta)  # the remainder of -1e-17 is rounded up
         phi = self.score(rows)
         blocked = np.zeros(len(off), dtype=np.bool_)
         if self.score.requires:
@@ -121,11 +123,13 @@ def make_rules(
     reward: str,
 ) -> Rules:
     """See TableTop for the arguments. Raises gymnasium.error.Error for invalid ones."""
+    if spec.over_time is not None:
+        raise refused(TIME_NOT_HERE(file=spec.declared.name), more=f"to learn motions make {MOTION_ID}")
     target = make_goal(spec, goal)
-    made, length = make_moves(spec.checked, moves, move, step, turn)
+    made, length = make_moves(spec.drawn, moves, move, step, turn)
     changed = np.unique(made.rows)
     angles = np.array([is_angle(row) for row in changed], dtype=bool)
     flat, turning = changed[~angles], changed[angles]
-    low, high = (ends[flat][:, None] for ends in spec.checked.box())
-    paid, seen = Reward(reward, length), make_views(spec.checked)
+    low, high = (ends[flat][:, None] for ends in spec.drawn.box())
+    paid, seen = Reward(reward, length), make_views(spec.drawn)
     return Rules(target, Scorer(target), made, paid, seen, flat, low, high, turning)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from scenegen.api.model import Model, load_model
 from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scene_arrays import Part, parts_of
 from scenegen.api.scenes import SceneSet, read_scenes
 from scenegen.api.spec import Spec
 from scenegen.curriculum.errors import refused
@@ -21,6 +21,9 @@ from scenegen.curriculum.goal import Goal, Scorer
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import DRAW_TOO_SLOW, SOURCE_OF_ANOTHER_SPEC
 from scenegen.errors.requests import NO_SCENES, OUT_OF_TIME, WRONG_VALUE
+from scenegen.lang.members import rows_among
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import row_count
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.training.datasets.arrange import check_scenes
 from scenegen.validation import as_path
@@ -68,8 +71,8 @@ class Sampler:
                 raise
             slow = DRAW_TOO_SLOW(first.span, problem=first.title, note=first.note, seconds=patience)
             raise RequestError(slow) from problem
-        spec = (self._from.spec if isinstance(self._from, Model) else self._from).checked
-        rows = rows_of(spec, found) if spec.choices else found.poses.reshape(len(found), -1).T
+        spec = (self._from.spec if isinstance(self._from, Model) else self._from).drawn
+        rows = _stored(spec, found)[0] if spec.choices else found.poses.reshape(len(found), -1).T
         return Scenes(rows.T, np.stack(list(found.phi.values()), axis=1))
 
 
@@ -77,9 +80,20 @@ def stock(target: Goal, scenes: SceneSet) -> Scenes:
     """The scenes of a file, scored by the spec. Raises DataError for scenes that are not of it."""
     if not len(scenes):
         raise DataError(NO_SCENES())
-    rows = np.array(rows_of(target.spec.checked, scenes))
-    check_scenes(target.spec.checked, rows)
+    rows, parts = _stored(target.spec.drawn, scenes)
+    for part in parts:
+        check_scenes(part.spec, part.rows)
     return Scenes(np.ascontiguousarray(rows.T), Scorer(target)(rows)[: len(target.names)].T.copy())
+
+
+def _stored(spec: CheckedSpec, scenes: SceneSet) -> tuple[Array, list[Part]]:
+    """Scenes as the core of the spec has them, (3N, n), NaN for objects that are not there; and by the ordinary specs
+    that they are of. Raises DataError for other objects."""
+    rows = np.full((row_count(len(spec.core.objects)), len(scenes)), np.nan)
+    parts = list(parts_of(spec, scenes))
+    for part in parts:
+        rows[rows_among(spec, part.spec)[:, None], part.which] = part.rows
+    return rows, parts
 
 
 def check_source(source: object) -> None:
@@ -100,7 +114,7 @@ def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
     if isinstance(source, SceneSet):
         return stock(target, source)
     if isinstance(source, Model):
-        if source.spec.checked.sha256 != spec.checked.sha256:
+        if source.spec.checked.sha256 != spec.drawn.sha256:
             raise refused(SOURCE_OF_ANOTHER_SPEC(model=source.name))
         return Sampler(target, source)
     raise AssertionError(source)  # see check_source

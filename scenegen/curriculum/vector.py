@@ -198,7 +198,7 @@ class TableTopVector(VectorEnv[Observations, Any, Any]):
                 begun.append((k, row, phi, 0.0, resets.task(request)))
         if self._tables is None:
             shape = (
-                (row_count(len(self.scenes.checked.core.objects)), self.num_envs),
+                (row_count(len(self.scenes.drawn.core.objects)), self.num_envs),
                 (len(self.rules.target.names), self.num_envs),
             )
             self._tables = Tables(np.zeros(shape[0]), np.zeros(shape[1]), np.zeros(self.num_envs))

@@ -18,6 +18,7 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from scenegen.curriculum.env import TableTop
 from scenegen.curriculum.errors import refused
+from scenegen.curriculum.motion_env import MotionTable
 from scenegen.curriculum.request import check_options
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
 from scenegen.curriculum.vector import Array, Mask, TableTopVector
@@ -31,11 +32,11 @@ def _options(task: PhiBox, options: Mapping[str, Any] | None) -> dict[str, Any]:
     return {**(options or {}), "phi": task, "nearest": True}
 
 
-def _check(env: Any, kind: type, strategy: object) -> None:
+def _check(env: Any, kinds: tuple[type, ...], strategy: object) -> None:
     """Raises gymnasium.error.Error for another environment than ours, and for an object that is not a strategy."""
     unwrapped = getattr(env, "unwrapped", env)
-    if not isinstance(unwrapped, kind):
-        raise refused(NOT_AN_ENVIRONMENT(wanted=kind.__name__, found=type(unwrapped).__name__))
+    if not isinstance(unwrapped, kinds):
+        raise refused(NOT_AN_ENVIRONMENT(wanted=kinds[0].__name__, found=type(unwrapped).__name__))
     if isinstance(strategy, type) or not all(callable(getattr(strategy, call, None)) for call in CALLS):
         shown = strategy.__name__ if isinstance(strategy, type) else repr(strategy)
         raise refused(NOT_A_STRATEGY(value=shown))
@@ -79,20 +80,22 @@ def _overridden(options: Mapping[str, Any] | None) -> bool:
 
 
 class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
-    """`env` is a TableTop, wrapped or not; put the curriculum around its time limit, or truncated episodes are not
-    reported. Several environments may share a strategy. Make the strategy for the range `env.unwrapped.space`.
+    """`env` is a TableTop, or a MotionTable with a `source`, wrapped or not; put the curriculum around its time limit,
+    or truncated episodes are not reported. Several environments may share a strategy. Make the strategy for the range
+    `env.unwrapped.space`.
 
-    The last `info` of an episode has its `outcome`: the task's `low` and `high`, `phi` of the first scene, `success`,
-    `total` and `steps`."""
+    The last `info` of an episode has its `outcome`: the task's `low` and `high`, `phi` of the first scene (of a
+    MotionTable: of the motion that it is from), `success`, `total` and `steps`."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], strategy: Strategy) -> None:
-        _check(env, TableTop, strategy)
+        _check(env, (TableTop, MotionTable), strategy)
         RecordConstructorArgs.__init__(self, _disable_deepcopy=True, strategy=strategy)
         gymnasium.Wrapper.__init__(self, env)
         self.strategy = strategy
-        self._table: TableTop = env.unwrapped  # type: ignore[assignment]
+        self._table: TableTop | MotionTable = env.unwrapped  # type: ignore[assignment]
         self._fits = False
-        self._labels = self._table.rules.target.labels
+        self._labels = len(self._table.scenes.labels)
+        self._about = "start" if isinstance(self._table, MotionTable) else "phi"  # of a motion, or of the scene
         self._task: PhiBox | None = None
         self._phi: tuple[float, ...] = ()
         self._total, self._steps = 0.0, 0
@@ -105,7 +108,7 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         merged = options if task is None else _options(task, options)
         seen, info = self.env.reset(seed=seed, options=merged)
         self._task = task  # only now: if the reset fails, the episode goes on
-        self._phi = tuple(info["phi"].values())[: self._labels]
+        self._phi = tuple(info[self._about].values())[: self._labels]
         self._total, self._steps = 0.0, 0
         return seen, info
 
@@ -134,7 +137,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
     `_outcome`. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
 
     def __init__(self, env: TableTopVector, strategy: Strategy) -> None:
-        _check(env, TableTopVector, strategy)
+        _check(env, (TableTopVector,), strategy)
         super().__init__(env)
         self.strategy = strategy
         self._tables: TableTopVector = env.unwrapped

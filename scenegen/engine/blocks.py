@@ -3,8 +3,9 @@
 How n scenes are spread over the cells although no process ever holds more than a few blocks of them:
 
 * Scene number i of the output (before the shuffle within its block) belongs to cell i mod C of the C reached cells in a
-  fixed order. So every block of 65,536 is spread as evenly as integers allow, and so are all n together; the order of
-  the cells (multiples of the golden ratio) determines which cells get an additional scene, at even distances.
+  fixed order. With groups of cells it belongs to group i mod G, and there to the next cell. So every block of 65,536
+  is spread as evenly as integers allow, and so are all n together; the order of the cells (multiples of the golden
+  ratio) determines which cells get an additional scene, at even distances.
 * Candidates are offered in the order of the pieces. A cell keeps the first ones, as many as the current block and the
 next one need; the others are dropped. That depends on counts per cell only, never on the scenes, so within a cell the
 kept ones follow the same distribution as the offered ones. * A block is finished when every cell has its share of it;
@@ -19,6 +20,7 @@ limits the memory. The blocks depend only on the candidates and their order, not
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,16 +37,30 @@ class BlockAssembler:
     """Assembles blocks. `done` scenes are in finished blocks, `candidates` in reached cells have been offered, and
     `strays` are cells that were hit although the plan considers them unreachable."""
 
-    def __init__(self, reached: Sequence[int], wanted: int, seed: int, size: int = BLOCK) -> None:
+    def __init__(
+        self,
+        reached: Sequence[int],
+        wanted: int,
+        seed: int,
+        size: int = BLOCK,
+        groups: Sequence[Sequence[int]] | None = None,
+    ) -> None:
         shift = np.random.default_rng(np.random.SeedSequence([seed, ORDER])).random()
         cells = np.array(sorted(reached), dtype=np.intp)
+        groups = [reached] if groups is None else groups
         if not len(cells):
             raise ValueError("no cell can be reached")
         self._cells = cells
         self._index = np.full(cells[-1] + 2, -1, dtype=np.intp)  # of each cell among the reached ones; -1 for others
         self._index[cells] = np.arange(len(cells))
-        self._turn = np.empty(len(cells), dtype=np.intp)  # the place of each cell in the order
-        self._turn[np.argsort((cells * GOLDEN + shift) % 1.0, kind="stable")] = np.arange(len(cells))
+        self._turn = np.empty(len(cells), dtype=np.intp)  # the place of each cell in the order of its group
+        self._many = np.empty(len(cells), dtype=np.intp)  # how many cells its group has
+        self._late = np.empty(len(cells), dtype=np.intp)  # the place of its group in the order of groups
+        self._groups = len(groups)
+        for late, group in zip(_order(np.arange(self._groups), shift), groups, strict=True):
+            mine = self._index[np.array(sorted(group), dtype=np.intp)]
+            self._turn[mine], self._many[mine] = _order(cells[mine], shift), len(mine)
+            self._late[mine] = late
         self._wanted, self._seed, self._size = wanted, seed, size
         self._waiting: list[tuple[Block, Cell]] = []  # with the index of each scene's cell
         self._count = np.zeros(len(cells), dtype=np.intp)  # of those that wait, by index of the cell
@@ -115,8 +131,8 @@ class BlockAssembler:
 
     def _shares(self, start: int, stop: int) -> Cell:
         """How many of the scenes `start` up to `stop` belong to each cell."""
-        count = len(self._cells)
-        shares: Cell = (stop - self._turn + count - 1) // count - (start - self._turn + count - 1) // count
+        first, last = (_turns(end, self._late, self._groups) for end in (start, stop))
+        shares: Cell = _turns(last, self._turn, self._many) - _turns(first, self._turn, self._many)
         return shares
 
     def _keep(self, block: Block, index: Cell, known: npt.NDArray[np.bool_]) -> None:
@@ -168,6 +184,18 @@ class BlockAssembler:
             return blocks[0], indices[0]
         first: Block = blocks[0]
         return joined(blocks, len(first.rows), len(first.phi)), np.concatenate(indices)
+
+
+def _order(cells: Cell, shift: float) -> Cell:
+    """The place of each of these in their order."""
+    turn = np.empty(len(cells), dtype=np.intp)
+    turn[np.argsort((cells * GOLDEN + shift) % 1.0, kind="stable")] = np.arange(len(cells))
+    return turn
+
+
+def _turns(end: Any, turn: Cell, count: Any) -> Any:
+    """How many of `end` turns are those of place `turn` among `count`."""
+    return (end - turn + count - 1) // count
 
 
 def _rank(index: Cell, count: int) -> Cell:

@@ -21,7 +21,6 @@ from scenegen.formats.blocks import Array, Block, joined
 from scenegen.formats.sets import Shard, make_shard
 from scenegen.formats.stores import Store
 from scenegen.sampling.plan import Index, Plan
-from scenegen.sampling.verify import verify
 from scenegen.scene.data import SceneFile
 
 Held = Any
@@ -57,7 +56,7 @@ class Writing:
     def __call__(self, number: int, pieces: int, blocks: Sequence[Block]) -> Shard:
         scenes = joined(blocks, len(blocks[0].rows), len(self.labels))
         if self.plan.verified:
-            verify(self.plan.problem, scenes.rows, scenes.phi)
+            self.plan.check(scenes.rows, scenes.phi)
         if self.stored is not None:
             scenes = Block(self.stored(scenes.rows), scenes.phi)
         return make_shard(self.store, number, self.header, self.labels, scenes, pieces=pieces)

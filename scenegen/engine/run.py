@@ -24,7 +24,6 @@ from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import fell_short, summed_up
-from scenegen.sampling.verify import verify
 from scenegen.scene.data import SceneFile
 
 Array = npt.NDArray[np.float64]
@@ -128,7 +127,7 @@ def to_file(
 
 def _check(plan: Plan, block: Block) -> None:
     if plan.verified:
-        verify(plan.problem, block.rows, block.phi)
+        plan.check(block.rows, block.phi)
 
 
 def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:

@@ -129,7 +129,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         plan = self.plan
-        self.standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, self.block))
+        self.standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, self.block, plan.groups))
         self._done = self.manifest.scenes
 
     def restore(self, checkpoint: Checkpoint) -> None:

@@ -101,7 +101,7 @@ def run_blocks(
     `labels` is the number of the spec's labels. `spent` is called after each piece; if it returns True, the run ends
     with fewer scenes than requested. Raises what `run_pieces` raises.
     """
-    run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size))
+    run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
     with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as results:
         while not run.over:
             try:
@@ -165,7 +165,9 @@ def stream_scenes(
     coordinates = len(plan.problem.lowest)
     facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
     with open_shards(path, facts, coordinates, resume=resume) as shards:
-        run = _Run(shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size)), inspect)
+        run = _Run(
+            shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups)), inspect
+        )
         standing = run.standing
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()

@@ -19,6 +19,7 @@ GROUPS = {
     "syntax": "Text of a spec",
     "language": "Names, values and lists of a spec",
     "declarations": "Objects, regions and statements of a spec",
+    "counts": "Random numbers of things",
     "temporal": "Time",
     "requests": "Requests",
     "files": "Files",

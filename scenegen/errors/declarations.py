@@ -113,7 +113,7 @@ CONSTANT_REQUIREMENT = Kind(
 IMPOSSIBLE_REQUIREMENT = Kind("impossible-requirement", "this can never hold", "no scene meets it", "remove it")
 CANNOT_BE_SATISFIED = Kind(
     "cannot-be-satisfied",
-    "`{name}` can never be satisfied[[: phi is at most {most:.4g}]]",
+    "`{name}` can never be satisfied[[ with {counted}]][[: phi is at most {most:.4g}]]",
     "{clash}",
     ("{meant}", "change one of the parts that clash"),
     "{others}",
@@ -121,7 +121,7 @@ CANNOT_BE_SATISFIED = Kind(
 )
 REQUIREMENT_CANNOT_BE_MET = Kind(
     "requirement-cannot-be-met",
-    "what the spec requires can never be met",
+    "what the spec requires can never be met[[ with {counted}]]",
     "{clash}",
     ("{meant}", "change one of the parts that clash"),
     "{others}",
@@ -129,7 +129,7 @@ REQUIREMENT_CANNOT_BE_MET = Kind(
 )
 HARDLY_SATISFIED = Kind(
     "hardly-satisfied",
-    "`{name}` can hardly be satisfied[[: phi is at most {most:.4g}]]",
+    "`{name}` can hardly be satisfied[[ with {counted}]][[: phi is at most {most:.4g}]]",
     "{clash}",
     ("{meant}", "change one of the parts that clash"),
     "{others}",
@@ -137,7 +137,7 @@ HARDLY_SATISFIED = Kind(
 )
 REQUIREMENT_HARDLY_MET = Kind(
     "requirement-hardly-met",
-    "what the spec requires can hardly be met",
+    "what the spec requires can hardly be met[[ with {counted}]]",
     "{clash}",
     ("{meant}", "change one of the parts that clash"),
     "{others}",

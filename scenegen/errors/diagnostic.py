@@ -13,7 +13,7 @@ from scenegen.errors.template import Spell, Text, fill, fill_title, python_name
 Severity = Literal["error", "warning", "note"]
 
 NEAREST = "did you mean `{nearest}`?"
-EXPANSION = "[[in the expansion of `{expansion}`]][[, where {where}]][[, called at {called}]]"
+EXPANSION = "[[in the expansion of `{expansion}`]][[, where {where}]][[, called at {called}]][[, with {counted}]]"
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,11 @@ TOO_LARGE_TO_READ = Kind(
     "cannot read {path}: {size:,} bytes are too many",
     help="the limit is {limit:,}[[; {remedy}]]",
 )
+BAD_LOOKS = Kind(
+    "bad-looks",
+    "[[{key}: ]]{reason}",
+    help="docs/pictures.md shows what looks are; `<looks=random>` ships with scenegen",
+)
 SPEC_NOT_FOUND = Kind(
     "spec-not-found",
     "cannot read {path}: there is no file {path}, nor {path}.spec",

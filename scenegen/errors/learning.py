@@ -5,6 +5,21 @@ from __future__ import annotations
 from scenegen.errors.diagnostic import Kind
 
 NO_SCENE_IN_FILE = Kind("no-scene-in-file", "the file has no scene with {wanted}")
+NO_MOTION_IN_FILE = Kind(
+    "no-motion-in-file",
+    "the source has no motion with {wanted}",
+    note="only motions that meet what the spec requires count",
+    help="draw some with `scenegen sample`, or leave `source` out",
+)
+MOTIONS_OF_ANOTHER_SPEC = Kind(
+    "motions-of-another-spec",
+    "these are motions of {found:quoted} over {steps} steps, not of {wanted:quoted} over {horizon}",
+    help="draw them from the same spec with `scenegen sample`",
+)
+NOT_A_FIRST_SCENE = Kind(
+    "not-a-first-scene",
+    "no motion of this spec begins with this scene: {reason}",
+)
 DRAW_TOO_SLOW = Kind(
     "draw-too-slow",
     "{problem}",

@@ -58,3 +58,13 @@ NO_MOTION_MEETS = Kind(
     help="require less, let objects move farther in a step, or make the workspace larger",
     note="[[the best one misses it by {misses:.4g}]]",
 )
+WHICH_MOTION = Kind(
+    "which-motion",
+    "{path} would show one motion, and there are {count:,}",
+    help="choose one with <motion>, or name a folder and draw the figures gif or mp4 of all",
+)
+NOT_ONE_MOTION = Kind(
+    "not-one-motion",
+    "{path} would show a motion, and {file} holds scenes",
+    help="`scenegen sample` draws motions of a spec with `time`; `--figure gif` animates how a layout is solved",
+)

@@ -30,8 +30,18 @@ PAGE_TOO_LARGE = Kind("page-too-large", "the page would have {size:.0f} MB", hel
 NO_MESSAGE = Kind("no-message", "the server does not know what to do with this: {reason}", help="reload the page")
 TOO_MANY_SHOWN = Kind(
     "too-many-shown",
-    "the page shows 1 to {most} scenes of these objects, not {count:,}",
+    "the page shows 1 to {most} {what} of these objects, not {count:,}",
     help="`scenegen sample` makes as many as you like",
+)
+MOTION_TOO_LONG = Kind(
+    "motion-too-long",
+    "a motion of {poses:,} poses, each object's at each moment, is too long for the page: {most:,} are the most",
+    help="`scenegen sample` draws it; on the page take fewer steps",
+)
+LONG_GIF = Kind(
+    "long-gif",
+    "a motion of {moments:,} moments takes too long to be drawn here: {most} are the most",
+    help="`scenegen render MOTIONS --out x.gif` draws it",
 )
 ANOTHER_SPEC = Kind(
     "another-spec",

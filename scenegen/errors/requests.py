@@ -76,6 +76,11 @@ TOO_MANY_FOR_JSON = Kind(
     help="write .jsonl or .parquet, or ask for at most {most:,}",
 )
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
+NO_ENCODER = Kind(
+    "no-encoder",
+    "PyAV on this machine cannot write H.264: its FFmpeg lacks {encoder}",
+    help="install the wheel of PyAV from PyPI (`pip install --force-reinstall av`), or draw a GIF",
+)
 RAW_WITH_FIXED = Kind(
     "raw-with-fixed",
     "<raw> is a model's own output, and a model does not know of objects that are held",
@@ -149,7 +154,7 @@ BEYOND_BOUNDS = Kind(
 )
 ONLY_AT_BOUND = Kind(
     "only-at-bound",
-    "phi of `{label}` reaches {bound:g} with probability 0; sampling {band} instead",
+    "phi of `{label}` reaches {bound:g} with probability 0[[ with {counted}]]; sampling {band} instead",
     help="phi of `{label}` lies between {lowest:.4g} and {highest:.4g} in this workspace",
     severity="warning",
 )
@@ -219,20 +224,21 @@ TABLE_TOO_FULL = Kind(
 NO_TIME_TO_GROW = Kind(
     "no-time-to-grow",
     (
-        "time was up after {tried}: {placed} of {count} objects could be placed",
-        "time was up after {tried}: all {count} objects could be placed, but no scenes were ready",
+        "time was up after {tried}: {placed} of {count} objects could be placed[[, with {counted}]]",
+        "time was up after {tried}: all {count} objects could be placed, but no scenes were ready[[, with {counted}]]",
     ),
     help="give it more time with <timeout>, or ask for fewer scenes",
     note="the footprints of the {count} objects take {filled:.0%} of the workspace",
 )
 NO_TIME_TO_CHECK = Kind(
     "no-time-to-check",
-    "time was up before it was known what the spec's phi can be",
+    "time was up before it was known what the spec's phi can be[[ with {counted}]]",
     help="give it more time with <timeout>",
 )
 NO_TIME_TO_TELL = Kind(
     "no-time-to-tell",
-    "time was up after {tried}, too early to tell which parts of the range can be reached[[; {kept}]]",
+    "time was up after {tried}, too early to tell which parts of the range can be reached"
+    "[[ with {counted}]][[; {kept}]]",
     help=(
         "{partial:?}give it more time with <timeout>, ask for `<spread=base>`, "
         "or save what there is with <keep_partial>",
@@ -291,21 +297,22 @@ UNREACHED_CELLS = Kind(
 )
 SCENES_ALIKE = Kind(
     "scenes-alike",
-    "scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one",
+    "scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one[[, with {counted}]]",
     help="compare runs with several seeds",
     note="the table may be too full for its objects to pass each other; shares of arrangements are uncertain",
     severity="warning",
 )
 CHAINS_CORRELATED = Kind(
     "chains-correlated",
-    "after {moves:,} moves the chains still resemble what they were ({correlation:.0%} correlation)",
+    "after {moves:,} moves the chains still resemble what they were ({correlation:.0%} correlation)"
+    "[[, with {counted}]]",
     help="compare runs with several seeds",
     note="the range may have parts between which no move leads; the shares of such parts are uncertain",
     severity="warning",
 )
 UNSETTLED = Kind(
     "unsettled",
-    "{summary}",
+    "{summary}[[, with {counted}]]",
     help="{often:?}objects that overlap push each other away: `require noOverlap()`, or where things stand on each "
     "other `require noCollision() & stable()`, leaves such scenes out from the start",
     severity="warning",

@@ -51,11 +51,11 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     _table(table, world)
     bodies = [_body(table, body) for body in world.bodies]
     keys = node(root, "keyframe")
-    for scene, poses in enumerate(world.poses.tolist(), start=1):
+    for scene, poses in zip(world.scenes, world.poses.tolist(), strict=True):
         qpos = [_qpos(pose) for pose in poses]
         if not together:
             keys.clear()
-        if scene == 1 or not together:
+        if scene == world.scenes[0] or not together:
             for element, place in zip(bodies, qpos, strict=True):
                 element.set("pos", numbers(*place[:3]))
                 element.set("quat", numbers(*place[3:]))

@@ -56,7 +56,7 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
 def _worlds(world: World, folder: str) -> Iterator[Element]:
     """The world of each scene: the same element, changed for each."""
     element, places = _world(world, folder)
-    for scene, poses in enumerate(world.poses.tolist(), start=1):
+    for scene, poses in zip(world.scenes, world.poses.tolist(), strict=True):
         element.set("name", f"scene_{scene:04d}")
         _place(places, poses)
         yield element

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
 from scenegen.export.inertia import inertia
 from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, World, piece_of
 from scenegen.export.xml import check_names, printable
-from scenegen.formats.blocks import Block
+from scenegen.formats.blocks import Block, counts_in
 from scenegen.lang.check import check_text
 from scenegen.lang.spec import Region
 from scenegen.pose import as_poses, flat, row_count
@@ -25,6 +26,7 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import Rectangle, clipped, signed_area
 from scenegen.scene.data import RegionData, SceneFile, ShapeData, footprint_of
 from scenegen.scene.limits import BOARD, LARGEST
+from scenegen.scene.numbers import member_of
 from scenegen.scene.sizes import check_sizes
 from scenegen.scene.standing import heights_of
 
@@ -37,8 +39,30 @@ DRAWN = 32  # corners of a round region
 LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
 
 
+def worlds_of(header: SceneFile, scenes: Block) -> Iterator[World]:
+    """The worlds of a scene file: one, or one for all scenes with the same numbers of things. Raises as `world_of`."""
+    if not header.counts:
+        yield world_of(header, scenes)
+        return
+    whole = {one.name: one for one in _bodies(header)}
+    found = counts_in(header, scenes.rows)
+    for numbers in np.unique(found, axis=1).T:
+        mine = np.flatnonzero((found == numbers[:, None]).all(axis=0))
+        member = member_of(header, dict(zip((one.name for one in header.counts), numbers.tolist(), strict=True)))
+        rows = scenes.rows[np.ix_(~np.isnan(scenes.rows[:, mine[0]]), mine)]
+        world = world_of(member, Block(rows, scenes.phi[:, mine]))
+        bodies = tuple(whole[one.name] for one in member.objects)  # of the same colours in all scenes
+        yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
+
+
+def _bodies(header: SceneFile) -> tuple[Body, ...]:
+    spec = check_text(header.spec.source, "the spec of the scenes")
+    fixed = {spec.objects[index] for index in spec.fixed}
+    return bodies_of([one.name for one in header.objects], [_shape(one.shape) for one in header.objects], fixed)
+
+
 def world_of(header: SceneFile, scenes: Block) -> World:
-    """The world of a scene file's header and (some of) its scenes.
+    """The world of a scene file's header and (some of) its scenes, which have the same objects.
 
     Raises DataError if an object is too far from the table, SpecError if the header's spec is damaged.
     """
@@ -46,9 +70,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     check_names(names)
     check_sizes(header, WIDE)
     shapes = [_shape(one.shape) for one in header.objects]
-    spec = check_text(header.spec.source, "the spec of the scenes")
-    fixed = {spec.objects[index] for index in spec.fixed}
-    bodies = bodies_of(names, shapes, fixed)
+    bodies = _bodies(header)
     rows = scenes.rows[: row_count(len(names))]
     places = np.ascontiguousarray(flat(as_poses(rows)))
     table = _table(header, shapes, names, places)

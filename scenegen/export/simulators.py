@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from scenegen.errors import OutputError, RequestError
+from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
 from scenegen.errors.requests import NO_SCENES
-from scenegen.export.setting import world_of
+from scenegen.export.setting import worlds_of
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable, reported
 from scenegen.formats.folder import scene_name, whole_files
@@ -67,15 +68,21 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[
     module: Any = importlib.import_module(SIMULATORS[to])
     if not scenes.count:
         raise RequestError(NO_SCENES())
-    world = world_of(header, scenes)
     together = is_file(out, to)
+    if together and header.counts:
+        raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))
     folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
-    written = []
+    written: dict[int, Path] = {}
     with whole_files(folder) as put:
-        for name, data in module.meshes(world):
-            put(f"{meshes}/{name}", data)
-        for number, data in enumerate(module.files(world, meshes, together=together), start=1):
-            name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
-            put(name, data)
-            written.append(folder / name)
-    return tuple(written)
+        put_already = set[str]()
+        for world in worlds_of(header, scenes):
+            for name, data in module.meshes(world):
+                if name not in put_already:  # worlds share forms
+                    put_already.add(name)
+                    put(f"{meshes}/{name}", data)
+            numbers = world.scenes[:1] if together else world.scenes
+            for number, data in zip(numbers, module.files(world, meshes, together=together), strict=True):
+                name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
+                put(name, data)
+                written[number] = folder / name
+    return tuple(path for _, path in sorted(written.items()))

@@ -84,13 +84,20 @@ class Patch:
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """`table` is (x lowest, y lowest, x highest, y highest); `poses` (scenes, bodies, 4) are x, y, z and theta of the
-    bodies' frames, z from the objects below them."""
+    bodies' frames, z from the objects below them. `numbers` are the scenes' in their file, where not all of it is here.
+    """
 
     title: str
     bodies: tuple[Body, ...]
     patches: tuple[Patch, ...]
     table: tuple[float, float, float, float]
     poses: Floats
+    numbers: tuple[int, ...] = ()
+
+    @property
+    def scenes(self) -> tuple[int, ...]:
+        """The number of each scene, from 1."""
+        return self.numbers or tuple(range(1, len(self.poses) + 1))
 
     @property
     def forms(self) -> tuple[Form, ...]:

@@ -53,7 +53,8 @@ def heatmap(file: SceneFile, *, distinct: bool = False) -> bytes:
         x = EDGE + number % columns * (width + GAP)
         y = head + number // columns * (line + height + GAP)
         draw.text((x, y), name, INK, font)
-        panel = _panel(stage, poses[:, number], stage.things[number].color, (width, height))
+        here = poses[~np.isnan(poses[:, number, 0]), number]
+        panel = _panel(stage, here, stage.things[number].color, (width, height))
         sheet.paste(panel, (x, y + line))
     out = io.BytesIO()
     sheet.save(out, format="PNG", compress_level=7)

@@ -49,8 +49,10 @@ def strip(
     return out.getvalue()
 
 
-def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, notes: Sequence[str] = ()) -> bytes:
-    """The frames one after the other as a GIF file that repeats for ever and pauses on the last frame."""
+def pages(
+    frames: Sequence[Image.Image], phi: Sequence[float], label: str, notes: Sequence[str] = ()
+) -> list[Image.Image]:
+    """The frames of an animation, each with its phi below."""
     width, height = frames[0].size
     shown = []
     for number, (frame, value) in enumerate(zip(frames, phi, strict=True)):
@@ -58,15 +60,22 @@ def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, n
         page.paste(frame, (0, 0))
         _below(ImageDraw.Draw(page), (GAP, height), width - 2 * GAP, value, phi, label, notes[number] if notes else "")
         shown.append(page)
+    return shown
+
+
+def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, notes: Sequence[str] = ()) -> bytes:
+    """The frames one after the other as a GIF file that repeats for ever and pauses on the last frame."""
+    shown = pages(frames, phi, label, notes)
+    width, height = shown[0].size
     # One palette for all, of the first and the last picture: colours that jump from frame to frame look like errors.
-    both = Image.new("RGB", (width, 2 * (height + FOOT)))
+    both = Image.new("RGB", (width, 2 * height))
     both.paste(shown[0], (0, 0))
-    both.paste(shown[-1], (0, height + FOOT))
+    both.paste(shown[-1], (0, height))
     palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT, kmeans=3)  # small objects keep their colours
-    pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
+    few = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
     out = io.BytesIO()
-    times = [STEP] * (len(pages) - 1) + [HELD]
-    pages[0].save(out, format="GIF", save_all=True, append_images=pages[1:], duration=times, loop=0, optimize=True)
+    times = [STEP] * (len(few) - 1) + [HELD]
+    few[0].save(out, format="GIF", save_all=True, append_images=few[1:], duration=times, loop=0, optimize=True)
     return out.getvalue()
 
 

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from scenegen.errors import DataError
 from scenegen.errors.files import TOO_MANY_TO_READ
+from scenegen.pose import EVERY, X, along, row_count
+from scenegen.scene.numbers import numbers_in, present
 
 if TYPE_CHECKING:
     from scenegen.scene.data import SceneFile
@@ -103,8 +105,24 @@ def _one(blocks: list[Block]) -> Block:
     return blocks[0] if len(blocks) == 1 else joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
 
 
-def check_numbers(block: Block) -> None:
-    """Files never contain infinities or NaN, and samplers never return them. Raises ValueError: a bug, not a user's
-    mistake."""
-    if not (np.isfinite(block.rows).all() and np.isfinite(block.phi).all()):
+def check_numbers(header: SceneFile, block: Block) -> None:
+    """Files never contain infinities or NaN, and samplers never return them, but for the rows of objects that are not
+    there. Raises ValueError: a bug, not a user's mistake."""
+    if not (np.isfinite(block.phi).all() and (header.counts or np.isfinite(block.rows).all())):
         raise ValueError("a scene with a number that is not finite was to be written")
+    if header.counts:
+        counts_in(header, block.rows)
+
+
+def counts_in(header: SceneFile, rows: Array) -> npt.NDArray[np.intp]:
+    """(C, m): how many things there are in scenes, rows (3N + ..., m), NaN in those of objects that are not there.
+    Raises ValueError where other rows are not finite, or are of objects that should not be there."""
+    names = [one.name for one in header.objects]
+    finite = np.isfinite(rows)
+    found = numbers_in(names, header.counts, finite[: row_count(len(names))][along(X)].T)
+    there = present(names, header.counts, found).T
+    choosers = [names.index(one.name) for one in header.choosers]
+    wanted = np.concatenate([np.repeat(there, len(EVERY), axis=0), there[choosers]])
+    if (finite != wanted).any() or np.isinf(rows).any():
+        raise ValueError(f"scene {int(np.flatnonzero((finite != wanted).any(axis=0))[0]) + 1}")
+    return found

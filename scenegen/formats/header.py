@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from scenegen.errors import DataError, Diagnostic, Source, Span
 from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OBJECT_TWICE, OTHER_OBJECTS, SCENES_VERSION
 from scenegen.formats.blocks import Block
-from scenegen.scene.data import FORMAT, RAISED, VERSION, SceneFile
+from scenegen.scene.data import FORMAT, RAISED, VERSION, SceneData, SceneFile
+from scenegen.scene.numbers import check_counts, objects_of
 
 TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the place of an error
 HEADING = ("format", "version")  # is checked first
@@ -109,6 +110,13 @@ def first_problem(name: str, error: ValidationError) -> Diagnostic:
     return DAMAGED_SCENES(file=name, place=where, reason=first["msg"].lower(), more=more)
 
 
-def odd_objects(scene: str, found: set[str], wanted: list[str]) -> Diagnostic:
-    """The error for a scene that lacks an object of its file, or has another one."""
-    return OTHER_OBJECTS(scene=scene, odd=min(found ^ set(wanted)), wanted=tuple(wanted))
+def check_objects(header: SceneFile, scene: SceneData, name: str) -> None:
+    """A scene has the objects of its file, or those that are there by its numbers of things; `name` is the scene's in
+    errors. Raises DataError."""
+    try:
+        check_counts(header, scene)
+    except ValueError as error:
+        raise DataError(DAMAGED_SCENES(file=name, place="counts", reason=str(error))) from None
+    wanted = objects_of(header, scene.counts or {})
+    if scene.poses.keys() != set(wanted):
+        raise DataError(OTHER_OBJECTS(scene=name, odd=min(scene.poses.keys() ^ set(wanted)), wanted=tuple(wanted)))

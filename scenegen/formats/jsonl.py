@@ -12,8 +12,9 @@ from scenegen.errors import DataError
 from scenegen.errors.files import EMPTY_LINE, LONG_LINE, OTHER_LABELS
 from scenegen.formats.blocks import BLOCK, Block, Reading
 from scenegen.formats.files import opened
-from scenegen.formats.header import dump_header, first_problem, labelled, load_header, not_scenes, odd_objects, parse
-from scenegen.formats.lines import SceneLines, block_from, numbers_of
+from scenegen.formats.header import check_objects, dump_header, first_problem, labelled, load_header, not_scenes, parse
+from scenegen.formats.lines import block_from, numbers_of
+from scenegen.formats.numbered_lines import lines_of
 from scenegen.scene.data import SceneData, SceneFile
 
 LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
@@ -25,7 +26,7 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
     header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
-    lines = SceneLines(header, labels)
+    lines = lines_of(header, labels)
     for block in blocks:
         sink.write("".join(f"{line}\n" for line in lines.of(block)).encode())
 
@@ -39,14 +40,13 @@ def read(path: Path) -> Reading:
     if not first.strip():
         raise DataError(not_scenes(str(path), "its first line is empty"))
     header = load_header(first, f"line {number} of {path}")
-    objects = [one.name for one in header.objects]
     head = next(lines, None)
     named = header.labels
     header, labels = header.without_scenes(), header.label_names
     if head is None:
         return Reading(header, labels, iter(()), 0, str(path))
     if named is None:
-        labels = tuple(_scene(head[1], f"line {head[0]} of {path}", objects, None).phi)
+        labels = tuple(_scene(head[1], f"line {head[0]} of {path}", header, None).phi)
     return Reading(header, labels, _blocks(path, head, lines, header, labels), None, str(path))
 
 
@@ -63,15 +63,14 @@ def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
 def _blocks(
     path: Path, head: tuple[int, bytes], rest: Lines, header: SceneFile, labels: tuple[str, ...]
 ) -> Iterator[Block]:
-    text = SceneLines(header, labels)
-    objects = [one.name for one in header.objects]
+    text = lines_of(header, labels)
     found: list[list[float]] = []
 
     def numbers(number: int, line: bytes) -> list[float]:
         known = text.numbers(line.decode(errors="replace").rstrip("\r\n"))
         if known is None:
             name = f"line {number} of {path}"
-            known = numbers_of(_scene(line, name, objects, labels), header, labels, name)
+            known = numbers_of(_scene(line, name, header, labels), header, labels, name)
         return known
 
     found.append(numbers(*head))
@@ -83,7 +82,7 @@ def _blocks(
     yield block_from(found, header.coordinates, len(labels))
 
 
-def _scene(line: bytes, name: str, objects: list[str], labels: tuple[str, ...] | None) -> SceneData:
+def _scene(line: bytes, name: str, header: SceneFile, labels: tuple[str, ...] | None) -> SceneData:
     """A line in any layout, read strictly. Raises DataError."""
     if not line.strip():
         raise DataError(EMPTY_LINE(line=name))
@@ -92,8 +91,7 @@ def _scene(line: bytes, name: str, objects: list[str], labels: tuple[str, ...] |
         scene = SceneData.model_validate_json(text)
     except ValidationError as error:
         raise DataError(first_problem(name, error)) from None
-    if scene.poses.keys() != set(objects):
-        raise DataError(odd_objects(name, set(scene.poses), objects))
+    check_objects(header, scene, name)
     if labels is not None and scene.phi.keys() != set(labels):
         raise DataError(OTHER_LABELS(scene=name, whose="the first scene, or the header,", labels=tuple(labels)))
     return scene

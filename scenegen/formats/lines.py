@@ -7,8 +7,9 @@ with the same template saves as much time in reading.
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
@@ -25,9 +26,10 @@ _HOLE = "\0"  # cannot occur in JSON text
 
 
 class SceneLines:
-    """The text of scenes of a file."""
+    """The text of scenes of a file. `numbers` is how many things there are in all of them, if that is drawn."""
 
-    def __init__(self, header: SceneFile, labels: Sequence[str]) -> None:
+    def __init__(self, header: SceneFile, labels: Sequence[str], numbers: Mapping[str, int] | None = None) -> None:
+        self._header = header
         self._names = {
             header.objects.index(one): [_text(surface.on) for surface in one.support.any]
             for one in header.choosers
@@ -41,7 +43,8 @@ class SceneLines:
         )
         phi = ", ".join(f"{_text(label)}: {_HOLE}" for label in labels)
         every = ", ".join(poses)
-        parts = f'{{"poses": {{{every}}}, "phi": {{{phi}}}}}'.split(_HOLE)
+        counts = f'"counts": {json.dumps(numbers, ensure_ascii=False)}, ' if numbers else ""
+        parts = f'{{{counts}"poses": {{{every}}}, "phi": {{{phi}}}}}'.split(_HOLE)
         order: list[int] = []  # of the numbers in a line, as they stand in a block
         kinds: list[list[str] | None] = []  # of each number in a line, the texts that stand for 1, 2, ...
         for number in range(len(header.objects)):
@@ -66,7 +69,7 @@ class SceneLines:
 
     def of(self, block: Block) -> list[str]:
         """A line for each scene of a block; floats are written so that they read back bit for bit."""
-        check_numbers(block)
+        check_numbers(self._header, block)
         numbers: list[list[float]] = np.concatenate([block.rows, block.phi]).T.tolist()
         if not self._names:
             return [self._template % tuple(scene) for scene in numbers]
@@ -99,9 +102,13 @@ def _text(name: str) -> str:
 def numbers_of(scene: SceneData, header: SceneFile, labels: Sequence[str], name: str = "a scene") -> list[float]:
     """The numbers of a scene of these objects and labels, in the order of a block; `name` is that of the scene in
     errors. Raises DataError for an object on a surface that the header does not have."""
-    poses = (scene.poses[one.name] for one in header.objects)
-    places = [value for pose in poses for value in _COORDINATES(pose)]
-    on = (chosen_surface(name, one, scene.poses[one.name]) for one in header.choosers)
+    absent = (math.nan,) * len(NAMES)
+    poses = (scene.poses.get(one.name) for one in header.objects)
+    places = [value for pose in poses for value in (absent if pose is None else _COORDINATES(pose))]
+    on = (
+        chosen_surface(name, one, scene.poses[one.name]) if one.name in scene.poses else math.nan
+        for one in header.choosers
+    )
     return [*places, *on, *(scene.phi[label] for label in labels)]
 
 

@@ -18,9 +18,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenegen.errors import DataError
+from scenegen.errors.counts import NUMBERS_DISAGREE
 from scenegen.errors.files import COLUMN_NOT_A_NUMBER, COLUMN_TYPE, DAMAGED_PARQUET, LARGE_ROW_GROUP, WRONG_COLUMNS
-from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_numbers, regrouped
-from scenegen.formats.columns import PHI, RARITY, columns
+from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_numbers, counts_in, regrouped
+from scenegen.formats.columns import COUNT, PHI, RARITY, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
@@ -43,14 +44,20 @@ def write(
     names = columns(header, labels)
     if rarity is not None:
         names += [f"{RARITY}{label}" for label in labels]
-    fields = [pa.field(name, pa.float64(), nullable=False) for name in names]
+    spare, counts = _spare(header), {f"{COUNT}{one.name}" for one in header.counts}
+    fields = [
+        pa.field(name, pa.int64() if name in counts else pa.float64(), nullable=name.rpartition(".")[0] in spare)
+        for name in names
+    ]
     schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
     with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
         for block in regrouped(blocks):
-            check_numbers(block)
+            check_numbers(header, block)
             more = () if rarity is None else rarity(block.phi)
-            arrays = [pa.array(row) for row in (*block.rows, *block.phi, *more)]
+            numbers = counts_in(header, block.rows) if counts else ()
+            rows = (*block.rows, *numbers, *block.phi, *more)
+            arrays = [pa.array(row, from_pandas=field.nullable) for row, field in zip(rows, fields, strict=True)]
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
 
 
@@ -61,7 +68,7 @@ def read(path: Path, source: Any = None) -> Reading:
         parquet, header, labels = _open(path, opening, source)
         with _damage(path):
             count = parquet.metadata.num_rows
-        blocks = _blocks(path, parquet, header.coordinates, opening.pop_all())
+        blocks = _blocks(path, parquet, header, opening.pop_all())
         return Reading(header, labels, blocks, count, str(path))
 
 
@@ -88,7 +95,7 @@ def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterat
         for index in groups:
             with _damage(path):
                 table = parquet.read_row_group(index, columns=_read(parquet), use_threads=False)
-            yield _block(path, table, header.coordinates, sum(sizes[:index]))
+            yield _block(path, table, header, sum(sizes[:index]))
 
 
 def _open(
@@ -123,8 +130,9 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     if names[: len(wanted)] != wanted or odd:
         lack = next((name for name in wanted if name not in names), None)
         raise DataError(WRONG_COLUMNS(path=path, lacking=lack, odd=odd[0] if odd else None, wanted=tuple(wanted)))
+    counts = {f"{COUNT}{one.name}" for one in header.counts}
     for field in schema:
-        if field.type != pa.float64():
+        if field.type != (pa.int64() if field.name in counts else pa.float64()):
             raise DataError(COLUMN_TYPE(column=field.name, path=path, found=field.type))
     return tuple(name.removeprefix(PHI) for name in phi)
 
@@ -134,7 +142,7 @@ def _read(parquet: pq.ParquetFile) -> list[str]:
     return [name for name in parquet.schema_arrow.names if not name.startswith(RARITY)]
 
 
-def _blocks(path: Path, parquet: pq.ParquetFile, coordinates: int, closing: contextlib.ExitStack) -> Iterator[Block]:
+def _blocks(path: Path, parquet: pq.ParquetFile, header: SceneFile, closing: contextlib.ExitStack) -> Iterator[Block]:
     with closing:
         batches = parquet.iter_batches(BLOCK, columns=_read(parquet), use_threads=False)
         done = 0
@@ -143,22 +151,45 @@ def _blocks(path: Path, parquet: pq.ParquetFile, coordinates: int, closing: cont
                 batch = next(batches, None)
             if batch is None:
                 return
-            yield _block(path, batch, coordinates, done)
+            yield _block(path, batch, header, done)
             done += batch.num_rows
 
 
-def _block(path: Path, batch: pa.RecordBatch | pa.Table, coordinates: int, done: int) -> Block:
+def _block(path: Path, batch: pa.RecordBatch | pa.Table, header: SceneFile, done: int) -> Block:
     """A part of the file as a block; `done` scenes came before it. Raises DataError for values that are not numbers."""
     if isinstance(batch, pa.Table):  # NumPy arrays of chunked columns come as copies anyway
         arrays = [column.to_numpy() for column in batch.columns]
     else:
         arrays = [column.to_numpy(zero_copy_only=False) for column in batch.columns]
     table = np.array(arrays, dtype=np.float64).reshape(batch.num_columns, batch.num_rows)
+    if header.counts:
+        return _numbered(path, table, header, done)
     bad = np.flatnonzero(~np.isfinite(table).all(axis=0))
     if len(bad):
         column = batch.schema.names[int(np.flatnonzero(~np.isfinite(table[:, bad[0]]))[0])]
         raise DataError(COLUMN_NOT_A_NUMBER(path=path, column=column, scene=done + int(bad[0]) + 1))
-    return Block(table[:coordinates], table[coordinates:])
+    return Block(table[: header.coordinates], table[header.coordinates :])
+
+
+def _spare(header: SceneFile) -> set[str]:
+    """The objects that are not there in every scene."""
+    return {f"{one.name}[{k}]" for one in header.counts for k in range(one.least + 1, one.most + 1)}
+
+
+def _numbered(path: Path, table: Array, header: SceneFile, done: int) -> Block:
+    """A part of a file whose scenes differ in how many things there are. Raises DataError where numbers of things and
+    poses do not agree."""
+    rows, numbers, phi = np.split(table, [header.coordinates, header.coordinates + len(header.counts)])
+    try:
+        if not np.isfinite(phi).all():
+            raise ValueError(f"scene {int(np.flatnonzero(~np.isfinite(phi).all(axis=0))[0]) + 1}")
+        wrong = (counts_in(header, rows) != numbers).any(axis=0)
+        if wrong.any():
+            raise ValueError(f"scene {int(np.flatnonzero(wrong)[0]) + 1}")
+    except ValueError as error:
+        scene = done + int(str(error).removeprefix("scene "))
+        raise DataError(NUMBERS_DISAGREE(file=path, scene=f"scene {scene}")) from None
+    return Block(rows, phi)
 
 
 @contextlib.contextmanager

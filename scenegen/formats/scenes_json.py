@@ -12,8 +12,9 @@ from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import JSON_TOO_LARGE, OTHER_LABELS
 from scenegen.formats.blocks import Block, Reading
 from scenegen.formats.files import read_bytes
-from scenegen.formats.header import HEADING, labelled, odd_objects, parse, scene_file
-from scenegen.formats.lines import SceneLines, block_of
+from scenegen.formats.header import HEADING, check_objects, labelled, parse, scene_file
+from scenegen.formats.lines import block_of
+from scenegen.formats.numbered_lines import lines_of
 from scenegen.scene.data import SceneFile
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
@@ -30,7 +31,7 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     head = f'{text.removesuffix("}").rstrip()},\n "scenes": ['.encode()
     sink.write(head)
     size = len(head)
-    lines = SceneLines(header, labels)
+    lines = lines_of(header, labels)
     between = "\n"
     for block in blocks:
         if block.count:
@@ -65,11 +66,9 @@ def load(data: bytes, name: str) -> SceneFile:
     raw, text = parse(data, name)
     raw = {key: raw.get(key) for key in HEADING} if isinstance(raw, dict) else None  # the rest is large, and not needed
     file = scene_file(raw, text, name)
-    names = [one.name for one in file.objects]
     labels = set(file.label_names if file.labels is None else file.labels)
     for number, scene in enumerate(file.scenes, 1):
-        if scene.poses.keys() != set(names):
-            raise DataError(odd_objects(f"scene {number} of {name}", set(scene.poses), names))
+        check_objects(file, scene, f"scene {number} of {name}")
         if scene.phi.keys() != labels:
             whose = "scene 1" if file.labels is None else "the header"
             scene_name = f"scene {number} of {name}"

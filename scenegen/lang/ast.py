@@ -204,8 +204,9 @@ Chosen = Literal["", "equal", "area"]  # how an object chooses what it stands on
 
 @dataclass(frozen=True, slots=True)
 class Declaration(Node):
-    """One object, or an array of `count` of them. `choice` is set where `support` names several surfaces of which each
-    object stands on one: all equally likely, or by their area."""
+    """One object, or an array of `count` of them: a number, or a Range from which their number is drawn. `choice` is
+    set where `support` names several surfaces of which each object stands on one: all equally likely, or by their
+    area."""
 
     name: Name
     count: Expr | None

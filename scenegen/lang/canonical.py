@@ -6,7 +6,7 @@ means the same wherever it is read again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from scenegen.assets import Shape
 from scenegen.errors import Source
@@ -18,19 +18,28 @@ from scenegen.lang.scope import Scope
 from scenegen.primitives.footprint import Box, Circle, Footprint
 
 
-def canonical(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, shapes: Sequence[Shape]) -> str:
-    """The canonical text; `shapes` has one entry per object."""
+def canonical(
+    placed: Sequence[Placed],
+    bare: ast.Expr | None,
+    scope: Scope,
+    shapes: Sequence[Shape],
+    counts: Mapping[str, int],
+) -> str:
+    """The canonical text; `shapes` has one entry per object, `counts` the numbers of things that are drawn no more."""
     statements = tuple(
-        _resolved(one.statement, scope, shapes) if isinstance(one.statement, ast.Objects) else one.statement
+        _resolved(one.statement, scope, shapes, counts) if isinstance(one.statement, ast.Objects) else one.statement
         for one in placed
     )
     return print_module(ast.Module(Source("", ""), statements, bare))
 
 
-def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape]) -> ast.Objects:
-    """The statement with every file's outline written out."""
+def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape], counts: Mapping[str, int]) -> ast.Objects:
+    """The statement with every file's outline written out, and every number that is drawn no more."""
     declarations = []
     for one in statement.declarations:
+        if isinstance(one.count, ast.Range) and one.name.id in counts:
+            count = ast.Quantity(str(counts[one.name.id]), "")
+            one = ast.Declaration(one.name, count, one.shape, one.pose, one.support, one.choice)
         call = one.shape
         if isinstance(call, ast.Call) and call.function.id in FILES:
             place = scope.arrays.get(one.name.id, (scope.objects.get(one.name.id, 0),))[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from scenegen.assets import Shape
@@ -22,6 +22,7 @@ from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
 from scenegen.lang.constants import check_constants
 from scenegen.lang.core import Coord, Core, Junction, Node, Temporal, children
+from scenegen.lang.counts import always_the_same, family
 from scenegen.lang.declare import name_objects, pose, shape
 from scenegen.lang.headings import headings_compared
 from scenegen.lang.horizon import Horizon, Movers
@@ -48,9 +49,10 @@ from scenegen.scene.workspace import Workspace
 Look = Callable[[Lowering], None]
 
 
-def check_text(text: str, name: str = "<spec>") -> CheckedSpec:
-    """Parse and check a spec's text. Raises SpecError with every mistake found; `name` is what they call the file."""
-    return check(Source(name, plain_breaks(text)))
+def check_text(text: str, name: str = "<spec>", counts: Mapping[str, int] | None = None) -> CheckedSpec:
+    """Parse and check a spec's text. Raises SpecError with every mistake found; `name` is what they call the file;
+    `counts` says how many there are of things whose number the spec draws."""
+    return check_module(parse(Source(name, plain_breaks(text))), counts=counts)
 
 
 def check_file(path: Path, data: bytes, root: Path | None = None) -> CheckedSpec:
@@ -63,9 +65,25 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
     return check_module(parse(source), project)
 
 
-def check_module(module: ast.Module, project: Project | None = None, look: Look | None = None) -> CheckedSpec:
+def check_module(
+    module: ast.Module,
+    project: Project | None = None,
+    look: Look | None = None,
+    counts: Mapping[str, int] | None = None,
+) -> CheckedSpec:
     """Check what was parsed already. Raises SpecError as `check` does. `look` gets the machine at work
-    once all that the spec declares is known; it may expand formulas of its own."""
+    once all that the spec declares is known; it may expand formulas of its own. `counts` are numbers of things that the
+    spec draws; with those that it does not say the spec is a family, see `lang.counts`."""
+    given = counts or {}
+    spec = _check_one(module, project, look, given)
+    if not spec.counts:
+        return spec
+    return family(module, spec, lambda numbers: _check_one(module, project, None, {**given, **numbers}))
+
+
+def _check_one(
+    module: ast.Module, project: Project | None, look: Look | None, counts: Mapping[str, int]
+) -> CheckedSpec:
     source = module.source
     project = project or Project()
     placed, problems = inline(module, project)
@@ -76,7 +94,7 @@ def check_module(module: ast.Module, project: Project | None = None, look: Look 
     if problems:
         raise refusal(problems, source)
     try:
-        return _expand(source, placed, module.bare, scope, project, look)
+        return _expand(source, placed, module.bare, scope, project, look, counts)
     except TooLarge as error:
         raise SpecError(SPEC_TOO_LARGE(file=source.name, reason=str(error))) from None
 
@@ -88,6 +106,7 @@ def _expand(
     scope: Scope,
     project: Project,
     look: Look | None,
+    counts: Mapping[str, int],
 ) -> CheckedSpec:
     builder = CoreBuilder(())
     texts = {one.source.name: len(one.source.text) for one in placed}
@@ -100,7 +119,7 @@ def _expand(
                 space = workspace(lowering, one.source, one.statement)
     lowering.areas["workspace"] = whole(space)
     with stage:
-        scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
+        scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()), counts)
     if not stage.problems:
         builder.objects = tuple(scope.objects)
     shapes, fixed = [], dict[int, Pose]()
@@ -156,7 +175,9 @@ def _expand(
         for name, place in lowering.areas.items()
         if name != "workspace"
     )
-    text = canonical(placed, bare, scope, shapes)
+    alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
+    drawn = tuple(one for one in scope.counts.values() if one.name not in counts and one.name not in alone)
+    text = canonical(placed, bare, scope, shapes, {**alone, **counts})
     warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core), *lowering.noticed]
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
@@ -171,8 +192,9 @@ def _expand(
         dict(lowering.supports),
         tuple(lowering.heights or ()) if raised else (),
         dict(lowering.choices),
-        tuple(warnings),
+        (*warnings, *always_the_same(scope, alone)),
         timed,
+        drawn,
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenegen.assets import ASSETS, PLAIN, Shape, shape_of
 from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.counts import TOO_MANY_COUNTS
 from scenegen.errors.declarations import (
     EMPTY_ARRAY,
     FILE_WITHOUT_QUOTES,
@@ -21,7 +22,7 @@ from scenegen.errors.declarations import (
     UNUSABLE_SHAPE_FILE,
     WRONG_NUMBER_OF_PLACES,
 )
-from scenegen.errors.language import NOT_AN_ANGLE, NOT_CONSTANT
+from scenegen.errors.language import EMPTY_RANGE, NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
 from scenegen.lang.cabinets import cabinet
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
@@ -30,7 +31,7 @@ from scenegen.lang.provenance import Frame
 from scenegen.lang.resolve import BUILT, FILES, SHAPES, bind
 from scenegen.lang.scope import Thing
 from scenegen.lang.select import whole_number
-from scenegen.lang.spec import Pose
+from scenegen.lang.spec import Count, Pose
 from scenegen.lang.trampoline import Call, run
 from scenegen.lang.values import ListValue, NumberValue
 from scenegen.pose import TWO_PI
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_OBJECTS = 20_000
+MOST_COMBINATIONS = 64  # of numbers of things: each is a spec of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,11 @@ OUTLINES: dict[str, Callable[[Sizes], Footprint]] = {
 """Shape -> its footprint. Those of files are read from the file."""
 
 
-def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str, int], dict[str, range]]:
-    """The places of single objects and elements by name, and those of each array. Raises SpecError."""
+def name_objects(
+    lowering: Lowering, things: Sequence[Thing], counts: Mapping[str, int] | None = None
+) -> tuple[dict[str, int], dict[str, range]]:
+    """The places of single objects and elements by name, and those of each array. Where the number of elements is drawn
+    it is that of `counts`, or else the most there can be. Raises SpecError."""
     objects: dict[str, int] = {}
     arrays: dict[str, range] = {}
     for thing in things:
@@ -81,7 +86,12 @@ def name_objects(lowering: Lowering, things: Sequence[Thing]) -> tuple[dict[str,
         if one is None or one.count is None:
             objects[thing.name.id] = len(objects)
         else:
-            count = _count(lowering, one.count, thing.source, len(objects))
+            if isinstance(one.count, ast.Range):
+                drawn = _drawn(lowering, thing.name.id, one.count, thing.source, len(objects))
+                lowering.scope.counts[thing.name.id] = drawn
+                count = (counts or {}).get(thing.name.id, drawn.most)
+            else:
+                count = _count(lowering, one.count, thing.source, len(objects))
             arrays[thing.name.id] = range(len(objects), len(objects) + count)
             objects.update((f"{thing.name.id}[{k}]", len(objects) + k - 1) for k in range(1, count + 1))
         if len(objects) > MAX_OBJECTS:
@@ -98,6 +108,19 @@ def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> i
     if before + count > MAX_OBJECTS:
         raise SpecError(TOO_MANY_OBJECTS(expr.span(source), limit=MAX_OBJECTS))
     return count
+
+
+def _drawn(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
+    least, most = (_count(lowering, end, source, before) for end in (drawn.lowest, drawn.highest))
+    if least > most:
+        written = isinstance(drawn.lowest, ast.Quantity) and isinstance(drawn.highest, ast.Quantity)
+        instead = f"{most}..{least}" if written else None
+        raise SpecError(EMPTY_RANGE(drawn.span(source), lowest=least, highest=most, instead=instead))
+    known = lowering.scope.counts.values()
+    combinations = math.prod(len(one.numbers) for one in known if one.name != name) * (most - least + 1)
+    if combinations > MOST_COMBINATIONS:
+        raise SpecError(TOO_MANY_COUNTS(drawn.span(source), combinations=combinations, limit=MOST_COMBINATIONS))
+    return Count(name, least, most)
 
 
 def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shape:

@@ -312,7 +312,7 @@ def _window(window: ast.Interval | None) -> Pieces:
 def _declaration(one: ast.Declaration) -> Pieces:
     yield one.name.id
     if one.count is not None:
-        yield from ("[", Part(one.count, SUM), "]")
+        yield from ("[", Part(one.count, 0 if isinstance(one.count, ast.Range) else SUM), "]")
     if one.shape is not None:
         yield from (SPACE, "=", SPACE, Part(one.shape, POSTFIX))
     if one.support is not None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, SpecError
+from scenegen.errors.counts import COUNT_OF_LEVELS
 from scenegen.errors.declarations import (
     CORNERS_NOT_A_LIST,
     EMPTY_INTERVAL,
@@ -78,6 +79,8 @@ def areas(lowering: Context, declared: Declared) -> Call[None]:
             raise SpecError(LEVEL_COUNT(statement.span(source), name=name, count=1, levels=len(levels)))
         lowering.areas[name] = replace(flat, z=levels[0]) if levels else flat
         return
+    if isinstance(statement.count, ast.Range):
+        raise SpecError(COUNT_OF_LEVELS(statement.count.span(source), name=name, levels=len(levels) or None))
     given: Value = yield lowering.lower(statement.count, {}, Frame(source))
     frame = Frame(source)
     what = "the number of levels"

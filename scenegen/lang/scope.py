@@ -15,6 +15,7 @@ from scenegen.errors.language import BUILT_IN_NAME, DEFINED_TWICE
 from scenegen.lang import ast
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import parse
+from scenegen.lang.spec import Count
 from scenegen.pose import NAMES
 from scenegen.primitives import PRIMITIVES
 from scenegen.resources import grammar_file
@@ -81,6 +82,7 @@ class Scope:
     things: dict[str, Thing] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
+    counts: dict[str, Count] = field(default_factory=dict)  # of the arrays whose number of elements is drawn
     inferred: bool = False
     timed: bool = False  # whether it has a `time` statement, and with it the functions of steps
     replaced: dict[str, Declared] = field(default_factory=dict)  # definitions of the prelude that the spec has anew

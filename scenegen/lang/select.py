@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Span
+from scenegen.errors.counts import MAY_BE_MISSING
 from scenegen.errors.language import (
     EMPTY_LIST,
     INDEX_OUT_OF_RANGE,
@@ -113,6 +114,10 @@ def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, f
         raise lowering.error(NOT_AN_ARRAY, node, frame, name=name)
     items = lowering.coerce.items(base, "what `[` counts in")
     which = whole_number(lowering, place, node.index, frame, "an index")
+    drawn = lowering.scope.counts.get(node.base.id) if isinstance(node.base, ast.Name) else None
+    if drawn is not None and drawn.least < which <= drawn.most:
+        facts = {"name": drawn.name, "index": which, "least": drawn.least, "most": drawn.most}
+        raise lowering.error(MAY_BE_MISSING, node, frame, **facts)
     if not 1 <= which <= len(items):
         raise lowering.error(
             INDEX_OUT_OF_RANGE, node.index, frame, index=which, count=len(items), last=len(items) or None

@@ -68,6 +68,20 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True)
+class Count:
+    """An array whose number of elements is drawn: `least` to `most`, both included."""
+
+    name: str
+    least: int
+    most: int
+
+    @property
+    def numbers(self) -> range:
+        """Every number of elements that there can be."""
+        return range(self.least, self.most + 1)
+
+
+@dataclass(frozen=True, slots=True)
 class CheckedSpec:
     """What a spec means: the workspace, the objects in storage order, and the core formula with its labels.
 
@@ -79,6 +93,9 @@ class CheckedSpec:
     object that stands on one of several surfaces to these; its height, and that of what it carries, is None.
     `warnings` is what the checker noticed and let pass. `timed` is what a spec over time means; its `core` has formulas
     over time then, which no reader of cores takes.
+
+    A spec with random numbers of things has `counts`. It stands for `members`, an ordinary spec for each combination of
+    numbers, in lexicographic order; all else here is that of the last one, which has all the objects.
     """
 
     name: str
@@ -94,6 +111,8 @@ class CheckedSpec:
     choices: Mapping[int, Choice] = field(default_factory=dict)
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
     timed: Timed | None = None
+    counts: tuple[Count, ...] = ()
+    members: tuple[CheckedSpec, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.shapes:

@@ -7,6 +7,7 @@ robust semantics of partial traces; here with bounds of the state's formulas ins
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,16 @@ Array = npt.NDArray[np.float64]
 LOW, HIGH = 0, 1
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """What a Watch knew after so many moments."""
+
+    seen: int
+    signals: Array
+    before: Array
+    values: list[Array]
+
+
 @dataclass(slots=True)
 class Watch:
     """B motions side by side, moment by moment. `lowest` and `highest` (3N,) are the limits of poses; with `reach`
@@ -40,6 +51,7 @@ class Watch:
     _signals: Array = field(init=False)  # (S, 2, B, T + 1)
     _before: Array = field(init=False)  # (3N, B)
     _steps: Array = field(init=False)  # (3N,): how far a step goes
+    _values: list[Array] = field(init=False)  # of every node over time, (2, B, T + 1)
 
     def __post_init__(self) -> None:
         timed, moments = self.timed, self.timed.horizon.moments
@@ -64,6 +76,18 @@ class Watch:
         self._before, self.seen = rows.copy(), self.seen + 1
         self._look_ahead()
         return self._outlook()
+
+    def bounds(self, nodes: Sequence[int]) -> Array:
+        """The least and the largest value that nodes of the spec can still have at moment 0, (K, 2, B)."""
+        return np.stack([self._values[node][..., 0] for node in nodes])
+
+    def mark(self) -> Mark:
+        """Where the monitor stands, for `back`."""
+        return Mark(self.seen, self._signals.copy(), self._before.copy(), list(self._values))
+
+    def back(self, mark: Mark) -> None:
+        """Forget what was seen since."""
+        self.seen, self._signals, self._before, self._values = mark.seen, mark.signals, mark.before, mark.values
 
     def _look_ahead(self) -> None:
         """Bounds of the state's formulas at later moments: of the next one, which knows where objects were; with
@@ -118,5 +142,6 @@ class Watch:
 
         timed = self.timed
         values = over_time(Numpy(), timed, list(self._signals), everywhere)
+        self._values = values
         phi = {name: values[node][..., 0] for name, node in timed.labels.items()}
         return phi, None if timed.requirement is None else values[timed.requirement].min(axis=-1)

@@ -87,6 +87,10 @@ class Settling(Plan):
         return self.plan.evaluations
 
     @property
+    def fact_count(self) -> int:
+        return 2 + len(self.problem.spec.objects) + self.plan.fact_count
+
+    @property
     def scenes_per_piece(self) -> float:
         return min(self.plan.scenes_per_piece, self._at_once * len(self.reached))
 

@@ -162,12 +162,21 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
         half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / ROOM
         reach = np.array([half * aspect, half])
         return downwards(list(centre - reach), list(centre + reach), size, (0.0, 0.0))
-    turn, slope = (math.radians(angle) for angle in PLACES[view])
+    return at_angles(points, size, *PLACES[view], math.degrees(FIELD))
+
+
+def at_angles(
+    points: Floats, size: tuple[int, int], azimuth: float, elevation: float, field: float, distance: float = 1.0
+) -> Camera:
+    """The camera in perspective at these angles, in degrees, that shows all of (P, 3) `points` as large as the picture
+    allows, or from `distance` times as far away from their middle (1 or more)."""
+    aspect = size[0] / size[1]
+    turn, slope = math.radians(azimuth), math.radians(elevation)
     right = np.array([math.cos(turn), math.sin(turn), 0.0])
     level = np.array([-math.sin(turn), math.cos(turn), 0.0])
     forward = math.cos(slope) * level - np.array([0.0, 0.0, math.sin(slope)])
     up = np.cross(right, forward)
-    tan_y = math.tan(FIELD / 2.0)
+    tan_y = math.tan(math.radians(field) / 2.0)
     tan_x = tan_y * aspect
     ahead = points @ forward
 
@@ -181,6 +190,7 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
     back_x, at_x = fit(right, tan_x * ROOM)
     back_y, at_y = fit(up, tan_y * ROOM)
     back = min(back_x, back_y)
+    back -= (distance - 1.0) * (float(ahead.min() + ahead.max()) / 2.0 - back)
     eye = at_x * right + at_y * up + back * forward
     near, far = float(ahead.min()) - back, float(ahead.max()) - back
     return Camera(_view(eye, right, up, forward), _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)

@@ -8,6 +8,7 @@ from functools import reduce
 
 import numpy as np
 
+from scenegen.assets.palette import RGB
 from scenegen.assets.surfaces import reach_of
 from scenegen.primitives.footprint import Box, Circle, Footprint
 from scenegen.render.camera import Floats
@@ -18,10 +19,11 @@ BORDER, HEM, SEAM, THREAD = 0.0045, 0.0110, 0.0020, 0.0060
 OPAQUE, EDGE = 0.50, 0.85  # opacity of the cloth and of its border
 
 
-def cover(stage: Stage, x: Floats, y: Floats, wood: Floats) -> Floats:
+def cover(stage: Stage, x: Floats, y: Floats, wood: Floats, table: RGB = WOOD) -> Floats:
     """(h, w, 3): factors of the table's own colour at the visible points (x, y) (h, w), in metres.
 
-    `wood` (h, w, 3) are the factors of the bare table. Regions that overlap show through each other, later ones on top.
+    `table` is that colour, `wood` (h, w, 3) are the factors of the bare table. Regions that overlap show through each
+    other, later ones on top.
     """
     tint = wood.copy()
     pixel = np.maximum(np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0)))
@@ -35,7 +37,7 @@ def cover(stage: Stage, x: Floats, y: Floats, wood: Floats) -> Floats:
         dx, dy = columns[near] - across, rows[near] - along
         cos, sin = math.cos(theta), math.sin(theta)
         alpha, light = _cloth(patch, dx * cos + dy * sin, dy * cos - dx * sin, sizes[near], stage.side)
-        color = np.array(patch.color) / np.array(WOOD)
+        color = np.array(patch.color) / np.array(table)
         flat[near] = flat[near] * (1.0 - alpha[:, None]) + (alpha * light)[:, None] * color
     return tint
 

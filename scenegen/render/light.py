@@ -14,12 +14,12 @@ import numpy.typing as npt
 from scenegen.render.ambient import Ambient
 from scenegen.render.camera import Camera, Floats, downwards
 from scenegen.render.cloth import cover
+from scenegen.render.looks import Look
 from scenegen.render.picture import GROUND, TABLE, Image, Mask, Picture, Rows, Shot
 from scenegen.render.wood import wood
-from scenegen.scene.stage import Stage
+from scenegen.scene.stage import WOOD, Stage
 
 TOWARDS = (-0.36, -0.28, 1.0)  # direction of the light: from the left, from behind the viewer
-SLIDE = (-TOWARDS[0], -TOWARDS[1])  # offset of a shadow from its object, per metre of height
 MAP = 1024  # pixels along a side of the light's depth buffer
 PAD = 24  # empty pixels around it, more than the width of a shadow's edge
 SOFT = 0.013  # metres; radius of a shadow's blurred edge
@@ -31,19 +31,21 @@ ON_THINGS = 0.55  # weight of the hidden sky on objects: their own walls hide ha
 FAINT = 0.5  # weight of both on the ground below the table
 EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
 GROUND_BELOW = 3.0  # thicknesses of the table top
+HORIZON = 0.02  # least slope of a ray to the ground: rays above the horizon end as far away
 FLOOR = (0.935, 0.932, 0.925)
 FLOOR_FAR = (0.865, 0.872, 0.880)
 
 
-def light_camera(stage: Stage) -> Camera:
+def light_camera(stage: Stage, towards: tuple[float, float, float] = TOWARDS) -> Camera:
     """The light's view: from above, sheared along its rays, so that points on one ray share a pixel."""
     x0, y0, x1, y1 = stage.table
     room = 0.02 * stage.side + 2.0 * SOFT
     drop = stage.thickness * GROUND_BELOW
     rise = max(stage.height, 0.05 * stage.side)
-    low = [x0 - room - drop * SLIDE[0], y0 - room - drop * SLIDE[1]]
-    high = [x1 + room + rise * SLIDE[0], y1 + room + rise * SLIDE[1]]
-    return downwards(low, high, (MAP, MAP), SLIDE)
+    slide = (-towards[0], -towards[1])  # offset of a shadow from its object, per metre of height
+    low = [start - room + min(-drop * part, rise * part) for start, part in zip((x0, y0), slide, strict=True)]
+    high = [end + room + max(-drop * part, rise * part) for end, part in zip((x1, y1), slide, strict=True)]
+    return downwards(low, high, (MAP, MAP), slide)
 
 
 class Lighting:
@@ -51,7 +53,7 @@ class Lighting:
 
     `factor` is how many pixels of a raw picture make one of the result, along each side. `colors`, `buffer` and
     `light_buffer` are the raw picture and the camera's and the light's depth buffers of the bare table. `transparent`
-    leaves the ground out.
+    leaves the ground out. A `look` has colours of its own for the table and the ground.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class Lighting:
         light_buffer: Image,
         *,
         transparent: bool = False,
+        look: Look | None = None,
     ) -> None:
         self.factor = factor
         self.camera = camera
@@ -74,19 +77,22 @@ class Lighting:
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY
-        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / direction[..., 2]
+        falling = np.minimum(direction[..., 2], -HORIZON)
+        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / falling
         depth = np.where(bare, below, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)
         x, y = at[..., 0], at[..., 1]
         sizes = np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0))
         bare_wood = np.ones_like(at)
-        bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]))
-        tint = np.where(top[..., None], cover(stage, x, y, bare_wood), 1.0)
+        if look is None or look.table_texture == "wood":
+            bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]))
+        cloths = cover(stage, x, y, bare_wood, WOOD if look is None else look.table)
+        tint = np.where(top[..., None], cloths, 1.0)
 
         # Of four raw pixels, the upper right one is sampled in the middle of the four.
         self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))
-        self.light = light_camera(stage)
+        self.light = light_camera(stage, TOWARDS if look is None else look.towards)
         matrix = self.light.projection @ self.light.view
         pixels = np.array([MAP / 2.0, -MAP / 2.0])
         start = (origin[every] @ matrix[:2, :3].T + matrix[:2, 3] + (1.0, -1.0)) * pixels
@@ -108,7 +114,7 @@ class Lighting:
         self.sky = np.where(ground, 0.0, 1.0).astype(np.float32)
         dim = _dim(under, np.zeros_like(under)).reshape(*self.depth.shape, 3)
         dim = dim.repeat(factor, axis=0).repeat(factor, axis=1)
-        floor = np.zeros(3) if transparent else _backdrop(raw.size[1])
+        floor = np.zeros(3) if transparent else _backdrop(raw.size[1], look)
         backdrop = np.where(bare[..., None], floor, colors * tint)
         self.backdrop = np.clip(backdrop * dim + 0.5, 0.0, 255.0).astype(np.uint8)
         self.bare = bare
@@ -205,7 +211,10 @@ def _disc(radius: float) -> list[tuple[int, int]]:
     return [(round(r * math.cos(a)), round(r * math.sin(a))) for r, a in spread]
 
 
-def _backdrop(height: int) -> Floats:
+def _backdrop(height: int, look: Look | None) -> Floats:
     """(height, 1, 3): the ground's colour per row, a little darker far away."""
     far = np.linspace(1.0, 0.0, height)[:, None, None]
-    return np.asarray((far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR)) * 255.0)
+    floor = (far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR)) * 255.0
+    if look is not None:
+        floor = floor / np.array(FLOOR) * np.array(look.ground_color) * look.brightness
+    return np.asarray(np.clip(floor, 0.0, 255.0))

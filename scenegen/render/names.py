@@ -25,6 +25,8 @@ def write_names(color: Picture, stage: Stage, camera: Camera, places: Floats) ->
     size = max(LEAST, camera.size[1] // SHARE)
     font = ImageFont.load_default(size=size)
     for thing, (x, y, _, z) in labels:
+        if np.isnan(x):  # it is not there
+            continue
         top = (x, y, z + thing.shape.height)
         reach = max(thing.shape.footprint.extent) / 2.0
         at, beyond = camera.project([top, (x, y + reach, top[2])])

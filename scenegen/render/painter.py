@@ -23,6 +23,7 @@ from scenegen.assets.plain import plain
 from scenegen.render.ambient import landscape_camera
 from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Lighting, light_camera
+from scenegen.render.looks import VIEW, Look
 from scenegen.render.picture import FIRST, Image, Picture, Shot
 from scenegen.scene.limits import BOARD
 from scenegen.scene.stage import WOOD, Patch, Stage
@@ -44,21 +45,13 @@ class Painter:
         *,
         transparent: bool = False,
         renderer: str = "software",
+        look: Look | None = None,
     ) -> None:
         self.factor = 2 if 2 * max(size) <= LARGEST else 1
-        self._light, self._landscape = light_camera(stage), landscape_camera(stage)
-        self._lighting: dict[str, Lighting] = {}
-        with _Studio(renderer) as bare:
-            x0, y0, x1, y1 = stage.table
-            slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
-            bare.add(slab.moved((x0 + x1) / 2.0, (y0 + y1) / 2.0, -stage.thickness), WOOD)
-            _, light, _ = bare.shoot(self._light)
-            for view in views:
-                camera = frame(view, stage.corners(), size)
-                colors, depth, _ = bare.shoot(self._raw(camera))
-                self._lighting[view] = Lighting(
-                    stage, camera, self.factor, colors, depth, light, transparent=transparent
-                )
+        self._stage, self._views, self._size = stage, views, size
+        self._transparent, self._renderer = transparent, renderer
+        self._landscape = landscape_camera(stage)
+        self.dress(look)
         # Far outside every picture, but near enough for the renderer's single precision.
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
@@ -76,6 +69,27 @@ class Painter:
         for body, number in owners:
             self._owner[body] = number
 
+    def dress(self, look: Look | None) -> None:
+        """Light the bare table by a look, or as usual: once for all scenes that share it."""
+        stage = self._stage
+        self._look, self._lighting = look, {}
+        self._light = light_camera(stage, TOWARDS if look is None else look.towards)
+        with _Studio(self._renderer) as bare:
+            x0, y0, x1, y1 = stage.table
+            slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
+            middle = (x0 + x1) / 2.0, (y0 + y1) / 2.0
+            bare.add(slab.moved(*middle, -stage.thickness), WOOD if look is None else look.table)
+            _, light, _ = bare.shoot(self._light, look)
+            for view in self._views:
+                if view == VIEW and look is not None:
+                    camera = look.camera(stage.corners(), self._size)
+                else:
+                    camera = frame(view, stage.corners(), self._size)
+                colors, depth, _ = bare.shoot(self._raw(camera), look)
+                self._lighting[view] = Lighting(
+                    stage, camera, self.factor, colors, depth, light, transparent=self._transparent, look=look
+                )
+
     def __enter__(self) -> Painter:
         return self
 
@@ -83,15 +97,17 @@ class Painter:
         self._studio.close()
 
     def paint(self, places: npt.NDArray[np.float64]) -> dict[str, Shot]:
-        """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on."""
+        """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on; NaN
+        of objects that are not there."""
+        places = np.where(np.isnan(places[:, :1]), (*self._high[:2], 0.0, 0.0), places)
         for bodies, (x, y, theta, z) in zip(self._things, np.clip(places, self._low, self._high), strict=True):
             for body in bodies:
                 self._studio.place(body, (float(x), float(y), float(z)), float(theta))
-        _, light, _ = self._studio.shoot(self._light)
-        _, landscape, _ = self._studio.shoot(self._landscape)
+        _, light, _ = self._studio.shoot(self._light, self._look)
+        _, landscape, _ = self._studio.shoot(self._landscape, self._look)
         shots = {}
         for view, lighting in self._lighting.items():
-            colors, depth, seen = self._studio.shoot(self._raw(lighting.camera))
+            colors, depth, seen = self._studio.shoot(self._raw(lighting.camera), self._look)
             shots[view] = lighting(colors, depth, self._owner[np.maximum(seen, 0)], light, landscape)
         return shots
 
@@ -111,6 +127,11 @@ class Painter:
     def _raw(self, camera: Camera) -> Camera:
         raw = camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
         return raw if self.factor > 1 else raw.centred()
+
+
+def _shading(look: Look) -> dict[str, Any]:
+    strength = {"lightAmbientCoeff": look.light_ambient, "lightDiffuseCoeff": look.light_intensity}
+    return SHADING | strength | {"lightColor": look.light_color}
 
 
 class _Studio:
@@ -174,7 +195,7 @@ class _Studio:
         turn = (0.0, 0.0, math.sin(theta / 2.0), math.cos(theta / 2.0))
         pybullet.resetBasePositionAndOrientation(body, at, turn, physicsClientId=self._client)
 
-    def shoot(self, camera: Camera) -> tuple[Picture, Image, Bodies]:
+    def shoot(self, camera: Camera, look: Look | None = None) -> tuple[Picture, Image, Bodies]:
         """Colours (height, width, 3), pybullet's depth buffer and numbers of bodies (height, width), -1: none."""
         width, height = camera.size
         _, _, colors, depth, bodies = pybullet.getCameraImage(
@@ -182,11 +203,11 @@ class _Studio:
             height,
             camera.view.T.ravel().tolist(),
             (camera.projection if self._plugin is None else camera.for_card()).T.ravel().tolist(),
-            lightDirection=TOWARDS,
+            lightDirection=TOWARDS if look is None else look.towards,
             shadow=0,
             renderer=self._renderer,
             physicsClientId=self._client,
-            **SHADING,
+            **(SHADING if look is None else _shading(look)),
         )
         picture = np.asarray(colors, dtype=np.uint8).reshape(height, width, 4)[..., :3]
         buffer = np.asarray(depth, dtype=np.float32).reshape(height, width)

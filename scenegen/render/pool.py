@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,15 +10,20 @@ import numpy.typing as npt
 from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.render.files import PictureOptions
+from scenegen.render.looks import Look
 from scenegen.render.worker import Draw
 from scenegen.scene.stage import Stage, places_of
 
 
 def draw(
-    stage: Stage, poses: npt.NDArray[np.float64], options: PictureOptions, workers: int
+    stage: Stage,
+    poses: npt.NDArray[np.float64],
+    options: PictureOptions,
+    workers: int,
+    looks: Sequence[Look] | None = None,
 ) -> Generator[dict[tuple[str, str], bytes], None, None]:
-    """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3). The same bytes for any
-    `workers`.
+    """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3), `looks` has one for each scene.
+    The same bytes for any `workers`.
 
     Close the generator to end the processes early. Raises ScenegenError if one of them fails, RequestError if pybullet
     is not installed.
@@ -27,6 +32,7 @@ def draw(
     places = places_of(stage, poses)
     stage, origin = stage.near()
     places[..., :2] -= origin
+    given: Sequence[Look | None] = looks if looks is not None else [None] * len(places)
     job = Draw(stage, options)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
-        yield from pool.map(list(places))
+        yield from pool.map(list(zip(places, given, strict=True)))

@@ -10,6 +10,7 @@ from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.render.camera import PLACES, VIEWS
 from scenegen.render.files import RENDERERS
+from scenegen.render.looks import SEEDS, VIEW
 from scenegen.scene.data import SceneFile
 from scenegen.scene.stage import MARGIN, TALLEST
 from scenegen.validation import as_int, as_words
@@ -41,15 +42,16 @@ def usual_size(file: SceneFile, width: int = USUAL) -> tuple[int, int]:
     return STEP * round(mean * math.sqrt(shape) / STEP), STEP * round(mean / math.sqrt(shape) / STEP)
 
 
-def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None) -> None:
+def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None, *, looks: bool = False) -> None:
     """Raises RequestError for invalid views, an invalid size in pixels, or an invalid number of processes."""
+    known = (*VIEWS, VIEW) if looks else VIEWS
     views = as_words("views", views, '("top",)')
     if not views:
-        wanted = f"at least one view; there are {quoted(VIEWS)}"
+        wanted = f"at least one view; there are {quoted(known)}"
         raise RequestError(WRONG_VALUE(argument="views", value="empty", wanted=wanted))
     for view in views:
-        if view not in VIEWS:
-            raise RequestError(UNKNOWN_CHOICE(what="view", name=view, known=VIEWS))
+        if view not in known:
+            raise RequestError(UNKNOWN_CHOICE(what="view", name=view, known=known))
     if not isinstance(size, tuple | list) or len(size) != 2:
         wanted = "width and height in pixels, as (640, 480)"
         raise RequestError(WRONG_VALUE(argument="size", value=repr(size), wanted=wanted))
@@ -59,6 +61,13 @@ def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | 
         raise RequestError(OUT_OF_RANGE(argument="size", value=f"{size[0]} x {size[1]}", wanted=wanted))
     if workers is not None and as_int("workers", workers) < 1:
         raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
+
+
+def check_seed(seed: int) -> int:
+    """Raises RequestError for a seed of looks that is no whole number from 0 to 2^63 - 1."""
+    if not 0 <= as_int("seed", seed) < SEEDS:
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted="from 0 to 2^63 - 1"))
+    return seed
 
 
 def check_renderer(renderer: str) -> None:

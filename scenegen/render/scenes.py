@@ -18,14 +18,23 @@ from scenegen.needs import need
 from scenegen.processes.process import cores
 from scenegen.render.camera import USUAL
 from scenegen.render.files import PictureOptions
+from scenegen.render.looks import VIEW
+from scenegen.render.looks_file import read_looks
 from scenegen.render.pool import draw
-from scenegen.render.request import check_renderer, check_request, usual_size
-from scenegen.render.rig import cameras_json
+from scenegen.render.request import check_renderer, check_request, check_seed, usual_size
+from scenegen.render.rig import cameras_json, drawn_looks, looks_jsonl
 from scenegen.scene.data import SceneFile
 from scenegen.scene.stage import poses_of, stage_of
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
-FACES = ("perspective", "three-quarter", "front", "top")  # for the contact sheet: the first of these that is drawn
+LOOKS = "looks.jsonl"
+FACES = (
+    VIEW,
+    "perspective",
+    "three-quarter",
+    "front",
+    "top",
+)  # for the contact sheet: the first of these that is drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +52,15 @@ def render_scenes(
     file: SceneFile,
     out: Path,
     *,
-    views: tuple[str, ...] = USUAL,
+    views: tuple[str, ...] | None = None,
     size: tuple[int, int] | None = None,
     distinct: bool = False,
     transparent: bool = False,
     depth: bool = False,
     masks: bool = False,
     renderer: str = "software",
+    looks: str | Path | None = None,
+    seed: int = 0,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rendered:
@@ -66,6 +77,10 @@ def render_scenes(
     written beside it, unless depth or masks are saved. The contact sheet says which objects overlap. `renderer` is
     "software", which draws the same everywhere, or "egl", which needs a graphics card.
 
+    `looks` names a TOML file of distributions, or "random": each scene then has a look of its own, drawn from `seed`
+    and its index alone, the default view is "look", from a camera that the look places, and looks.jsonl says what was
+    drawn (see `looks_jsonl`).
+
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
@@ -73,7 +88,10 @@ def render_scenes(
     file without scenes, OutputError if a file cannot be written.
     """
     size = usual_size(file) if size is None else size
-    check_request(views, size, workers)
+    if views is None:
+        views = USUAL if looks is None else (VIEW,)
+    check_request(views, size, workers, looks=looks is not None)
+    drawn = None if looks is None else drawn_looks(read_looks(looks), check_seed(seed), len(file.scenes))
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
@@ -89,7 +107,7 @@ def render_scenes(
     beside: list[str] = []
     # A run that fails keeps the pictures of an earlier one.
     with whole_files(out) as put:
-        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total))) as scenes:
+        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total), drawn)) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
                     name = f"{scene_name(number, total)}_{view}{ending}"
@@ -101,6 +119,8 @@ def render_scenes(
                     progress(number, total)
         put(SHEET, contact_sheet(file, thumbnails))
         put(CAMERAS, cameras_json(file, stage, options))
+        if drawn is not None:
+            put(LOOKS, looks_jsonl(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 

@@ -20,7 +20,7 @@ from scenegen.sampling.paired import Paired, pair
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection.sampler import SPARE, Rejection, first_look
+from scenegen.sampling.rejection.sampler import SPARE, Rejection, first_look, work_of
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
@@ -31,6 +31,9 @@ P = TypeVar("P", bound=Plan)
 
 LEAST, EACH = 10_000_000, 20  # minimum evaluations of splitting: for its plan, and for each scene
 FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
+EASY = 1e8  # work of rejection without pruning that is done without looking at another method
+GROWN = 350.0  # work of growth for a scene and each of its moving rows, at least
+PRUNED = 4.0  # share of the work without pruning, its inverse, that pruning may take
 POOR = 3.0  # design effect that growth may leave before splitting is tried
 SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 MANY = 24  # with more moving rows, rejection and splitting are not tried if pruning takes much work
@@ -69,7 +72,7 @@ def _apart(problem: Problem, budget: Budget) -> Paired | None:
 def _after_pruning(problem: Problem, budget: Budget) -> Plan:
     """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else pruning
     continues for a while."""
-    simple = first_look(problem, budget)
+    simple = _without_pruning(problem, budget)
     if simple is not None:
         return _because(simple, _in_range(simple))
     grown = plan_growth(problem, budget, patient=False)
@@ -87,6 +90,25 @@ def _after_pruning(problem: Problem, budget: Budget) -> Plan:
     except TooMuchError:
         return _without_rejection(problem, budget, "pruning takes too much work", quick=grown)
     return _after_trial(problem, budget, trial, whole=True, quick=grown)
+
+
+def _without_pruning(problem: Problem, budget: Budget) -> Rejection | None:
+    """Rejection from the contracted box, or pruned for a fraction of that work, if either is cheaper than growth."""
+    plan = first_look(problem, budget)
+    if plan is None:
+        return None
+    moving = int((problem.lowest < problem.highest).sum())
+    cheap, work = max(EASY, GROWN * moving * problem.request.n), work_of(plan)
+    if EASY < work <= PRUNED * cheap:
+        try:
+            pruned = plan_rejection(problem, budget, make_trial(problem, budget, work / PRUNED), work / PRUNED)
+        except TooMuchError:
+            pass  # the box remains
+        else:
+            less = work_of(pruned)
+            if len(pruned.reached) == len(plan.reached) and less < work:
+                plan, work = pruned, less
+    return plan if work <= cheap else None
 
 
 def _after_trial(

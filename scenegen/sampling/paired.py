@@ -20,19 +20,13 @@ from scenegen.errors import Diagnostic
 from scenegen.lang.core import REQUIRE
 from scenegen.pose import BELOW_TURN, THETA, along, rows_of
 from scenegen.sampling.digest import digest
-from scenegen.sampling.growth.sampler import Growth
 from scenegen.sampling.parts import Part
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import PAIRED, Problem
 from scenegen.sampling.rejection.sampler import SPARE, Rejection
-from scenegen.sampling.splitting.autocorrelation import Statistics
-from scenegen.sampling.splitting.chain_state import Tape, frame_of
-from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.sampler import Splitting
 
 Array = npt.NDArray[np.float64]
 
-GROWTH_FACTS, SPLITTING_FACTS = 8, 7  # see the plans of the methods; splitting adds two facts for each statistic
 LARGEST = 1 << 25  # maximum work of a piece of rejection that must give as many scenes as the other parts' pieces
 
 
@@ -80,6 +74,10 @@ class Paired(Plan):
     @property
     def evaluations(self) -> float:
         return sum(plan.evaluations for plan in self.plans)
+
+    @property
+    def fact_count(self) -> int:
+        return sum(self.facts)
 
     @property
     def _spread(self) -> Plan:
@@ -147,20 +145,7 @@ def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[Plan]) -> Pair
     target = min(enough, *(fixed or [plan.scenes_per_piece for plan in plans]))
     some = target + 3.0 * math.sqrt(target) + 8.0
     sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
-    return Paired(problem, tuple(parts), sized, tuple(_facts(plan) for plan in sized))
-
-
-def _facts(plan: Plan) -> int:
-    """How many facts a piece has at most."""
-    if isinstance(plan, Growth):
-        return GROWTH_FACTS
-    if isinstance(plan, Splitting):
-        frame = frame_of(plan.problem)
-        chains = Chains.start(frame, Tape(frame), plan.cells, 2, np.random.default_rng(0))
-        with np.errstate(all="ignore"):
-            return SPLITTING_FACTS + 2 * len(Statistics(frame)(chains))
-    assert isinstance(plan, Rejection)
-    return len(plan.sources)
+    return Paired(problem, tuple(parts), sized, tuple(plan.fact_count for plan in sized))
 
 
 def _sized(plan: Rejection, scenes: float) -> Rejection:

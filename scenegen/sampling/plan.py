@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.problem import Problem
+from scenegen.sampling.verify import verify
 
 MANY_PIECES = 1 << 30  # more than there are processes
 
@@ -127,6 +128,17 @@ class Plan(ABC):
         return self.problem.cells
 
     @property
+    def groups(self) -> Sequence[Sequence[int]]:
+        """The reached cells in groups. The groups get equal shares of the scenes, and the cells of a group equal shares
+        of its share."""
+        return (self.reached,)
+
+    @property
+    def fact_count(self) -> int:
+        """How many facts a piece has at most."""
+        raise NotImplementedError(f"{self.method} is no part of another plan")
+
+    @property
     def ruled_out(self) -> frozenset[int]:
         """Cells that are proved to be empty."""
         return frozenset()
@@ -150,6 +162,14 @@ class Plan(ABC):
     def verified(self) -> bool:
         """Whether each scene is checked against the request before it is returned: all but a model's raw output."""
         return True
+
+    def check(self, rows: Array, phi: Array) -> None:
+        """Verify scenes, rows (3N, m) with phi (L, m). Raises AssertionError for one that is not what was requested."""
+        verify(self.problem, rows, phi)
+
+    def blamed(self, tally: Tally) -> tuple[Plan, int | None]:
+        """The plan that a shortfall is reported of, and the cell of it that lacks most scenes."""
+        return self, tally.scarcest
 
     def misses(self) -> tuple[Array, Array]:
         """Candidates out of the range, from which a report finds the atoms that fail: rows (3N, m), phi (L, m)."""

@@ -62,12 +62,13 @@ def measure(
     labels: Sequence[str],
     seed: int = 0,
     check: Callable[[], None] | None = None,
+    work: int = WORK,
 ) -> Rarity | OutOfReach:
     """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
     conditional on the core's requirement. The same arguments give the same numbers. `check` is called between levels:
-    what it raises ends the run."""
+    what it raises ends the run. `work` is the effort, in visits of nodes."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on)
+        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on, work)
 
 
 def _go_on() -> None:
@@ -75,15 +76,21 @@ def _go_on() -> None:
 
 
 def _measure(
-    core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int, check: Callable[[], None]
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    labels: Sequence[str],
+    seed: int,
+    check: Callable[[], None],
+    effort: int,
 ) -> Rarity | OutOfReach:
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest)
+    count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest, effort)
     if gate:
-        base, best = _require(part(core, gate), lowest, highest, count, seed, check)
+        base, best = _require(part(core, gate), lowest, highest, count, seed, check, effort)
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
@@ -97,7 +104,7 @@ def _measure(
         one = part(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
-        work = WORK // (2 * len(labels) * cost(one))
+        work = effort // (2 * len(labels) * cost(one))
         up, down = (_climb(start.some(start.count), weights, sign, work, check) for sign in (1, -1))
         reaches[label] = Reach(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
@@ -111,12 +118,12 @@ def cost(core: Core) -> int:
     return len(core.nodes) + PER_SHAPE * sum(many * many for many in cornered)
 
 
-def _chains(cores: Sequence[Core], lowest: Array, highest: Array) -> int:
+def _chains(cores: Sequence[Core], lowest: Array, highest: Array, effort: int) -> int:
     """How many chains the effort allows for these cores, a multiple of the islands."""
     fewest = MOST
     for core in cores:
         moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
-        fewest = min(fewest, int(COUNTED * WORK) // (2 * len(cores) * cost(core) * moves))
+        fewest = min(fewest, int(COUNTED * effort) // (2 * len(cores) * cost(core) * moves))
     return max(fewest, FEWEST) // ISLANDS * ISLANDS
 
 
@@ -130,7 +137,7 @@ class _Base:
 
 
 def _require(
-    core: Core, lowest: Array, highest: Array, count: int, seed: int, check: Callable[[], None]
+    core: Core, lowest: Array, highest: Array, count: int, seed: int, check: Callable[[], None], effort: int
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
     chain_state = make_frame(core, lowest, highest)
@@ -140,7 +147,7 @@ def _require(
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
     state, weights = _begin(chain_state, None, count, rng)
     tuner = Tuner(state)
-    work = WORK // cost(core)
+    work = effort // cost(core)
     met = False
     while not met and state.evaluations < work:
         check()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,11 @@ def fell_short(plan: Plan, tally: Tally) -> Diagnostic | None:
     if tally.scenes >= plan.wanted:
         return None
     account = plan.account(tally)
-    why = shortfall(plan.problem, tally.found, account.tried, *plan.misses(), rarest=tally.scarcest)
+    blamed, rarest = plan.blamed(tally)
+    problem = blamed.problem
+    if blamed is not plan:  # of a part; what is missing is missing from the whole
+        problem = replace(problem, request=replace(problem.request, n=plan.wanted))
+    why = shortfall(problem, tally.found, account.tried, *blamed.misses(), rarest=rarest)
     return why.but(refused=account.note or tally.cut)
 
 

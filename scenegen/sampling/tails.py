@@ -71,12 +71,32 @@ class Tail:
         return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
 
 
+class Run(Protocol):
+    """One direction of a label's distribution: a `Tail`, or a mixture of them; see there."""
+
+    @property
+    def sign(self) -> int: ...
+
+    @property
+    def levels(self) -> Array: ...
+
+    @property
+    def end(self) -> float: ...
+
+    @property
+    def whole(self) -> bool: ...
+
+    def __call__(self, phi: float) -> Estimate | None: ...
+
+    def quantile(self, share: float) -> float: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Reach:
     """The distribution of a label's phi among the scenes that satisfy the requirement."""
 
-    up: Tail
-    down: Tail
+    up: Run
+    down: Run
     evaluations: int
 
 

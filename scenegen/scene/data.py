@@ -25,6 +25,7 @@ from pydantic import (
 from scenegen.pose import row_count
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import is_convex, signed_area
+from scenegen.scene.count_data import CountData, check_counts
 
 FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
 VERSION: Literal[1] = 1
@@ -64,12 +65,23 @@ AnyPose = Annotated[
 
 
 class SceneData(_Strict):
-    """One scene: a pose for each object, and the satisfaction value phi of each label in float64."""
+    """One scene: a pose for each object, and the satisfaction value phi of each label in float64. Where the number of
+    things is drawn, `counts` has it, and objects that are not there have no pose."""
 
+    counts: dict[str, Annotated[int, Field(ge=1)]] | None = None
     poses: dict[
         str, Annotated[Annotated[RestingPose, Tag("resting")] | Annotated[Pose, Tag("pose")], Discriminator(_kind)]
     ]
     phi: dict[str, FiniteFloat]
+
+    @model_serializer(mode="wrap")
+    def _counts_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _without_nothing(dump(self), "counts")
+
+
+def _without_nothing(data: dict[str, Any], *names: str) -> dict[str, Any]:
+    """Data without these fields where they say nothing."""
+    return {name: value for name, value in data.items() if value or name not in names}
 
 
 class CircleFootprint(_Strict):
@@ -120,10 +132,7 @@ class ShapeData(_Strict):
 
     @model_serializer(mode="wrap")
     def _open_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        if not data.get("open"):
-            data.pop("open", None)
-        return data
+        return _without_nothing(dump(self), "open")
 
 
 class RegionData(_Strict):
@@ -136,10 +145,7 @@ class RegionData(_Strict):
 
     @model_serializer(mode="wrap")
     def _height_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        if not data["height"]:
-            data.pop("height")
-        return data
+        return _without_nothing(dump(self), "height")
 
 
 def footprint_data(footprint: Footprint) -> CircleFootprint | BoxFootprint | PolygonFootprint:
@@ -209,10 +215,7 @@ class ObjectData(_Strict):
 
     @model_serializer(mode="wrap")
     def _support_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        if data.get("support") is None:
-            data.pop("support", None)
-        return data
+        return _without_nothing(dump(self), "support")
 
 
 def carried_first(objects: Sequence[ObjectData]) -> tuple[int, ...]:
@@ -267,7 +270,8 @@ class RequestData(_Strict):
 class SceneFile(_Strict):
     """A set of scenes with everything needed to re-score and draw them.
 
-    The labels are those of the scenes' phi; a file without scenes names them in `labels`, which no other file has.
+    The labels are those of the scenes' phi; a file without scenes names them in `labels`, which no other file has. In a
+    file with `counts` scenes differ in how many things there are.
     """
 
     format: Literal["scenegen/scenes"] = FORMAT
@@ -275,6 +279,7 @@ class SceneFile(_Strict):
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
+    counts: list[CountData] = Field(default_factory=list)
     regions: list[RegionData] = Field(default_factory=list)
     sampler: dict[str, Any]
     request: RequestData
@@ -286,6 +291,11 @@ class SceneFile(_Strict):
         if any((one.support is None) != (self.version == VERSION) for one in self.objects):
             raise ValueError("in version 2 every object has a `support`, in version 1 none")
         carried_first(self.objects)
+        return self
+
+    @model_validator(mode="after")
+    def _counts_of_objects(self) -> Self:
+        check_counts(self.counts, {one.name for one in self.objects})
         return self
 
     @property
@@ -309,7 +319,7 @@ class SceneFile(_Strict):
         data: dict[str, Any] = dump(self)
         if data.get("labels") is None:
             data.pop("labels", None)
-        return data
+        return _without_nothing(data, "counts")
 
     def without_scenes(self, labels: Sequence[str] = ()) -> Self:
         """The header: as it stands before scenes, or, with `labels`, as it stands alone."""

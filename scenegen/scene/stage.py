@@ -19,6 +19,7 @@ from scenegen.errors.files import MISSING_POSE
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
 from scenegen.primitives import Box, Circle, Footprint, Polygon
 from scenegen.scene.data import RAISED, Pose, SceneFile, footprint_of
+from scenegen.scene.numbers import objects_of
 from scenegen.scene.sizes import check_sizes
 from scenegen.scene.standing import chosen_surfaces, heights_of, varying
 
@@ -32,6 +33,7 @@ TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
 TALLEST_DECLARED = 1.5  # likewise, where a spec says how high things stand
 FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
+ABSENT = (math.nan,) * len(FLAT)
 LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
 
@@ -125,14 +127,15 @@ def _table(
 
 def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     """(scenes, objects, 3): x, y, theta in the order of `file.objects`; (scenes, objects, 4), with the height above the
-    table, where objects do not stand equally high in all scenes. Raises DataError where a pose is missing."""
+    table, where objects do not stand equally high in all scenes. NaN for objects that are not there. Raises DataError
+    where a pose is missing."""
     names = [item.name for item in file.objects]
     rows = []
     for number, scene in enumerate(file.scenes, start=1):
-        missing = [name for name in names if name not in scene.poses]
+        missing = [name for name in objects_of(file, scene.counts or {}) if name not in scene.poses]
         if missing:
             raise DataError(MISSING_POSE(scene=number, name=missing[0]))
-        rows.append([_row(scene.poses[name]) for name in names])
+        rows.append([_row(scene.poses[name]) if name in scene.poses else ABSENT for name in names])
     poses = np.array(rows, dtype=np.float64).reshape(len(rows), len(names), len(FLAT))
     if not varying(file):
         return poses
@@ -163,12 +166,14 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
     things = tuple(map(Thing, shapes, colors, labels))
     patches = _patches(file)
     poses = poses_of(file)
-    standing = [(shape.footprint, poses[:, k]) for k, shape in enumerate(shapes)] if len(poses) else []
+    here = [poses[~np.isnan(poses[:, k, 0]), k] for k in range(len(shapes))]
+    standing = [(shape.footprint, there) for shape, there in zip(shapes, here, strict=True) if len(there)]
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
     inner, outer = _table(workspace, lying, REGIONS), _table(workspace, standing, BEYOND)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
     declared = _declared(file)
     tops = _bases(shapes, poses, declared) + np.array([shape.height for shape in shapes])
+    tops = tops[~np.isnan(poses[..., 0])]
     boards = [patch.height for patch in patches]
     tallest = max(float(tops.max(initial=0.0)), *boards, 0.0)
     height = min(tallest, (TALLEST_DECLARED if file.version == RAISED or any(boards) else TALLEST) * side)

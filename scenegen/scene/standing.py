@@ -20,7 +20,7 @@ def varying(header: SceneFile) -> bool:
 def heights_of(header: SceneFile, on: Floats) -> Floats | None:
     """How high above the table each object's lowest point is, in metres: (N,), or (n, N) where that is not the same in
     every scene; None where heights follow from the poses. `on` (n, M) says for each of the file's choosers on which of
-    its surfaces it stands, counted from 1."""
+    its surfaces it stands, counted from 1, and NaN of one that is not there."""
     if header.version != RAISED:
         return None
     supports = [one.support for one in header.objects]
@@ -37,7 +37,11 @@ def heights_of(header: SceneFile, on: Floats) -> Floats | None:
         levels = np.stack(
             [one.rise + (found[:, place[one.carrier]] if one.carrier else np.zeros(len(on))) for one in support.any]
         )
-        chosen = on[:, column[name]].astype(np.intp) - 1 if name in column else np.zeros(len(on), dtype=np.intp)
+        chosen = (
+            np.nan_to_num(on[:, column[name]], nan=1.0).astype(np.intp) - 1
+            if name in column
+            else np.zeros(len(on), dtype=np.intp)
+        )
         found[:, which] = levels[chosen, np.arange(len(on))]
     return found
 
@@ -56,7 +60,10 @@ def chosen_surfaces(header: SceneFile, scenes: list[SceneData]) -> Floats:
     """(n, M): on which of its surfaces each chooser stands, counted from 1. Raises DataError."""
     choosers = header.choosers
     found = [
-        [chosen_surface(f"scene {number}", one, scene.poses[one.name]) for one in choosers]
+        [
+            chosen_surface(f"scene {number}", one, scene.poses[one.name]) if one.name in scene.poses else np.nan
+            for one in choosers
+        ]
         for number, scene in enumerate(scenes, 1)
     ]
     return np.array(found, dtype=np.float64).reshape(len(scenes), len(choosers))

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from scenegen.api.motions import sample_motions
 from scenegen.api.rarity import SpecRarity, rarity
 from scenegen.api.sample import sample
 from scenegen.api.scenes import SceneSet
@@ -23,6 +25,8 @@ from scenegen.view.jobs.meshes import packed_mesh
 from scenegen.view.jobs.range import rarity_data
 from scenegen.view.opened import Opened
 from scenegen.view.wire import finite
+
+Array = npt.NDArray[np.float64]
 
 SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
 MOST_BYTES = 25_000_000
@@ -41,22 +45,20 @@ def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "")
     path = root / (opened.path or f"{opened.name}.spec")
     spec = parse(opened.text, opened.name) if opened.scenes else Spec(check_file(path, opened.text.encode(), root))
     rare = rarity(spec)
-    if opened.scenes is not None:
-        scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
-    else:
-        scenes = _sampled(spec, rare, n, seed)
+    some = _motions if spec.over_time is not None else _scenes
+    shown, reports = some(opened, spec, rare, n, seed)
     data = opened.data() | {
         "folder": "",
         "path": None,
         "sha": None,
         "model": None,
-        "scenes": _scenes(spec, scenes),
+        "scenes": shown,
         "request": {},
         "alone": {
             "spec": describe(spec),
             "meshes": {mesh_key(one): packed_mesh(one.shape, tuple(one.color)) for one in stage_of_spec(spec).things},
             "rarity": [rarity_data(one) for one in rare.labels],
-            "reports": [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))],
+            "reports": reports,
             "command": command,
         },
     }
@@ -88,8 +90,15 @@ def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
     return scene_set(spec, poses, {"method": "exact", "seed": seed}, on)
 
 
-def _scenes(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
-    return {
+def _scenes(
+    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The scenes of the page, and why each has its phi."""
+    if opened.scenes is not None:
+        scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
+    else:
+        scenes = _sampled(spec, rare, n, seed)
+    shown = {
         **told(spec, scenes, False),
         "poses": scenes.poses.round(5).tolist(),
         "sampler": scenes.header.sampler,
@@ -97,8 +106,60 @@ def _scenes(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
         "notes": [],
         "took": 0.0,
     }
+    return shown, [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
+
+
+def _motions(
+    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The same of a spec over time. Raises RequestError for more than the page shows."""
+    from scenegen.view.jobs import motions, timed
+
+    if opened.scenes is not None:
+        poses = motions.motions_of(spec, opened.scenes["motions"])
+        sampler = opened.scenes["sampler"]
+    else:
+        timed.check_size(spec, 1)
+        poses = _drawn(spec, rare, min(n, timed.most_of(spec)), seed)
+        sampler = {"method": "exact", "seed": seed}
+    shown = {
+        **motions.told(spec, poses),
+        "motions": poses.round(5).tolist(),
+        "sampler": sampler,
+        "warnings": [],
+        "notes": [],
+        "took": 0.0,
+    }
+    return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses]
+
+
+def _drawn(spec: Spec, rare: SpecRarity, n: int, seed: int) -> Array:
+    """Motions as `_sampled` has scenes: (n, T + 1, N, 3)."""
+    solved, parts = max(1, round(SATISFIED * n)), list[Array]()
+    try:
+        wanted = dict.fromkeys(spec.labels, (0.0, None))
+        parts.append(sample_motions(spec, wanted, solved, seed=seed, workers=1, keep_partial=True).poses)
+    except RequestError:  # nothing satisfies it: all motions are spread
+        pass
+    rest = n - sum(map(len, parts))
+    if rest > 0:
+        first = rare.labels[0]
+        phi = {first.label: first.reached} if first.reached[0] < first.reached[1] else {}
+        parts.append(sample_motions(spec, phi, rest, seed=seed, workers=1, keep_partial=True).poses)
+    return np.concatenate(parts)
+
+
+def _shortened(found: dict[str, Any]) -> dict[str, Any]:
+    """Every number over time to six digits."""
+    decides = {name: one and {**one, "signal": _six(one["signal"])} for name, one in found["decides"].items()}
+    signals = {name: _six(row) for name, row in found["signals"].items()}
+    return {**_rounded(found), "signals": signals, "decides": decides}
+
+
+def _six(values: list[float]) -> list[float]:
+    return [float(f"{one:.6g}") for one in values]
 
 
 def _rounded(found: dict[str, Any]) -> dict[str, Any]:
     """Values to six digits: they colour a tree, and there are many."""
-    return {**found, "values": [float(f"{one:.6g}") for one in found["values"]]}
+    return {**found, "values": _six(found["values"])}

@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from scenegen.api.model import load_model
+from scenegen.api.motions import read_motions
 from scenegen.api.scene_arrays import rows_of, stored_rows
 from scenegen.api.scenes import read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
 from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.motions import DAMAGED_MOTIONS
 from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
+from scenegen.formats.motions.table import is_motions
 from scenegen.formats.registry import FORMATS
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
@@ -83,6 +86,10 @@ def _spec(file: Path) -> Opened:
 
 
 def _scenes(file: Path) -> Opened:
+    if is_motions(file):
+        opened = _motions(file)
+        if opened is not None:
+            return opened
     found = read_scenes(file)
     most = max(1, min(MAX_SCENES, MAX_POSES // max(1, len(found.objects))))
     text = found.header.spec.source
@@ -103,6 +110,36 @@ def _scenes(file: Path) -> Opened:
     asked = found.header.request
     request = {} if asked is None else asked.model_dump(mode="json")
     return Opened(Folder(file.resolve().parent), text, file.stem, scenes=scenes, request=request)
+
+
+def _motions(file: Path) -> Opened | None:
+    """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
+    from scenegen.view.jobs.motions import motions_of, told
+    from scenegen.view.jobs.timed import most_of, too_long
+
+    found = read_motions(file)
+    text = found.header.spec.source
+    spec = parse(text, file.name)
+    if spec.horizon is None:
+        return None
+    most = most_of(spec)
+    if most == 0:
+        raise DataError(too_long(spec))
+    if sorted(found.objects) != sorted(spec.objects) or found.header.time.steps != spec.horizon.steps:
+        raise DataError(DAMAGED_MOTIONS(file=file, reason="its motions are not those of its spec"))
+    order = [found.objects.index(name) for name in spec.objects]  # in the order of the spec, whatever the file's is
+    poses = motions_of(spec, found.poses[:most][:, :, order])
+    motions = {
+        **told(spec, poses),
+        "motions": poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [],
+        "notes": [f"{len(poses):,} of the {len(found):,} motions of {file.name}"],
+        "took": 0.0,
+    }
+    asked = found.header.request.model_dump(mode="json")
+    request = {"phi": asked["phi"], "n": min(asked["n"], most)}
+    return Opened(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
 
 
 def _model(file: Path) -> Opened:

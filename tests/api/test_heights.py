@@ -42,6 +42,7 @@ def scenes():
     return scenegen.sample(scenegen.parse(TEXT), {"task": (0.0, None)}, n=5)
 
 
+@pytest.mark.long
 def test_a_file_says_how_high_objects_stand_and_on_what(scenes, tmp_path):
     for name in ("scenes.json", "scenes.jsonl"):
         again = scenegen.read_scenes(scenes.save(tmp_path / name))

@@ -24,6 +24,7 @@ loaded()
 """
 
 
+@pytest.mark.long
 def test_what_is_loaded():
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.splitlines() == ["", "", "", "pydantic"]

@@ -35,6 +35,7 @@ def calls(monkeypatch):
     return made
 
 
+@pytest.mark.long
 def test_a_set_shows_a_sheet_and_draws_it_once(scenes, calls):
     assert calls == []
     page = scenes._repr_html_()
@@ -48,6 +49,7 @@ def test_a_set_shows_a_sheet_and_draws_it_once(scenes, calls):
     assert f"<td>{scenes.phi['task'].min():+.4f}</td>" in page
 
 
+@pytest.mark.long
 def test_of_many_scenes_a_few_are_shown(scenes, calls, monkeypatch):
     assert notebook.SHOWN <= 16
     monkeypatch.setattr(notebook, "SHOWN", 2)
@@ -56,6 +58,7 @@ def test_of_many_scenes_a_few_are_shown(scenes, calls, monkeypatch):
     assert calls == [(2, (320, 240))] and "the first 2 of 1,000 scenes" in page
 
 
+@pytest.mark.long
 def test_one_scene_is_one_picture(scenes, calls):
     assert Image.open(io.BytesIO(scenes[1]._repr_png_())).size == (32, 24)
     assert calls == [(1, (640, 480))]
@@ -97,6 +100,7 @@ def test_words_of_a_set_of_many_objects():
     assert "block[10] and 30 more; phi task" in repr(scenegen.sample(objects, n=2))
 
 
+@pytest.mark.long
 def test_nothing_heavy_is_loaded_before_it_is_shown():
     program = """
 import sys, scenegen

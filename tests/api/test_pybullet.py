@@ -26,6 +26,7 @@ def shifts(bullet, bodies, seconds=1.0):
     return {name: np.linalg.norm(np.subtract(bullet.frame(bodies[name])[0], at)) for name, at in before.items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number, mug", [(0, 0.007), (1, 0.0)])
 def test_objects_are_where_the_scene_says(number, mug, bullet):
     scenes = tower()

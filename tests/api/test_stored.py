@@ -134,6 +134,7 @@ def test_edits(stored, whole, tmp_path):
         merge_sets([stored, scenegen.open_set(tmp_path / "other")], f"{tmp_path}/both/")
 
 
+@pytest.mark.long
 def test_a_report(stored, whole, tmp_path):
     report = set_report(stored, map_jobs=here, verify=True)
     assert not report.faults and report.repeated == 0 and report.scenes == COUNT and report.verified

@@ -81,6 +81,7 @@ def test_the_mark_points_along_the_heading(footprint):
     assert front.mean() == pytest.approx(back.mean(), abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_prism_with_very_many_corners_can_be_drawn():
     turns = np.linspace(0.0, math.tau, 3000, endpoint=False)
     body, _ = parts_of(Shape("prism", Polygon(tuple(zip(np.cos(turns), np.sin(turns), strict=True))), 1.0), GREY)

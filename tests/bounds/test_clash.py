@@ -67,6 +67,7 @@ CLASHES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", CLASHES)
 def test_a_smallest_set_of_conjuncts(text):
     spec = check_text(text)

@@ -73,6 +73,7 @@ def test_contraction_keeps_every_scene_that_meets_the_demand(spec, seed, width, 
             assert (lo[node] - room <= values[core_node]).all() and (values[core_node] <= hi[node] + room).all()
 
 
+@pytest.mark.long
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task",)), seeds, WIDTHS)
 def test_a_scene_meets_exactly_one_alternative(spec, seed, width):

@@ -54,6 +54,7 @@ def test_no_scene_of_a_box_lies_outside_its_bounds(spec, seed, width):
         assert ((low <= value) & (value <= high)).all(), node
 
 
+@pytest.mark.long
 @settings(max_examples=examples(50), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_many_boxes_are_as_one_by_one(spec, seed):

@@ -41,7 +41,7 @@ def no_work(monkeypatch):
     monkeypatch.setattr("scenegen.sampling.auto.choose", started)
     monkeypatch.setattr("scenegen.training.loop._run", started)
     monkeypatch.setattr(pictures, "draw", started)
-    monkeypatch.setattr(simulators, "world_of", started)
+    monkeypatch.setattr(simulators, "worlds_of", started)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

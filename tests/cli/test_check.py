@@ -7,6 +7,7 @@ import sys
 import pytest
 
 
+@pytest.mark.long
 def test_it_loads_nothing_heavy(root):
     """How fast it is, benchmarks/language.py says; here it is held to what makes it so."""
     program = (
@@ -116,6 +117,7 @@ MANY = "object a, b\n" + "".join(f"l{n}: leftOf(a, b) | x(a) >= 0.{n}\n" for n i
 LARGE = {"blocks": BLOCKS, "wide": WIDE, "deep": DEEP, "many": MANY}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LARGE)
 def test_a_page_at_most(scenegen, here, name):
     (here / "large.spec").write_text(LARGE[name])

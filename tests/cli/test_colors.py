@@ -76,6 +76,7 @@ def test_colors(bad, terminal, monkeypatch, capfd, on_terminal, variables, color
     assert ESCAPE.sub("", said).count("error[") == 2
 
 
+@pytest.mark.long
 def test_the_program_itself_on_a_terminal(bad, terminal):
     command = [sys.executable, "-m", "scenegen", "check", str(bad)]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal[1], timeout=60)

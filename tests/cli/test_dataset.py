@@ -45,6 +45,7 @@ def table(folder):
     return polars.read_parquet(f"{folder}/part-*.parquet")
 
 
+@pytest.mark.long
 def test_shares_rarity_and_cards(made, here, scenegen):
     done = scenegen(*WORDS, "--workers", "1", "--resume")  # nothing is left to be done
     assert done.status == 1 and "bad failed:\n" in done.err and "600 scenes of 2 specs in data/" in done.err
@@ -66,6 +67,7 @@ def test_shares_rarity_and_cards(made, here, scenegen):
     assert "* bad: nothing was made" in (here / "data/README.md").read_text()
 
 
+@pytest.mark.long
 def test_how_rare_is_what_counting_says(made):
     """mug.x and plate.x are uniform: P(plate.x - mug.x >= t) = (1 - t)^2 / 2, and the same on the other side."""
     good = table("data/good")

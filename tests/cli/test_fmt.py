@@ -115,6 +115,7 @@ def test_standard_input(options, text, status, out, err, scenegen, monkeypatch):
     assert (outcome.status, outcome.out, outcome.err) == (status, out, err)
 
 
+@pytest.mark.long
 def test_standard_input_of_a_process():
     def run(text):
         command = [sys.executable, "-m", "scenegen", "fmt", "-"]

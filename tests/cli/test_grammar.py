@@ -34,6 +34,7 @@ def test_a_name_that_is_none(scenegen):
     assert outcome.err.count("error[") == 1
 
 
+@pytest.mark.long
 def test_a_file_and_standard_output_are_the_same(scenegen, here):
     printed = scenegen("grammar", "--objects", "mug", "--to", "gbnf", "--only", "labels")
     written = scenegen("grammar", "--objects", "mug", "--to", "gbnf", "--only", "labels", "--out", "m.gbnf")

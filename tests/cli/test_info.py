@@ -65,6 +65,7 @@ def test_scene_files_as_data_and_patience(scenegen, refused, here, golden):
     )
 
 
+@pytest.mark.long
 def test_settings_of_the_models_own(scenegen, here):
     words = [
         "train",

@@ -72,6 +72,7 @@ def test_what_motions_do_not_have(options, said, scenegen, here):
     assert sorted(here.iterdir()) == before
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("passing")
 def test_the_range_of_motions(scenegen, here, monkeypatch):
     monkeypatch.setattr("scenegen.motions.rarity.WORK", 30_000_000)
@@ -105,3 +106,55 @@ def test_the_examples(path, scenegen, here):
     outcome = scenegen("sample", str(path), "--phi", "task=0:", "-n", "8", "--out", "motions.jsonl")
     assert outcome.status == 0, outcome.err
     assert (package.read_motions(here / "motions.jsonl").phi["task"] >= 0.0).all()
+
+
+@pytest.fixture
+def motions(passing, here):
+    spec = package.load(here / "pass.spec")
+    found = package.sample_motions(spec, n=2)
+    found.save(here / "motions.jsonl")
+    found.motion(0).save(here / "scenes.json")
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ("motions.jsonl --out x.gif", "which-motion"),
+        ("motions.jsonl --out x.gif --motion 3", "no-such-motion"),
+        ("motions.jsonl --out x.webm --motion 1", "unknown-choice"),
+        ("motions.jsonl --out x.gif --motion 1 --label tusk", "unknown-label"),
+        ("motions.jsonl --out x.gif --motion 1 --depth", "out-of-place"),
+        ("motions.jsonl --out x.gif --figure gif", "out-of-place"),
+        ("motions.jsonl motions.jsonl --out x.gif", "out-of-place"),
+        ("motions.jsonl --out figures --motion 1", "out-of-place"),
+        ("motions.jsonl --out figures --figure gif --figure sheet", "out-of-place"),
+        ("motions.jsonl --out figures --figure topview", "time-not-here"),
+        ("scenes.json --out x.gif", "not-one-motion"),
+        ("scenes.json --out figures --figure strip", "out-of-place"),
+        ("scenes.json --out figures --figure tralala", "unknown-choice"),
+    ],
+)
+@pytest.mark.usefixtures("motions")
+def test_pictures_of_motions_that_cannot_be(options, code, scenegen, here):
+    before = {path.name for path in here.iterdir()}
+    outcome = scenegen("render", *options.split())
+    assert outcome.status == 1 and outcome.err.startswith(f"error[{code}]"), outcome.err
+    assert {path.name for path in here.iterdir()} == before
+
+
+@pytest.mark.usefixtures("motions")
+def test_phi_of_motions_over_time_as_figures(scenegen, here):
+    outcome = scenegen("render", "motions.jsonl", "--out", "figures", "--figure", "phi")
+    assert outcome.status == 0, outcome.err
+    assert sorted(path.name for path in (here / "figures").iterdir()) == ["motion_0001_phi.png", "motion_0002_phi.png"]
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("motions")
+def test_a_motion_as_a_gif_file(scenegen, here):
+    outcome = scenegen(
+        "render", "motions.jsonl", "--out", "x.gif", "--motion", "2", "--size", "96x72", "--workers", "1"
+    )
+    assert (outcome.status, outcome.err) == (0, "drew x.gif\n")
+    with __import__("PIL.Image").Image.open(here / "x.gif") as image:
+        assert (image.n_frames, image.size[0]) == (4, 96)

@@ -13,6 +13,7 @@ def scenes(here, scenegen):
     return here
 
 
+@pytest.mark.long
 def test_views_depth_and_masks(scenes, scenegen):
     told = scenegen(
         "render", "s.json", "--out", "p", "--view", "front", "--view", "three-quarter", "--depth", "--masks",

@@ -118,6 +118,7 @@ def test_whoever_reads_the_data_may_leave_early(here):
     assert statuses == [0, 0] and "error" not in said, said
 
 
+@pytest.mark.long
 def test_a_wrong_spec_is_one_whoever_reads_the_messages(here):
     said, statuses = shell("$S check missing.spec 2>&1 | true")
     assert statuses == [1, 0] and "Traceback" not in said
@@ -144,6 +145,7 @@ def test_sampling_does_not_begin_for_a_closed_output(here, monkeypatch, scenegen
     assert scenegen("sample", "good.spec").status == 1
 
 
+@pytest.mark.long
 def test_a_full_disk_behind_standard_output(here):
     said, statuses = shell("$S sample good.spec -n 3 >/dev/full")
     assert statuses == [1] and "cannot write to standard output: no space left on device" in said

@@ -167,6 +167,7 @@ def test_a_task_that_reaches_a_bit_too_far_is_met_as_far_as_it_can_be():
     assert min(phi) < -0.7 and max(phi) > -0.2
 
 
+@pytest.mark.long
 def test_tasks_in_several_labels_take_few_draws():
     env = TableTop(TWO)
     low, high = (np.array(ends) for ends in (env.space.low, env.space.high))
@@ -230,6 +231,7 @@ def test_a_cell_overlaps_with_itself_alone():
         assert index.overlap(whole)[0] == [cell]
 
 
+@pytest.mark.long
 def test_a_curriculum_ends_where_the_goal_is():
     """Though most unsatisfied scenes are far from it, and some labels are hardly ever violated."""
     rare = "task: leftOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.01)"

@@ -113,6 +113,7 @@ def test_draws_follow_their_weights():
     assert counts[0] == counts[3] == 0 and counts[2] / counts[1] == pytest.approx(3.0, rel=0.15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1, 2, 4])
 def test_mixtures_are_as_likely_as_those_of_scikit_learn(width):
     rng = np.random.default_rng(width)

@@ -96,12 +96,13 @@ def work_through(page, folder, warm, shorter):
 
 
 def with_blocks():
-    """The pages that have any; all but the README's are long."""
+    """The pages that have any."""
     for page in PAGES:
         if BLOCK.search(page.read_text()):
-            yield pytest.param(page, id=name_of(page), marks=[] if page.name == "README.md" else pytest.mark.long)
+            yield pytest.param(page, id=name_of(page))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", list(with_blocks()))
 def test_blocks(page, tmp_path, warm):
     lacking = work_through(page, tmp_path, warm, SHORTER)

@@ -66,6 +66,7 @@ def test_every_section_touches_what_its_row_names():
             assert (new if addition.new else addition.path) in (*named, *linked), (title, addition.path)
 
 
+@pytest.mark.long
 def test_a_metric(extended):
     project = extended("A metric")
     program = """

@@ -18,7 +18,7 @@ from scenegen.errors import Kind, RequestError, Source, Span
 class Numbers:
     """Random rows (6, m), where m and how long it takes depend on the piece; and who made them.
 
-    With a folder nobody makes any before two processes are there: on a busy machine one may start long before the other.
+    With a folder to meet in, nobody makes any before two processes are there: on a busy machine one may start late.
     """
 
     seed: int = 0

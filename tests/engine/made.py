@@ -47,6 +47,10 @@ class Made:
         object.__setattr__(self, "reached", tuple(range(cells.count)))
 
     @property
+    def groups(self):
+        return (self.reached,)
+
+    @property
     def problem(self):
         return SimpleNamespace(lowest=np.zeros(3 * self.objects))
 

@@ -115,3 +115,15 @@ def test_the_odd_scene_goes_to_cells_all_over_the_range():
 def test_no_cell():
     with pytest.raises(ValueError, match="no cell"):
         BlockAssembler([], 10, 0)
+
+
+def test_groups_of_cells_have_equal_shares_and_their_cells_equal_shares_of_these():
+    groups = [[0, 1, 2, 3], [4], [5, 6]]
+    assembler = BlockAssembler(range(7), 1200, 3, 400, groups)
+    cell = np.random.default_rng(0).permutation(np.arange(7).repeat(1200))
+    blocks = list(assembler.offer(Block(cell[None].astype(float), cell[None].astype(float)), cell))
+    for block in blocks:
+        found = np.bincount(block.rows[0].astype(int), minlength=7)
+        assert all(abs(sum(found[group]) - 400 / 3) < 1 for group in groups)
+        assert all(np.ptp(found[group]) <= 1 for group in groups)
+    assert assembler.complete and len(blocks) == 3

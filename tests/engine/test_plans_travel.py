@@ -125,6 +125,7 @@ def test_a_models_scenes_are_the_same_on_two_processes(model, words):
     assert alone.poses.tobytes() == shared.poses.tobytes() and alone.header == shared.header
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("raw", [False, True])
 def test_a_models_run_goes_on_where_it_was_broken_off(model, words, raw, tmp_path):
     calls = iter(range(100))

@@ -89,6 +89,7 @@ def test_a_piece_whose_worker_dies_is_done_again(how, tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how, said", [("kill", "was killed by signal 9"), ("exit", "ended with status 3")])
 def test_a_piece_that_kills_twice(how, said, tmp_path):
     import jobs
@@ -99,6 +100,7 @@ def test_a_piece_that_kills_twice(how, said, tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.long
 def test_killed_from_outside(tmp_path):
     """Every worker is killed once in the middle of it all."""
     import jobs

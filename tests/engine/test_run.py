@@ -104,6 +104,7 @@ def test_a_scene_that_should_not_come_out_is_not_handed_out(monkeypatch, tmp_pat
     assert not (tmp_path / "x.jsonl").exists()
 
 
+@pytest.mark.long
 def test_small_requests_stay_in_this_process(exp1, monkeypatch):
     monkeypatch.setattr(run, "cores", lambda: 8)
 
@@ -115,6 +116,7 @@ def test_small_requests_stay_in_this_process(exp1, monkeypatch):
     assert processes(1_000_000_000, 3) == 3 and processes(10_000, 3) == 3
 
 
+@pytest.mark.long
 def test_when_time_is_up_the_folder_says_how_to_go_on(tmp_path):
     spec, path = scenegen.parse(TEXT), tmp_path / "x.parquet"
     words = {"phi": {"task": (0.0, None)}, "n": 400_000, "method": "rejection"}

@@ -168,6 +168,7 @@ def test_killed_at_any_time_with_workers(tmp_path, unbroken):
     assert kills >= 1 and not (tmp_path / "x.parquet.part").exists()
 
 
+@pytest.mark.long
 def test_another_request_is_refused(run, tmp_path):
     from made import Made, stream
 

@@ -55,6 +55,7 @@ def test_the_permuted_statistics_are_those_of_permuted_sets(true_scenes):
         assert p == pytest.approx(share, abs=5 * np.sqrt(0.25 / 2000))
 
 
+@pytest.mark.long
 def test_p_is_uniform_under_the_null(true_scenes):
     rng = np.random.default_rng(3)
     p = []

@@ -39,6 +39,7 @@ def test_kuiper_does_not_depend_on_the_cut(a, b, turned):
     assert kuiper(np.mod(a + turned, TURN), np.mod(b + turned, TURN))[0] == pytest.approx(statistic)
 
 
+@pytest.mark.long
 def test_p_is_uniform_under_the_null():
     rng = np.random.default_rng(1)
     for test in (kolmogorov_smirnov, kuiper):

@@ -171,6 +171,7 @@ def test_the_compiled_self_paced_advances_as_the_strategy_does():
     assert seen == set(range(1, task.levels + 2))
 
 
+@pytest.mark.long
 def test_any_strategy_can_teach_it():
     task = task_a()
 

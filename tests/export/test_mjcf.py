@@ -95,6 +95,7 @@ def test_the_whole_library_stands_still(tmp_path):
     assert max(moved.values()) < 1e-3, moved
 
 
+@pytest.mark.long
 def test_towers_stand_still(tmp_path):
     (path,) = tower().export(tmp_path / "all.xml")
     model, data = load(path)

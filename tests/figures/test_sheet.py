@@ -8,6 +8,7 @@ from PIL import Image, ImageFont
 
 from scenegen.figures import sheet
 from scenegen.figures.sheet import asked, contact_sheet, thumbnail_size
+from scenegen.scene.data import SceneData
 from tests.render.scenefiles import scene_file
 
 ONE = [[(0.5, 0.5, 0.0)]]
@@ -36,12 +37,18 @@ def test_the_sheet_holds_every_picture_once(count):
     assert 0.5 < image.shape[1] / image.shape[0] < 2.5
 
 
+def scene(phi, counts=None):
+    return SceneData(counts=counts, poses={}, phi=phi)
+
+
 def test_captions_show_number_and_phi_and_stay_in_their_cell():
     font = ImageFont.load_default(size=sheet.SMALL)
-    lines = sheet._caption(3, {"task": 0.12, "safe": 0.31}, [], font, 240)
+    lines = sheet._caption(3, scene({"task": 0.12, "safe": 0.31}), [], font, 240)
     assert [[text for text, _ in line] for line in lines] == [["#3", "task 0.12", "safe 0.31"]]
+    lines = sheet._caption(3, scene({"task": 0.12}, {"block": 4}), [], font, 240)
+    assert [[text for text, _ in line] for line in lines] == [["#3", "block[4]", "task 0.12"]]
     many = {f"a_label_whose_name_goes_on_and_on_and_on_{k}": -0.1234 * k for k in range(30)}
-    lines = sheet._caption(1, many, [], font, 240)
+    lines = sheet._caption(1, scene(many), [], font, 240)
     assert len(lines) == sheet.CAPTION_LINES
     for line in lines:
         assert font.getlength("   ".join(text for text, _ in line)) <= 240
@@ -59,9 +66,9 @@ def test_a_long_header_keeps_within_the_sheet():
 def test_captions_say_what_overlaps():
     font = ImageFont.load_default(size=sheet.SMALL)
     words = ["mug overlaps plate", "fork overlaps plate"]
-    lines = sheet._caption(2, {"task": 0.1}, words, font, 240)
+    lines = sheet._caption(2, scene({"task": 0.1}), words, font, 240)
     assert [line for line in lines if line[0][1] == sheet.WARM] == [[(text, sheet.WARM)] for text in words]
-    lines = sheet._caption(2, {"task": 0.1}, [*words, *words], font, 240)
+    lines = sheet._caption(2, scene({"task": 0.1}), [*words, *words], font, 240)
     assert [text for line in lines[1:] for text, _ in line] == [*words, "4 overlaps in all"]
     # And it is the scenes' own overlaps that a sheet shows: a mug half through a plate costs a line.
     apart, through = ([[(0.5, 0.5, 0.0), (x, 0.5, 0.0)]] for x in (0.9, 0.65))

@@ -59,6 +59,7 @@ def test_a_place_that_cannot_be_locked(tmp_path):
             held(store_at(place)).__enter__()
 
 
+@pytest.mark.long
 def test_a_hold_ends_with_kill_9(tmp_path):
     store = store_at(f"{tmp_path}/set/")
     other = subprocess.Popen([sys.executable, "-c", HOLD, store.location], stdout=subprocess.PIPE)

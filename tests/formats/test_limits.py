@@ -35,6 +35,7 @@ def bomb(scenes, tmp_path):
     return make
 
 
+@pytest.mark.long
 def test_more_scenes_than_go_into_memory(bomb, scenes, tmp_path, monkeypatch):
     path = bomb(20_000)
     assert path.stat().st_size < 10_000
@@ -117,6 +118,7 @@ def test_a_line_without_end(scenes, tmp_path, monkeypatch):
         read_scenes(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", [".xml", ".sdf"])
 def test_one_file_with_too_many_scenes(ending, scenes, tmp_path, monkeypatch):
     monkeypatch.setattr(xml, "MOST_BYTES", 5_000 if ending == ".xml" else 30_000)

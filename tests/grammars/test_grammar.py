@@ -25,6 +25,7 @@ def rules_for(name):
     return rules_of(scenegen.parse(SPECS[name]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_random_derivations_check(name):
     grammar, rng, count = rules_for(name), random.Random(0), DERIVATIONS[name]
@@ -65,12 +66,14 @@ def test_every_relation_takes_part():
     assert {name for name in names if f"{name}(" not in written} <= left_out | {"atLevel", "underneath", "stacked"}
 
 
+@pytest.mark.long
 def test_words_of_time_where_there_is_time():
     timed, still = lark(rules_for("timed")), lark(rules_for("pair"))
     for word in ("always", "until_with", "initially", "displacement(", " cm/s"):
         assert word in timed and word not in still
 
 
+@pytest.mark.long
 def test_formulas_nest_and_parse():
     grammar, rng = rules_of(scenegen.parse(SPECS["pair"]), shape="formulas"), random.Random(0)
     for _ in range(30):
@@ -106,6 +109,7 @@ def test_ranges_of_numbers():
         assert not wanted.fullmatch(f"0{low}")
 
 
+@pytest.mark.long
 def test_dialects_of_names(golden):
     written = scenegen.grammar_of(["mug"])
     golden("grammars/mug.lark", written)

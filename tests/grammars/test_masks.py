@@ -68,6 +68,7 @@ def load(name):
     return scenegen.load(FOLDER / f"{name}.spec") if EVERY[name] is None else scenegen.parse(EVERY[name])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("write", [lark, json])
 def test_a_few_walks_check(write):
     texts = walks(scenegen.parse(SPECS["pair"]), 20, write=write)

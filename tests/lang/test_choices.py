@@ -113,6 +113,7 @@ high: z(can) + top(mug) + x(can) <= 60 cm
 """
 
 
+@pytest.mark.long
 def test_phi_and_requirement_are_those_of_the_spec_with_the_surfaces_chosen():
     """Of every combination: hollow and solid bodies, furniture, boards, and what stands on what chooses."""
     choice = check_text(CASES.format(", ".join(f"{n} on any of [{', '.join(s)}]" for n, s in CARRIERS.items())))

@@ -89,6 +89,7 @@ def test_what_the_deep_ones_are_worth():
     assert worth("unary minus", a) == 1 - 0.25
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["flat conjunction", "negations"])
 def test_the_canonical_text_of_the_deep_means_the_same(name):
     spec = checked(name)
@@ -96,6 +97,7 @@ def test_the_canonical_text_of_the_deep_means_the_same(name):
     assert again.source == spec.source and len(again.core.nodes) == len(spec.core.nodes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused_with_a_diagnostic(name):
     began = time.process_time()
@@ -108,6 +110,7 @@ def test_refused_with_a_diagnostic(name):
     assert len(render(problem)) < 1000, "however long the line, the message is short"
 
 
+@pytest.mark.long
 def test_the_nesting_limit_is_said(golden):
     with pytest.raises(SpecError) as refused:
         check_text("!" * (parse.MAX_NESTING + 1) + "leftOf(a, b)")
@@ -129,6 +132,7 @@ def test_definitions_that_double_at_every_level(monkeypatch):
         check_text(f"def f0(a) = x(m) <= a\n{steps}task: f40(0)")
 
 
+@pytest.mark.long
 def test_definitions_that_call_each_other_a_thousand_deep():
     steps = "".join(f"def f{i + 1}(a) = f{i}(a) | closeTo(a, b, {i + 1} mm)\n" for i in range(1000))
     spec = check_text(f"def f0(a) = leftOf(a, b)\n{steps}task: f1000(m)")

@@ -70,6 +70,7 @@ bare = st.builds(ast.Module, st.just(NOWHERE), st.just(()), expressions)
 files = st.builds(ast.Module, st.just(NOWHERE), tuples(statements, least=1, most=5), st.none())
 
 
+@pytest.mark.long
 @settings(max_examples=examples(80), deadline=None, derandomize=True)
 @given(strewn(files))
 def test_statements_strewn_with_comments(text):

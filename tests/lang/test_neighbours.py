@@ -27,6 +27,7 @@ def test_and_binds_tighter_than_or():
     assert worth("object a, b\ntask: (leftOf(a, b) | belowOf(a, b)) & closeTo(a, b, 0)", A, B) == min(0.5, -0.625)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("depth", [10_000, 19_000])
 def test_nested_parentheses(depth):
     """RTAMT and py-metric-temporal-logic end in RecursionError at 10,000."""

@@ -144,6 +144,7 @@ NESTED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NESTED)
 def test_deep(name):
     spec = check_text(f"time 20 steps\nl: {NESTED[name]}")

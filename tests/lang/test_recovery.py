@@ -55,6 +55,7 @@ def problems_of(text):
     return refused.value.diagnostics
 
 
+@pytest.mark.long
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(["", "\n", "# note: (\n"]), st.sampled_from(WHOLE + BROKEN)), min_size=1))
 def test_one_diagnostic_for_each_broken_statement_and_none_for_the_others(parts):
@@ -75,6 +76,7 @@ def test_one_diagnostic_for_each_broken_statement_and_none_for_the_others(parts)
     assert (print_module(module) if module else "") == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", ERRORS, ids=lambda path: path.stem)
 def test_both_parsers_say_the_same(path):
     source = Source(path.name, path.read_bytes().decode("utf-8", errors="replace"))

@@ -75,6 +75,7 @@ IN_THE_SQUARE = (
 )
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_a_mirror_exchanges_left_and_right(scene):
@@ -166,6 +167,7 @@ def test_clearances(scene, percent):
     assert worth("insideWorkspace()", scene) == min(rooms)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=examples(60))
 @given(several)
 def test_relations_that_work_both_ways(scene):

@@ -51,6 +51,7 @@ def test_a_byte_order_mark_and_other_line_ends_are_fine(data):
     assert check_text(read_source("a.spec", data).text).source == TEXT + "\n"
 
 
+@pytest.mark.long
 def test_the_grammar_is_free_of_conflicts():
     """strict: Lark proves that no two actions of the parser and no two terminals collide."""
     pytest.importorskip("interegular")
@@ -60,6 +61,7 @@ def test_the_grammar_is_free_of_conflicts():
         tables.build('start: a | b\na: "x"\nb: "x"\n', strict=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("timed", [False, True])
 def test_the_finished_tables_are_those_of_the_grammar(timed):
     held = (ROOT / "grammar" / tables.TABLES[timed]).read_text(encoding="utf-8")
@@ -93,6 +95,7 @@ def stale(tmp_path, monkeypatch):
     _parser.cache_clear()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["other fingerprint", "missing", "garbage", "not even an object", "no data"])
 def test_tables_that_do_not_fit_are_passed_over(kind, stale):
     held = json.loads((ROOT / "grammar" / tables.TABLES[False]).read_text(encoding="utf-8"))

@@ -52,6 +52,7 @@ def test_the_corpus(golden):
     golden("lang/formulas.trees.txt", "\n".join(f"> {line}\n{tree(line, True)}= {canonical(line)}" for line in LINES))
 
 
+@pytest.mark.long
 def test_what_the_corpus_means(golden):
     """The objects, what is fixed, and every label expanded, of each text that the checker accepts."""
     parts = []

@@ -32,6 +32,7 @@ def test_samples_have_their_shape_and_lie_in_the_unit_box(objects, labels, make)
     assert bool(((x >= 0.0) & (x <= 1.0)).all())
 
 
+@pytest.mark.long
 def test_one_vector_of_labels_serves_all_scenes(make):
     model = make().model
     phi = torch.tensor([0.1, -0.2])
@@ -80,6 +81,7 @@ def test_training_changes_the_model_and_keeps_it_finite(objects, labels, make):
     assert all(bool(torch.isfinite(tensor).all()) for tensor in model.training_state().values())
 
 
+@pytest.mark.long
 def test_every_weight_gets_a_gradient(make):
     made = make()
     before = {key: tensor.clone() for key, tensor in made.model.state_dict().items()}

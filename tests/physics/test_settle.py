@@ -69,6 +69,7 @@ def test_scenes_with_deep_overlap_of_tall_things_do_not(random):
     assert not found.kept[deep].any()
 
 
+@pytest.mark.long
 def test_things_alone_rest_whatever_their_form():
     """Thin posts and sheets stand upright: nothing tips them."""
     shapes = [

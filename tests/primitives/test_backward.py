@@ -13,6 +13,7 @@ RULES = [name for name, primitive in PRIMITIVES.items() if primitive.backward]
 BOXES = 1000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", RULES)
 @pytest.mark.parametrize("width", [0.0, 1e-9, 0.3, 10.0])
 @pytest.mark.parametrize("slack", [0.0, 1e-12, 0.1, math.inf])

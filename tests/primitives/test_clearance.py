@@ -280,6 +280,7 @@ def test_gradients_away_from_ties(function, kinds):
     assert ties < 0.01 * total
 
 
+@pytest.mark.long
 def test_gradient_of_bearing_and_reach():
     rng = np.random.default_rng(7)
     points = torch.from_numpy(rng.uniform(-1.0, 1.0, size=(4, 15))).requires_grad_()

@@ -45,6 +45,7 @@ def poses(seed, width, turn):
     return rng, low, low + wide * rng.uniform(size=low.shape) * rng.integers(0, 2, size=low.shape)
 
 
+@pytest.mark.long
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(
     st.sampled_from(["gap", "room"]),

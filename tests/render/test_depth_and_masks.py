@@ -80,6 +80,7 @@ def test_the_mask_from_above_is_sampled_in_the_middle_of_pixels(drawn):
         assert abs(ours.mean() - theirs.mean()) < 0.06
 
 
+@pytest.mark.long
 def test_the_pictures_hold_the_same_as_the_arrays(drawn):
     done, cameras, arrays = drawn
     folder = done.sheet.parent
@@ -125,6 +126,7 @@ def test_transparent_pictures_show_table_and_things_and_nothing_else(tmp_path):
     assert Image.open(tmp_path / "clear" / "contact_sheet.png").mode == "RGB"
 
 
+@pytest.mark.long
 def test_what_stands_on_something_is_drawn_on_it(tmp_path):
     """A block on a book is as high as both together, and one beside it is not."""
     file = scene_file(["book", "block"], [[(0.5, 0.5, 0.0), (0.52, 0.5, 0.3)], [(0.5, 0.5, 0.0), (0.8, 0.5, 0.3)]])

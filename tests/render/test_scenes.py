@@ -60,6 +60,7 @@ def test_pictures_have_the_shape_of_their_table(x, y, size):
     assert filled.max() > 0.9 and (filled.min() > 0.75 or max(x, y) > 2.0 * min(x, y))
 
 
+@pytest.mark.long
 def test_a_wide_table_is_drawn_wide_unless_a_size_is_given(tmp_path, monkeypatch):
     file = scene_file(["mug"], [[(0.2, 0.2, 0.0)]], x=(0.0, 1.4), y=(0.0, 0.7))
     assert usual_size(file) == (848, 352)
@@ -112,6 +113,7 @@ def test_any_number_of_objects_on_any_workspace(tmp_path, count, x, y):
         assert np.asarray(Image.open(path)).std() > 5
 
 
+@pytest.mark.long
 def test_poses_beyond_all_measure_are_drawn_without_harm(tmp_path):
     done = render_scenes(scene_file(NAMES, [[(1e300, -1e300, 1e9), (0.5, 0.5, 0.0)]]), tmp_path, size=SIZE, workers=1)
     assert len(done.pictures) == 2
@@ -174,6 +176,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.long
 def test_a_failure_leaves_other_files_alone(tmp_path, monkeypatch):
     (tmp_path / "notes.txt").write_text("mine")
 

@@ -162,6 +162,7 @@ def test_a_function_chooses_the_range_of_each_start():
     assert found[0] != found[3]
 
 
+@pytest.mark.long
 def test_a_strategy_chooses_and_hears_of_outcomes():
     space = phi_space(SPEC)
     lessons = strategy("self_paced", space, np.random.default_rng(0), levels=4)

@@ -93,6 +93,7 @@ def test_one_compilation_serves_all_calls(mixed, monkeypatch):
     assert before > 0 and counters["stats"]["unique_graphs"] == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("compiled", [False, True])
 def test_phi_goes_where_it_is_wanted(mixed, compiled):
     run, rows = Robustness(mixed.core, compiled=compiled), torch.from_numpy(scenes(3, 100, seed=9))
@@ -109,6 +110,7 @@ def test_phi_goes_where_it_is_wanted(mixed, compiled):
         run.rows(rows.clone().requires_grad_(), out=out)
 
 
+@pytest.mark.long
 def test_gradients_are_those_of_the_tape(mixed):
     eager, run = Robustness(mixed.core), Robustness(mixed.core, compiled=True)
     rows = torch.from_numpy(scenes(3, 20, seed=7))
@@ -138,6 +140,7 @@ def test_a_compiled_spec_can_be_pickled(mixed):
     assert run.compiled and run.labels == ("near", "task", "low")
 
 
+@pytest.mark.long
 def test_too_large_a_formula_is_not_compiled():
     count = LARGEST // 2
     text = f"object a[{count}]\ntask: forall p in a: x(p) <= 1 & y(p) <= 1"

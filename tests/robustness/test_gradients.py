@@ -24,6 +24,7 @@ def gradient(run, rows, beta=None):
 checked_points = 0
 
 
+@pytest.mark.long
 @settings(max_examples=examples(80), deadline=None, derandomize=True)
 @given(specs(), seeds)
 def test_the_gradient_is_the_slope(spec, seed):
@@ -43,10 +44,12 @@ def test_the_gradient_is_the_slope(spec, seed):
         assert grad @ way == pytest.approx((left + right) / 2.0, abs=slack)
 
 
+@pytest.mark.long
 def test_most_points_were_smooth_enough_to_be_checked():
     assert checked_points > examples(80)
 
 
+@pytest.mark.long
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(specs(labels=("task", "safe")), seeds)
 def test_straight_through_keeps_the_value_and_is_finite_everywhere(spec, seed):

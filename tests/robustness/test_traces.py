@@ -75,6 +75,7 @@ def test_phi_is_what_the_definition_says(formula, seed):
     assert run(poses)[:, 0].tolist() == [row[0] for row in expected]
 
 
+@pytest.mark.long
 @settings(max_examples=examples(120), deadline=None, derandomize=True)
 @given(formulas, formulas, windows(), seeds)
 def test_de_morgan_over_time(f, g, window, seed):
@@ -113,6 +114,7 @@ def test_the_gradient_is_the_slope(formula, seed):
     assert float((poses.grad * way).sum()) == pytest.approx(float(slope), abs=1e-6)
 
 
+@pytest.mark.long
 def test_gradients_of_what_moves():
     spec = scenegen.parse(
         "time [0, 2 s] every 0.5 s object a, b require speed(a) <= 1 m/s "
@@ -185,6 +187,7 @@ def test_a_state_formula_is_worth_what_it_is_in_a_scene():
     assert torch.equal(run(poses, signals=True), still(poses.reshape(20, 2, 3)).reshape(5, 4, 1))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("moments", [1, 2, 7, 64, 65])
 def test_windows_of_every_width(moments):
     rng = np.random.default_rng(moments)

@@ -41,6 +41,7 @@ def test_vmap_in_several_chunks(poses, monkeypatch):
     assert torch.equal(vmap(phi)(poses), torch.stack([phi(batch) for batch in poses]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("beta", [None, 10.0])
 def test_gradients_are_those_of_autograd(beta, phi, poses):
     scenes = poses[0].clone().requires_grad_()

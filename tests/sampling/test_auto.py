@@ -63,12 +63,14 @@ def test_the_choice_is_a_matter_of_the_request():
     assert chosen("leftOf(a, b)", 0.971, None).plan_digest != one.plan_digest
 
 
+@pytest.mark.long
 def test_a_method_that_is_named_is_not_put_in_question():
     assert chosen(RARE, 0.0, None, method="rejection").method == "rejection"
     assert chosen("leftOf(a, b)", 0.0, None, method="splitting").method == "splitting"
     assert chosen("leftOf(a, b)", 0.0, None, method="splitting").why is None
 
 
+@pytest.mark.long
 def test_neither_gets_there():
     with pytest.raises(RequestError, match="found none of 200 scenes in 2,097,152 draws") as caught:
         chosen(NEVER, 0.0, 0.2)

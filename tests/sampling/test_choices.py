@@ -74,6 +74,7 @@ def scenes():
     return spec, scenegen.sample(spec, {"task": (0.0, None)}, 40, seed=1, workers=1)
 
 
+@pytest.mark.long
 def test_phi_is_that_of_the_surfaces(scenes):
     spec, found = scenes
     tray = spec.checked.choices[1].options[0].height
@@ -104,6 +105,7 @@ def test_a_stream_has_the_same_scenes(scenes, tmp_path):
     assert (tmp_path / "a.jsonl").read_bytes() == (tmp_path / "b.jsonl").read_bytes()
 
 
+@pytest.mark.long
 def test_a_fixed_object_keeps_its_choice(scenes):
     spec, _ = scenes
     held = scenegen.sample(spec, {"task": (0.0, None)}, 30, fix={"can[1]": (0.7, 0.2)}, workers=1)

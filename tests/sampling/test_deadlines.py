@@ -88,6 +88,7 @@ def test_everything_stops_when_it_is_told_to(task, spec):
         assert after.largest < LARGEST_STEP
 
 
+@pytest.mark.long
 def test_work_is_bounded_wherever_planning_is(spec):
     used = []
     for most in (1e4, 1e6, 1e7):

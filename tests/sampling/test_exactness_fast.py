@@ -52,6 +52,7 @@ def true():
     return [truth(CASES["exp1"], N, np.random.default_rng([seed, 77])) for seed in SEEDS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["rejection", "splitting"])
 def test_scenes_are_the_truth(method, true):
     case = CASES["exp1"]

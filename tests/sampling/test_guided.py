@@ -77,6 +77,7 @@ def test_nothing_usable_ends_in_a_diagnostic(name, exp1):
     assert "not a number" in problem.note
 
 
+@pytest.mark.long
 def test_a_range_out_of_reach_ends_by_itself():
     """Every point of it is infeasible, though no bound over the whole workspace says so."""
     spec = check_text("closeTo(a, b, 0.1) & closeTo(b, c, 0.1) & farFrom(a, c, 0.25)", "triangle")

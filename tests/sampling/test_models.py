@@ -48,6 +48,7 @@ def test_rejection_from_a_model_file_uses_its_spec(model):
     assert np.array_equal(one.poses, two.poses) and one.header.sampler["method"] == "rejection"
 
 
+@pytest.mark.long
 def test_raw_scenes_are_not_settled(model):
     with pytest.raises(scenegen.RequestError, match="leave `raw` or `settle` out"):
         scenegen.sample(model, WANTED, raw=True, settle=True)

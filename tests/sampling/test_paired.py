@@ -164,12 +164,14 @@ def test_objects_that_are_held():
     assert (found.rows[:2] == [[0.25], [0.75]]).all() and (found.rows[9:] == [[0.5], [0.5], [math.pi / 40]]).all()
 
 
+@pytest.mark.long
 def test_workers_change_nothing():
     plan = paired(make_problem(check_text(TWO), SampleRequest(SATISFIED, n=2000)))
     one, two = drawn(plan), drawn(plan, workers=2)
     assert one.rows.tobytes() == two.rows.tobytes() and one.info == two.info
 
 
+@pytest.mark.long
 def test_a_run_is_resumed(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "GRACE", 60.0)
     spec, path = scenegen.parse(RARE), tmp_path / "x.jsonl"

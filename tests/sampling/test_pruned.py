@@ -188,6 +188,7 @@ def test_orderings_come_in_equal_shares():
     assert ((counts - N / 4) ** 2 / (N / 4)).sum() < 16.27  # chi-square, 3 degrees of freedom, p = 0.001
 
 
+@pytest.mark.long
 def test_rare_cells_are_served_like_common_ones():
     """Cells of phi in [0, 0.16] of seven sorted objects differ in probability by more than ten orders of magnitude."""
     spec = check_text(shipped_specs()["sort_7"].read_text())

@@ -63,6 +63,7 @@ def test_rarer_is_never_more_probable(difference):
     assert all(later < earlier + 0.02 for earlier, later in pairwise(values))
 
 
+@pytest.mark.long
 def test_a_requirement_conditions_and_is_measured_itself():
     text = "require leftOf(a, b)\ntask: rightOf(c, b)"
     found = measured(text)
@@ -111,6 +112,7 @@ def test_pruned_rejection_agrees(name, label, t):
     assert abs(ours.log10 - info["log10_probability"]) < SURE * error
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_numbers(difference):
     again, other = (measured("leftOf(a, b)", seed).reaches["task"].up(0.7) for seed in (0, 1))
     assert difference.reaches["task"].up(0.7) == again != other

@@ -40,6 +40,7 @@ def test_shares_differ_by_at_most_one(exp1, n):
     assert counts.sum() == n and counts.max() - counts.min() <= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", [0, 13, 31])
 def test_within_a_cell_scenes_follow_the_base_distribution(flat, cell, phi1, direct, same_distribution):
     edges = np.linspace(0.1, 0.3, 33)[cell : cell + 2]

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from scenegen.api.sample import sample
 from scenegen.api.spec import load
 from scenegen.formats.scenes_json import dump
@@ -19,6 +21,7 @@ def in_a_process(threads, *more):
     return subprocess.run(command, capture_output=True, env=environment, check=True, timeout=60).stdout
 
 
+@pytest.mark.long
 def test_bytes():
     one = in_a_process(1)
     assert in_a_process(2, "--timeout", "33") == one

@@ -69,6 +69,7 @@ def test_a_band_of_differences_has_its_triangular_density():
     assert within_error(found.info, ((1 - 0.9) ** 2 - (1 - 0.98) ** 2) / 2)
 
 
+@pytest.mark.long
 def test_both_sides_of_an_angle_get_equal_shares():
     found = drawn("angle(knife, 0, 0.01)", {"task": Range(0.002, 0.004)}, seed=2)
     off = (found.rows[2] + math.pi) % (2 * math.pi) - math.pi

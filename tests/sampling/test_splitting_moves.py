@@ -167,6 +167,7 @@ def test_copies_are_not_taken_until_they_have_parted(problem):
     assert len(chains.take()) > 0
 
 
+@pytest.mark.long
 def test_families_show_in_the_design_effect(problem):
     chains = chains_at_truth(problem, 4)
     watch = Statistics(chains.chain_state)

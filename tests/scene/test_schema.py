@@ -21,5 +21,6 @@ def test_the_documented_example_is_valid(root):
     """Every field of the documented example by name; `labels` stands in files without scenes."""
     properties = SceneFile.model_json_schema()["properties"]
     assert list(properties) == [
-        "format", "version", "spec", "workspace", "objects", "regions", "sampler", "request", "labels", "scenes",
+        "format", "version", "spec", "workspace", "objects", "counts", "regions", "sampler", "request", "labels",
+        "scenes",
     ]  # fmt: skip

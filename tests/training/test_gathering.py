@@ -28,6 +28,7 @@ def easy():
     return scenegen.parse("leftOf(mug, plate)")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DATASETS)
 def test_every_data_set_counts_and_is_not_changed_by_it(name, easy):
     told = []

@@ -60,6 +60,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monk
     assert files(broken) == files(whole)
 
 
+@pytest.mark.long
 def test_interrupted_many_times(tmp_path, exp1, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     config = dataclasses.replace(CONFIG, model="aae", hyper={"latent": 4})

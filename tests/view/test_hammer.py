@@ -84,6 +84,7 @@ def resident() -> int:
     return int(re.search(r"VmRSS:\s+(\d+)", Path("/proc/self/status").read_text())[1])
 
 
+@pytest.mark.long
 @in_full_again
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads its memory from /proc")
 def test_hundreds_at_a_time(running, monkeypatch):

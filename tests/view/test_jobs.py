@@ -172,7 +172,9 @@ def test_every_shipped_spec_works_on_the_page(tmp_path, name):
 
 
 def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
-    some = replace(scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2),))
+    some = replace(
+        scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2, what="scenes"),)
+    )
     monkeypatch.setattr(scenegen, "sample", lambda *_, **__: some)
     (found,) = do("sample", tmp_path, request={"n": 2})
     assert found["warnings"] == [{"code": TOO_MANY_SHOWN.code, "title": some.warnings[0].title}]
@@ -261,6 +263,7 @@ def test_imports_stay_inside_the_folder(tmp_path):
     assert do("check", inner, text=text.replace("own.spec", "link.spec"))[0]["spec"] is None
 
 
+@pytest.mark.long
 def test_large_formulas_are_folded_and_cut(tmp_path):
     text = "object block[40]\nrequire noOverlap()\ntask: forall i in 1..39: leftOf(block[i], block[i+1])\n"
     described, _ = do("check", tmp_path, text=text)

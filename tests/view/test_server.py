@@ -32,6 +32,7 @@ def test_the_page_and_its_files(running):
     assert running.http("GET", "/nowhere")[0] == 404
 
 
+@pytest.mark.long
 def test_files_are_opened_and_saved(running):
     status, body = running.http("GET", "/api/files")
     listed = json.loads(body)

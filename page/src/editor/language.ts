@@ -4,6 +4,8 @@ import { tags } from "@lezer/highlight";
 
 const STATEMENTS = new Set(["workspace", "object", "region", "const", "def", "require", "import"]);
 const WORDS = new Set(["forall", "exists", "in", "and", "or", "not", "implies", "at"]);
+// Words of time are names in specs without: they are operators where a formula or a window follows.
+const TIMES = new Set(["always", "eventually", "until", "until_with", "next", "initially", "finally"]);
 const ATOMS = new Set(["true", "false", "objects", "workspace", "NORTH", "EAST", "SOUTH", "WEST"]);
 
 const spec = StreamLanguage.define<{ after: string }>({
@@ -13,7 +15,7 @@ const spec = StreamLanguage.define<{ after: string }>({
     if (stream.eatSpace()) return null;
     if (stream.match(/^#.*/)) return "comment";
     if (stream.match(/^"[^"]*"?/)) return "string";
-    if (stream.match(/^\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:\s*(?:mm|cm|m|rad|deg|turn)\b)?/)) {
+    if (stream.match(/^\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:\s*(?:(?:mm|cm|m|rad|deg|turn)(?:\/s)?|s|ms|min|steps?)\b)?/)) {
       state.after = "";
       return "number";
     }
@@ -23,6 +25,8 @@ const spec = StreamLanguage.define<{ after: string }>({
       state.after = word;
       if (before === "." ) return "propertyName";
       if (STATEMENTS.has(word) && !(word === "workspace" && !stream.sol() && stream.column() > 0)) return "keyword";
+      if ((word === "time" && stream.column() === 0 && stream.match(/^\s*[\d[]/, false)) || (word === "moves" && stream.column() === 0 && stream.match(/^\s*(one|all)\b/, false))) return "keyword";
+      if (TIMES.has(word) && stream.match(/^\s*[[(!¬A-Za-z]/, false)) return "operatorKeyword";
       if (WORDS.has(word)) return "operatorKeyword";
       if (before === "def") return "definition";
       if (stream.match(/^\s*:(?!=)/, false) && stream.column() === 0) return "labelName";

@@ -2,11 +2,15 @@
 import { effect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Thumbs, type Wanted } from "../scene/thumbs";
+import { calm } from "../motions";
 import { coming, label, layout, meshes, preparing, preview, result, selected, shown, spec, view } from "../state";
 import { select, step } from "../store";
 import { theme } from "../theme";
 import type { Pose } from "../types";
 import { signed } from "../words";
+
+const LASTS = 4000; // ms that a motion takes in a small picture, at most
+const REST = 6; // steps that its end is shown
 
 const thumbs = new Thumbs();
 const drawn = new WeakMap<HTMLButtonElement, Pose[]>(); // what each picture shows
@@ -53,6 +57,29 @@ export function Grid() {
     }), []);
   const now = spec.value, found = result.value;
   const all = shown.value;
+  const playing = useRef(0);
+  /** Play a motion in its small picture, as long as the pointer is over it. */
+  const playSmall = (k: number) => (event: Event) => {
+    const motion = found?.motions?.[k];
+    const canvas = (event.currentTarget as HTMLElement).querySelector("canvas")!;
+    stopSmall();
+    if (!motion || calm.matches) return;
+    const began = performance.now(), last = motion.length - 1;
+    const next = () => {
+      const t = Math.floor((performance.now() - began) / Math.min(120, LASTS / last)) % (last + REST);
+      thumbs.play(canvas, motion[Math.min(t, last)], found.rises?.[k][Math.min(t, last)] ?? []);
+      playing.current = window.setTimeout(next, 60);
+    };
+    next();
+  };
+  const stopSmall = () => clearTimeout(playing.current);
+  const lastAgain = (k: number) => (event: Event) => {
+    stopSmall();
+    const canvas = (event.currentTarget as HTMLElement).querySelector("canvas")!;
+    if (found?.motions) thumbs.play(canvas, found.poses[k], found.bases[k]);
+  };
+  useEffect(() => stopSmall, []);
+  const what = now?.time ? "motion" : "scene";
   const keys = (event: KeyboardEvent) => {
     const by = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -columns(root.current!), ArrowDown: columns(root.current!) }[event.key];
     if (by === undefined) return;
@@ -65,19 +92,19 @@ export function Grid() {
     root.current?.querySelector<HTMLElement>("[aria-selected=true]")?.scrollIntoView({ block: "nearest", inline: "nearest" });
   });
   return (
-    <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : ""}`} role="listbox" aria-label="scenes" tabIndex={-1} onKeyDown={keys}>
+    <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : ""}`} role="listbox" aria-label={`${what}s`} tabIndex={-1} onKeyDown={keys}>
       {now && found
         ? all.map((k) => {
             const phi = label.value === "require" ? found.require?.[k] : found.phi[label.value]?.[k];
             return (
-              <button key={k} role="option" data-scene={k} aria-selected={k === selected.value} tabIndex={k === selected.value ? 0 : -1} onClick={() => select(k)} onDblClick={() => (layout.value = "one")} aria-label={`scene ${k + 1}, ${label.value} ${phi === undefined ? "" : signed(phi)}`}>
+              <button key={k} role="option" data-scene={k} aria-selected={k === selected.value} tabIndex={k === selected.value ? 0 : -1} onClick={() => select(k)} onDblClick={() => (layout.value = "one")} onMouseEnter={found.motions ? playSmall(k) : undefined} onMouseLeave={found.motions ? lastAgain(k) : undefined} aria-label={`${what} ${k + 1}, ${label.value} ${phi === undefined ? "" : signed(phi)}`}>
                 <canvas width={128} height={96} />
                 <span class={phi !== undefined && phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]])))}>{phi === undefined ? "" : signed(phi)}</span>
               </button>
             );
           })
         : null}
-      {!all.length && found ? <p class="empty">{preview.value ? "None of the scenes so far lies in these ranges; more are being sampled." : "No scene lies in these ranges."}</p> : null}
+      {!all.length && found ? <p class="empty">{preview.value ? `None of the ${what}s so far lies in these ranges; more are being sampled.` : `No ${what} lies in these ranges.`}</p> : null}
     </div>
   );
 }

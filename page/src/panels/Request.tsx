@@ -5,17 +5,19 @@ import { Handles } from "./Handles";
 
 export function RequestPanel() {
   const now = spec.value;
-  if (!now) return <p class="empty">Mend the spec to ask for scenes.</p>;
+  if (!now) return <p class="empty">Mend the spec to ask for {boot.scenes?.motions ? "motions" : "scenes"}.</p>;
   const wanted = request.value;
-  const methods = ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
+  const methods = now.time ? ["auto", "rejection", "splitting"] : ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
+  const most = now.time ? Math.max(1, now.time.most) : 400;
+  const count = <input type="number" min={1} max={most} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, most) })} />;
   const held = Object.keys(wanted.fix);
   return (
     <div class="request">
       {now.labels.map((one) => <Handles key={one.name} name={one.name} />)}
       {alone ? null : (
         <div class="fields">
-          <label>scenes <input type="number" min={1} max={400} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, 400) })} /></label>
-          <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="other scenes: the next seed (n)" aria-label="next seed">↻</button></span></label>
+          {now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
+          <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="others: the next seed (n)" aria-label="next seed">↻</button></span></label>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
           <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label>
         </div>

@@ -2,8 +2,10 @@
 import { effect } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { Table3d, type Tag } from "../scene/table3d";
+import { marks, timed, trails } from "../motions";
+import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, decides, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view } from "../state";
+import { alone, bases, busy, chooser, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view } from "../state";
 import { sample, select, step } from "../store";
 import { Code } from "./Explain";
 import { degrees, signed } from "../words";
@@ -62,7 +64,8 @@ function Three() {
         made.names = names.value;
         made.wake();
       }),
-      effect(() => made.setMarks(decides.value?.marks ?? [], 0.006 * made.side + Math.max(0, ...bases.peek()))),
+      effect(() => made.setTrails(timed.value ? trails.value.map(({ index, points }) => ({ points, color: EDGES[index % EDGES.length] })) : [])),
+      effect(() => made.setMarks(marks.value, 0.006 * made.side + Math.max(0, ...bases.peek()))),
     ];
     return () => {
       for (const end of ends) end();
@@ -89,13 +92,13 @@ function Phi() {
   const all: [string, number][] = Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
   if (found.require && found.require[0] < 0) all.push(["require", found.require[0]]);
   return (
-    <div class="phis" role="status" aria-label="phi of the scene">
+    <div class="phis" role="status" aria-label={`phi of the ${now.time ? "motion" : "scene"}`}>
       {all.map(([name, phi]) => (
         <button key={name} class={`phi ${phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={`phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
           <span>{name}</span> <b>{signed(phi)}</b>
         </button>
       ))}
-      {edited.value ? <span class="phi moved">moved by hand</span> : null}
+      {edited.value ? <span class="phi moved">{now.time ? "changed" : "moved"} by hand</span> : null}
     </div>
   );
 }
@@ -133,7 +136,7 @@ function Chosen() {
       <Standing name={one.name} surfaces={one.surfaces} column={chooser(now, one.name)} />
       {one.fixed ? <span class="quiet">held by the spec</span> : alone ? null : (
         <>
-          <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title="keep it there when sampling (h)">{kept ? "Held" : "Hold"}</button>
+          <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title={timed.value ? "other motions have it here, all the time (h)" : "keep it there when sampling (h)"}>{kept ? "Held" : "Hold"}</button>
           {kept ? <button class="tool" onClick={() => void sample()} title="sample the other objects (Enter)">Sample the rest</button> : null}
         </>
       )}

@@ -6,7 +6,7 @@ import { format } from "../editor/editor";
 import { download, list, openFile, openText, save, type Listing } from "../files";
 import { connected } from "../server";
 import { link } from "../share";
-import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, unsaved } from "../state";
+import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved } from "../state";
 import { theme, toggleTheme } from "../theme";
 
 export const menu = signal<"" | "file" | "take" | "save">("");
@@ -65,9 +65,9 @@ function Status() {
   const found = result.value;
   let words = message.value;
   if (busy.value === "sample") words = preview.value ? "a first look…" : "sampling…";
-  else if (found && (words === "" || /^\d+ scenes/.test(words))) {
+  else if (found && (words === "" || /^\d+ (scenes|motions)/.test(words))) {
     const method = String(found.sampler.method ?? "");
-    words = `${shown.value.length} scene${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
+    words = `${shown.value.length} ${found.motions ? "motion" : "scene"}${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
   }
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
   return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
@@ -131,22 +131,32 @@ async function copy(value: string, what: string): Promise<void> {
   }
 }
 
+const PLAYED = 100; // moments of a motion that the server draws
+
 function TakeMenu() {
   const none = !scenes.value;
   const line = command();
+  const moving = !!spec.value?.time, long = (spec.value?.time?.steps ?? 0) >= PLAYED;
   return (
     <Menu name="take">
       {alone ? null : (
         <>
-          <h2>{shown.value.length} scenes</h2>
+          <h2>{shown.value.length} {moving ? "motions" : "scenes"}</h2>
           <div class="formats">
-            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"]].map(([format, name]) => <button key={format} data-format={format} disabled={none} onClick={close(() => void download(format))}>{name}</button>)}
+            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ...(moving ? [] : [["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"]])].map(([format, name]) => <button key={format} data-format={format} disabled={none} onClick={close(() => void download(format))}>{name}</button>)}
           </div>
         </>
       )}
-      <h2>this scene</h2>
+      {moving && !alone ? (
+        <>
+          <h2>this motion</h2>
+          <div class="formats"><button data-format="gif" disabled={none || long} onClick={close(() => void download("gif"))}>GIF</button></div>
+          <p class="hint-line">{long ? "It has too many moments to be drawn here. " : ""}MP4, and files for simulators, are made of a downloaded file: <code>scenegen render</code>, <code>scenegen export</code>.</p>
+        </>
+      ) : null}
+      <h2>this {moving ? "moment" : "scene"}</h2>
       <div class="formats"><button data-format="png" disabled={none} onClick={close(() => void download("png"))}>PNG picture</button></div>
-      <h2>the same scenes by command</h2>
+      <h2>the same {moving ? "motions" : "scenes"} by command</h2>
       <code class="command">{line}</code>
       {before() ? <p class="note">{before()}</p> : null}
       <button onClick={() => void copy(line, "the command")}>Copy the command</button>

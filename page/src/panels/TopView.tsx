@@ -1,7 +1,8 @@
 // The scene from above: names, headings, dimension lines, and hands on the objects.
 import { useRef } from "preact/hooks";
 import { hold, moved, place } from "../hands";
-import { alone, bases, decides, heat, names, poses, request, result, shown, spec, thing } from "../state";
+import { marks as measured, moments, trails } from "../motions";
+import { alone, bases, heat, names, poses, request, result, shown, spec, thing } from "../state";
 import { EDGES, lowestFirst, TINTS } from "../scene/top2d";
 import type { Footprint, Mark, Pose, Spec } from "../types";
 import { number } from "../words";
@@ -68,6 +69,8 @@ function named(now: Spec): { x: number; y: number; text: string }[] {
   return [...found.values()];
 }
 
+const DOTS = 6000; // of a heat map, about: of long motions not every moment
+
 function Heat({ now }: { now: Spec }) {
   const found = result.value;
   if (!found || !heat.value) return null;
@@ -75,9 +78,12 @@ function Heat({ now }: { now: Spec }) {
   const dots = [];
   for (const scene of shown.value) {
     const some = index >= 0 ? [index] : now.objects.map((_, k) => k);
-    for (const k of some) {
-      const pose = found.poses[scene][k];
-      dots.push(<circle key={`${scene} ${k}`} cx={pose[0]} cy={pose[1]} r={0.018 * Math.max(now.workspace.x[1] - now.workspace.x[0], now.workspace.y[1] - now.workspace.y[0])} fill={EDGES[k % EDGES.length]} />);
+    const all = moments(found, scene);
+    const apart = Math.max(1, Math.ceil((all.length * shown.value.length * some.length) / DOTS));
+    for (const k of some)
+      for (let t = 0; t < all.length; t += apart) {
+      const pose = all[t][k];
+      dots.push(<circle key={`${scene} ${k} ${t}`} cx={pose[0]} cy={pose[1]} r={0.018 * Math.max(now.workspace.x[1] - now.workspace.x[0], now.workspace.y[1] - now.workspace.y[0])} fill={EDGES[k % EDGES.length]} />);
     }
   }
   return <g class="heat">{dots}</g>;
@@ -124,7 +130,7 @@ export function TopView() {
     if (held.current) void moved();
     held.current = null;
   };
-  const marks = decides.value?.marks ?? [];
+  const marks = measured.value;
   return (
     <svg ref={svg} class="top" viewBox={`${x0} ${-y1} ${x1 - x0} ${y1 - y0}`} role="application" aria-label="scene from above" tabindex={0}
       onPointerMove={move} onPointerUp={up} onPointerCancel={up} onPointerDown={() => (thing.value = null)}>
@@ -154,6 +160,7 @@ export function TopView() {
             <Text key={one.name} x={poses.value[k][0]} y={poses.value[k][1] - Math.min(0.6 * radius(one.footprint), 0.03 * side)} size={0.026 * side} kind="name">{one.name}</Text>
           ) : null,
         )}
+        {trails.value.map(({ index, points }) => <polyline key={index} class="trail" points={points.map(([u, v]) => `${u},${v}`).join(" ")} stroke={EDGES[index % EDGES.length]} stroke-width={1.3 * line} />)}
         {marks.map((mark, k) => <Dimension key={k} mark={mark} side={side} />)}
         {marks.map((mark, k) =>
           mark.kind === "guide" ? null : (

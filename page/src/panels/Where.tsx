@@ -1,5 +1,6 @@
 // Over all scenes: how phi is spread, and where each object goes.
 import { useEffect, useRef } from "preact/hooks";
+import { moments } from "../motions";
 import { result, shown, spec, thing } from "../state";
 import { select } from "../store";
 import { theme } from "../theme";
@@ -10,11 +11,11 @@ const BINS = 24;
 export function Where() {
   const now = spec.value;
   const found = result.value;
-  if (!now || !found) return <p class="empty">No scenes yet.</p>;
+  if (!now || !found) return <p class="empty">Nothing yet.</p>;
   return (
     <div class="where">
       {now.labels.map((one) => <Histogram key={one.name} name={one.name} values={shown.value.map((k) => found.phi[one.name][k])} scenes={shown.value} />)}
-      <h2>Where objects go</h2>
+      <h2>Where objects {now.time ? "are, at all moments" : "go"}</h2>
       <div class="heats">{now.objects.slice(0, 24).map((one, k) => <Heat key={one.name} index={k} name={one.name} />)}</div>
     </div>
   );
@@ -33,7 +34,7 @@ function Histogram({ name, values, scenes }: { name: string; values: number[]; s
       <div class="bars">
         {bins.map((one, k) => {
           const middle = low + ((k + 0.5) * width) / BINS;
-          const words = `${one.length} scenes with phi near ${number(middle)}`;
+          const words = `${one.length} with phi near ${number(middle)}`;
           return <button key={k} class={middle >= 0 ? "good" : "bad"} style={{ height: `${one.length ? 4 + (44 * one.length) / most : 1}px` }} title={words} aria-label={words} disabled={!one.length} onClick={() => select(one[0])} />;
         })}
       </div>
@@ -57,7 +58,8 @@ function Heat({ index, name }: { index: number; name: string }) {
     const spread = all.length > 100 ? 1 : 1.6;
     let most = 0;
     for (const k of all) {
-      const pose = found.poses[k]?.[index];
+      for (const scene of found.poses[k] ? moments(found, k) : []) {
+      const pose = scene[index];
       if (!pose) continue;
       const cx = (cells * (pose[0] - x[0])) / (x[1] - x[0]), cy = (cells * (pose[1] - y[0])) / (y[1] - y[0]);
       for (let i = Math.floor(cx - 4); i <= cx + 4; i++)
@@ -68,6 +70,7 @@ function Heat({ index, name }: { index: number; name: string }) {
             counts[at] += Math.exp(-d2 / (2 * spread * spread));
             most = Math.max(most, counts[at]);
           }
+      }
     }
     const image = context.createImageData(cells, cells);
     for (let j = 0; j < cells; j++)

@@ -1,8 +1,12 @@
 // The formulas as trees, coloured by the value of each part in the scene that is shown.
+import { signal } from "@preact/signals";
 import { useState } from "preact/hooks";
-import { decides, label, pointed, report, spec, text } from "../state";
+import { frame, rest, seconds, seek, timed } from "../motions";
+import { decides, label, alone, pointed, report, spec, text } from "../state";
 import type { Line } from "../types";
 import { number, signed } from "../words";
+
+const wholly = signal(true); // of a motion: the values that count for the whole, not those at the moment shown
 
 export function Why() {
   const now = spec.value;
@@ -23,12 +27,18 @@ export function Why() {
         })}
       </div>
       {one ? (
-        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code> decides: it alone would have to change for {one.required ? "the margin" : "phi"} to change.</p>
+        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code> decides{one.moment === undefined ? "" : <> <button class="when" onClick={() => { rest(); seek(one.moment!); }}>at {seconds(one.moment)}</button></>}: it alone would have to change for {one.required ? "the margin" : "phi"} to change.</p>
+      ) : null}
+      {now.time ? (
+        <div class="segment small" role="group" aria-label="values">
+          <button aria-pressed={wholly.value} onClick={() => (wholly.value = true)}>of the whole motion</button>
+          <button aria-pressed={!wholly.value} onClick={() => (wholly.value = false)} disabled={!report.value?.over} title={report.value?.over ? "from the moment that is shown on" : alone ? "a page without a server has the values of the whole motion alone" : "there are too many moments and formulas for this"}>from {seconds(frame.value)} on</button>
+        </div>
       ) : null}
       <ul class="tree" role="tree" aria-label={`formula of ${shown}`}>
         <Node line={now.trees[shown]} />
       </ul>
-      {report.value?.overlaps?.length ? <p class="note">Overlapping: {report.value.overlaps.map((pair) => pair.join(" and ")).join(", ")}.</p> : null}
+      {report.value?.overlaps?.length ? <p class="note">Overlapping{now.time ? " in the end" : ""}: {report.value.overlaps.map((pair) => pair.join(" and ")).join(", ")}.</p> : null}
     </div>
   );
 }
@@ -36,7 +46,7 @@ export function Why() {
 const CONSTANT = /^([\d.]+\s*(mm|cm|m|deg|rad|turn)?|[A-Z][A-Z0-9_]*)$/;
 
 /** An atom with its constants as the spec has them: `20 deg` and not 0.349066. */
-function asWritten({ text: line, spans }: Pick<Line, "text" | "spans">): string {
+export function asWritten({ text: line, spans }: Pick<Line, "text" | "spans">): string {
   if (!spans.length) return line;
   const source = [...text.value].slice(...spans[spans.length - 1]).join("");
   const [mine, theirs] = [parts(line), parts(source)];
@@ -52,18 +62,21 @@ function parts(call: string): { name: string; args: string[] } | null {
 
 function Node({ line }: { line: Line }) {
   const [open, setOpen] = useState(line.kind !== "atom");
-  const value = report.value?.values?.[line.line] ?? null;
+  const over = timed.value && !wholly.value ? report.value?.over?.[line.line] : undefined;
+  const value = (over ? over[frame.value] : report.value?.values?.[line.line]) ?? null;
+  const when = timed.value && wholly.value && line.kind === "atom" ? report.value?.at?.[line.line] : undefined;
   const mine = decides.value?.lines.includes(line.line) ?? false;
   const [low, high] = line.bounds;
   const most = Math.max(Math.abs(low ?? 1), Math.abs(high ?? 1), 1e-9);
   const share = value === null ? 0 : Math.min(1, Math.abs(value) / most) ** 0.5;
-  const words = line.kind === "atom" ? asWritten(line) : line.text.replace(/^(all|one) of:? ?/, "");
+  const words = line.kind === "atom" ? asWritten(line) : line.kind === "time" ? "" : line.text.replace(/^(all|one) of:? ?/, "");
   return (
     <li role="treeitem" aria-expanded={line.parts.length ? open : undefined} class={line.kind}>
       <div class={`row${mine ? " decides" : ""}`} style={value === null ? undefined : { "--share": `${Math.round(100 * share)}%` }} data-sign={value === null ? "" : value >= 0 ? "good" : "bad"} title={line.margin ? `${line.margin}${line.unit ? ` (${line.unit})` : ""}` : undefined}
         onMouseEnter={() => (pointed.value = line.line)} onMouseLeave={() => (pointed.value = null)}>
         {line.parts.length ? <button class="twist" aria-label={open ? "fold" : "unfold"} onClick={() => setOpen(!open)}>{open ? "▾" : "▸"}</button> : <span class="twist" />}
-        {line.kind !== "atom" ? <span class="kind">{line.kind === "all" ? "all of" : "one of"}</span> : null}
+        {line.kind !== "atom" ? <span class={`kind ${line.kind}`}>{line.kind === "time" ? line.text : line.kind === "all" ? "all of" : "one of"}</span> : null}
+        {when !== undefined ? <button class="when" title="the moment at which it counts" onClick={() => { rest(); seek(when); }}>{seconds(when)}</button> : null}
         <code>{line.count ? `${line.count} × ` : ""}{words}</code>
         <span class="value">{value === null ? "" : signed(value)}</span>
       </div>

@@ -1,7 +1,8 @@
 // The large view: the table, what stands on it, dimension lines, and hands on all of it.
-import { BufferAttribute, BufferGeometry, DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
+import { DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Mark, PackedMesh, Point, Pose, Spec } from "../types";
+import { dashes, ribbon } from "./ribbons";
 import { Stage3d } from "./stage3d";
 
 export interface Hands {
@@ -25,6 +26,7 @@ const COARSEST = 0.4;
 export class Table3d extends Stage3d {
   readonly controls: OrbitControls;
   private marks = new Group();
+  private trails = new Group();
   private ring = new Group();
   private knob: Mesh;
   private dirty = true;
@@ -60,7 +62,7 @@ export class Table3d extends Stage3d {
     this.knob.name = "\0knob";
     this.ring.add(new Mesh(new RingGeometry(0.94, 1, 64), accent), this.knob);
     this.ring.visible = false;
-    this.scene.add(this.marks, this.ring);
+    this.scene.add(this.trails, this.marks, this.ring);
     canvas.addEventListener("pointerdown", this.down, { capture: true });
     canvas.addEventListener("pointermove", this.hover);
     canvas.addEventListener("pointerup", this.up);
@@ -137,6 +139,17 @@ export class Table3d extends Stage3d {
     this.knob.scale.setScalar(0.014 * this.side);
     this.knob.visible = this.hands.free(thing.name);
     this.knob.position.set(radius * Math.cos(mesh.rotation.z), radius * Math.sin(mesh.rotation.z), 0.004 * this.side);
+  }
+
+  /** The ways of objects over the table. */
+  setTrails(trails: { points: Point[]; color: string }[]): void {
+    for (const one of this.trails.children) (one as Mesh).geometry.dispose();
+    this.trails.clear();
+    for (const { points, color } of trails) {
+      const parts = points.slice(1).map((end, k): [Point, Point] => [points[k], end]).filter(([a, b]) => a[0] !== b[0] || a[1] !== b[1]);
+      this.trails.add(ribbon(parts, 0.0045 * this.side, parseInt(color.slice(1), 16), 0.002 * this.side));
+    }
+    this.wake();
   }
 
   setMarks(marks: Mark[], height: number): void {
@@ -314,26 +327,4 @@ export class Table3d extends Stage3d {
 
 export function reach(footprint: { kind: string; radius?: number; corners?: Point[] }): number {
   return footprint.radius ?? Math.max(...footprint.corners!.map(([x, y]) => Math.hypot(x, y)));
-}
-
-function dashes(start: Point, end: Point, step: number): [Point, Point][] {
-  const length = Math.hypot(end[0] - start[0], end[1] - start[1]);
-  const count = Math.max(1, Math.min(200, Math.round(length / step)));
-  const at = (share: number): Point => [start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])];
-  return Array.from({ length: count }, (_, k): [Point, Point] => [at(k / count), at((k + 0.55) / count)]);
-}
-
-/** Flat lines of a width, drawn over everything. */
-function ribbon(segments: [Point, Point][], width: number, color: number, z: number): Mesh {
-  const points: number[] = [];
-  for (const [[ax, ay], [bx, by]] of segments) {
-    const length = Math.hypot(bx - ax, by - ay) || 1e-9;
-    const nx = ((ay - by) / length) * (width / 2), ny = ((bx - ax) / length) * (width / 2);
-    points.push(ax + nx, ay + ny, z, ax - nx, ay - ny, z, bx + nx, by + ny, z, bx + nx, by + ny, z, ax - nx, ay - ny, z, bx - nx, by - ny, z);
-  }
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
-  const mesh = new Mesh(geometry, new MeshBasicMaterial({ color, side: DoubleSide, depthTest: false, transparent: true }));
-  mesh.renderOrder = 10;
-  return mesh;
 }

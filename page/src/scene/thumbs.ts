@@ -57,6 +57,11 @@ export class Thumbs {
     }
   }
 
+  /** Draw a scene at once, and keep no picture of it: a moment of a motion. */
+  play(canvas: HTMLCanvasElement, poses: Pose[], bases: number[]): void {
+    if (!this.again({ canvas, poses, bases })) this.one({ canvas, poses, bases }, false);
+  }
+
   /** Draw a scene from its picture, if there is one. */
   private again({ canvas, poses, done }: Wanted): boolean {
     const known = this.kept.get(poses);
@@ -104,14 +109,14 @@ export class Thumbs {
     else this.drawing = false;
   }
 
-  private one(wanted: Wanted): void {
+  private one(wanted: Wanted, keep = true): void {
     const { canvas, poses, bases } = wanted;
     const context = canvas.getContext("2d");
     if (!context || !this.spec) return;
     const stage = this.flat ? null : this.stage;
     if (!stage?.spec) {
       drawTop(context, this.spec, poses, bases);
-      this.keep(canvas, poses);
+      if (keep) this.keep(canvas, poses);
       wanted.done?.();
       return;
     }
@@ -129,7 +134,7 @@ export class Thumbs {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, width, height);
     context.drawImage(size, 0, 0);
-    this.keep(canvas, poses);
+    if (keep) this.keep(canvas, poses);
     wanted.done?.();
   }
 }

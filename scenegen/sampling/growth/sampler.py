@@ -37,6 +37,7 @@ from scenegen.sampling.splitting.sampler import probability
 
 Array = npt.NDArray[np.float64]
 
+FACTS = 8  # of a piece
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
 LOW = 0.3  # effective share below which the user is warned
 
@@ -73,6 +74,10 @@ class Growth(Plan):
     @property
     def reached(self) -> tuple[int, ...]:
         return self.recipe.cells
+
+    @property
+    def fact_count(self) -> int:
+        return FACTS
 
     @property
     def scenes_per_piece(self) -> float:
@@ -136,7 +141,7 @@ class Growth(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
         recipe = self.recipe
-        islands, total, square, alive, accepted, copies, effect, made = tally.facts or (0.0,) * 8
+        islands, total, square, alive, accepted, copies, effect, made = tally.facts or (0.0,) * FACTS
         each = max(alive, 1.0)
         evaluations = int(recipe.evaluations + made)
         share = min(1.0, each / effect) if effect else 0.0

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
+from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError
 from scenegen.bounds.prune import Cover, box_cover
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE
@@ -33,6 +33,7 @@ from scenegen.sampling.rejection.draw import (
     explore,
     misses,
     within,
+    work_each,
 )
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
@@ -41,7 +42,7 @@ SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
-LOOK, FEW, EASY = 6e7, 4, 1e8  # work of a first trial; it suffices for so many hits per cell and so much work in all
+LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,10 @@ class Rejection(Plan):
     def candidates(self) -> int:
         """Of a piece."""
         return sum(source.candidates for source in self.sources)
+
+    @property
+    def fact_count(self) -> int:
+        return len(self.sources)
 
     @property
     def scenes_per_piece(self) -> float:
@@ -183,8 +188,8 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most
 
 
 def first_look(problem: Problem, budget: Budget) -> Rejection | None:
-    """Rejection from the contracted box, if it reaches every cell with little work; else None. Pruning would need fewer
-    candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
+    """Rejection from the contracted box, if candidates of little work reach every cell; else None. Pruning would need
+    fewer candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
     seed, effort = problem.request.seed, effort_of(budget, LOOK)
     try:
         cover = box_cover(
@@ -198,8 +203,13 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
         return None
     if hits[sorted(problem.possible)].min() < FEW:
         return None
-    plan = _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
-    return plan if plan.expected * per_scene(problem.core.nodes)[0] <= EASY else None
+    return _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
+
+
+def work_of(plan: Rejection) -> float:
+    """The work of what the request will need; see scenegen.bounds.effort."""
+    rng = np.random.default_rng(np.random.SeedSequence([plan.problem.request.seed, PLAN, 0, 3]))
+    return plan.expected * work_each(plan.problem, plan.sources[0].cover, rng)
 
 
 def _alone(

@@ -33,6 +33,7 @@ from scenegen.sampling.splitting.levels import SPLIT, Schedule, Stalled, generat
 
 Array = npt.NDArray[np.float64]
 
+FACTS = 7  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
 FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
@@ -78,6 +79,13 @@ class Splitting(Plan):
         return tuple(sorted(self.schedule.cells))
 
     @property
+    def fact_count(self) -> int:
+        frame = frame_of(self.problem)
+        chains = Chains.start(frame, Tape(frame), self.cells, 2, np.random.default_rng(0))
+        with np.errstate(all="ignore"):
+            return FACTS + 2 * len(Statistics(frame)(chains))
+
+    @property
     def scenes_per_piece(self) -> float:
         return self.schedule.chains * self.schedule.takes
 
@@ -109,7 +117,7 @@ class Splitting(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and the warnings for the user."""
         plan = self.schedule
-        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * 7
+        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * FACTS
         effect = _worst(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import DataError, quoted
+from scenegen.errors.counts import NUMBERS_IN_FILE
 from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.interpret import phi as score
@@ -36,6 +37,12 @@ def order_of(spec: CheckedSpec, objects: Sequence[str]) -> list[int]:
     return [place[name] for name in spec.objects]
 
 
+def refuse_numbers(header: SceneFile, what: str) -> None:
+    """Raises DataError for scenes that differ in how many things there are."""
+    for one in header.counts[:1]:
+        raise DataError(NUMBERS_IN_FILE(what=what, name=one.name, most=one.most))
+
+
 def arranged(rows: Array, order: Sequence[int]) -> Array:
     """(3N, m) storage with its objects in another order."""
     if list(order) == sorted(order):
@@ -45,6 +52,7 @@ def arranged(rows: Array, order: Sequence[int]) -> Array:
 
 def as_core(spec: CheckedSpec, header: SceneFile, rows: Array, order: Sequence[int]) -> Array:
     """The rows of a block of a file as the core has them: objects in another order, then switches. Raises DataError."""
+    refuse_numbers(header, "training")
     count = row_count(len(header.objects))
     return with_switches(spec, header, arranged(rows[:count], order), rows[count:].T)
 

@@ -25,6 +25,10 @@ TABLE: dict[str, str] = {
 }
 
 
+OF_MOTIONS = ("scenegen.view.jobs.motions", "scenegen.motions.rarity", "scenegen.motions.sample")
+"""What jobs import only for specs over time."""
+
+
 class _Jobs(Mapping[str, Job]):
     """The table with its entries loaded when they are first used."""
 
@@ -47,3 +51,5 @@ def load_all() -> None:
     """Import what the jobs need, so that no process has to do it again."""
     for name in TABLE:
         JOBS[name]
+    for module in OF_MOTIONS:
+        importlib.import_module(module)

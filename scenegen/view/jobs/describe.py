@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
@@ -19,16 +20,17 @@ from scenegen.primitives import Box, Circle, Footprint
 from scenegen.primitives.outline import corners
 from scenegen.scene.data import RAISED, ObjectData, RequestData, SceneFile, carried_first
 from scenegen.scene.stage import TALLEST, TALLEST_DECLARED, WOOD, Stage, Thing, stage_of
+from scenegen.view.jobs import timed
 from scenegen.view.jobs.tree import Trees
 
 
 def describe(spec: Spec) -> dict[str, Any]:
     """Objects, regions and labels of a spec, and its formulas as trees."""
-    checked = spec.checked
+    checked = spec.declared
     header = header_of(spec)
     stage = stage_of_spec(spec)
-    trees = trees_of(spec)
     bounds = spec.bounds()
+    trees = formulas_of(spec)
     return {
         "sha256": checked.sha256,
         "source": checked.source,
@@ -62,10 +64,30 @@ def describe(spec: Spec) -> dict[str, Any]:
             }
             for region, patch in zip(checked.regions, stage.patches, strict=True)
         ],
-        "labels": [{"name": name, "bounds": list(bounds[name])} for name in spec.labels],
-        "requires": REQUIRE in trees.trees,
-        "trees": trees.trees,
+        "labels": [{"name": name, "bounds": plain(bounds[name])} for name in spec.labels],
+        "requires": REQUIRE in trees,
+        "trees": trees,
+        "time": _time(spec),
     }
+
+
+def _time(spec: Spec) -> dict[str, Any] | None:
+    """How long a motion lasts, and how many of them the page shows; None where the spec is about single scenes."""
+    if spec.horizon is None:
+        return None
+    return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves, "most": timed.most_of(spec)}
+
+
+def formulas_of(spec: Spec) -> dict[str, Any]:
+    """The formula of each label, and what is required, as a tree."""
+    if spec.over_time is None:
+        return trees_of(spec).trees
+    return timed.trees_of(spec).trees
+
+
+def plain(ends: tuple[float, float]) -> list[float]:
+    """Bounds that a plot can have: windows that look beyond the last moment have infinite ones."""
+    return [one if math.isfinite(one) else math.copysign(1.0, one) for one in ends]
 
 
 def surfaces_of(item: ObjectData) -> list[str]:
@@ -95,7 +117,7 @@ def _tall(header: SceneFile, stage: Stage) -> float:
 @lru_cache(maxsize=2)
 def header_of(spec: Spec) -> SceneFile:
     """A scene file of a spec without any scene."""
-    return make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
+    return make_header(spec.declared, {}, RequestData(phi={}, n=1, spread="flat"))
 
 
 @lru_cache(maxsize=2)

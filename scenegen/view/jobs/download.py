@@ -9,24 +9,33 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
+from scenegen.errors.page import LONG_GIF
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
+from scenegen.needs import need
 from scenegen.scene.data import RequestData
 from scenegen.view.jobs.evaluate import scene_set
 from scenegen.view.jobs.sample import request_of
 from scenegen.view.jobs.source import spec_of
+from scenegen.view.limits import MAX_PLAYED
 
 FILES = ("json", "jsonl", "parquet")
 FOLDERS = ("mjcf", "sdf")
+PLAYED = "gif"  # of motions alone
 
 
 def download(message: dict[str, Any]) -> Iterator[Any]:
     """Write the scenes of `poses` as `format` into the folder `into`, which the server has made; yields the file's
     name. phi is computed again: what a page sends is not taken on trust. Simulators' files come as one archive."""
     wanted = str(message.get("format"))
-    if wanted not in (*FILES, *FOLDERS):
-        raise RequestError(UNKNOWN_CHOICE(what="format", name=wanted, known=(*FILES, *FOLDERS)))
     spec = spec_of(message)
+    known = (*FILES, *(FOLDERS if spec.over_time is None else (PLAYED,)))
+    if wanted not in known:
+        raise RequestError(UNKNOWN_CHOICE(what="format", name=wanted, known=known))
+    if spec.over_time is not None:
+        yield _motions(spec, message, wanted)
+        return
     request = request_of(message, spec)
     sampler = message.get("sampler")
     scenes = scene_set(spec, message["poses"], sampler if isinstance(sampler, dict) else None, message.get("on"))
@@ -46,3 +55,19 @@ def download(message: dict[str, Any]) -> Iterator[Any]:
             for path in sorted((Path(folder) / wanted).rglob("*")):
                 out.write(path, path.relative_to(folder))
     yield archive.name
+
+
+def _motions(spec: Spec, message: dict[str, Any], wanted: str) -> str:
+    """Motions as a file, or the first of them as a GIF."""
+    from scenegen.view.jobs import motions
+
+    given = message.get("sampler")
+    poses = motions.motions_of(spec, message["poses"])
+    found = motions.motion_set(spec, poses, given if isinstance(given, dict) else {}, request_of(message, spec))
+    into = Path(message["into"])
+    if wanted != PLAYED:
+        return found.save(into / f"motions.{wanted}").name
+    if poses.shape[1] > MAX_PLAYED:
+        raise RequestError(LONG_GIF(moments=poses.shape[1], most=MAX_PLAYED))
+    need("pybullet", "to draw pictures")
+    return replace(found, poses=poses[:1]).animate(into / "motion.gif", 1, workers=1).name

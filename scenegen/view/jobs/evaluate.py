@@ -18,7 +18,6 @@ from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
 from scenegen.errors.page import NO_MESSAGE
 from scenegen.figures.dimensions import dimensions
-from scenegen.figures.drawing import Dimension, Guide, Mark, Turn
 from scenegen.lang.core import REQUIRE, Atom
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
@@ -26,6 +25,7 @@ from scenegen.primitives import NUMPY
 from scenegen.scene.data import RequestData, SceneFile
 from scenegen.scene.standing import heights_of
 from scenegen.view.jobs.describe import stage_of_spec, trees_of
+from scenegen.view.jobs.marks import mark_data
 from scenegen.view.jobs.source import spec_of
 from scenegen.view.jobs.tree import own
 from scenegen.view.limits import MAX_POSES
@@ -36,8 +36,16 @@ Array = npt.NDArray[np.float64]
 def evaluate(message: dict[str, Any]) -> Iterator[Any]:
     """phi of each scene in `poses`, (n, N, 3), by the reader that `scenegen eval` uses; `on` (n, M) says on which of
     their surfaces objects stand. With `why` also the value of every line of the trees and the atom that decides each
-    label, of the first scene."""
+    label, of the first scene. Of a spec over time `poses` are motions, (n, T + 1, N, 3), and `why` is about the first
+    one."""
     spec = spec_of(message)
+    if spec.over_time is not None:
+        from scenegen.view.jobs import motions
+
+        found = motions.motions_of(spec, message["poses"])
+        why = motions.reasons(spec, found[0]) if message.get("why") else {}
+        yield {**motions.told(spec, found), **why}
+        return
     scenes = scene_set(spec, message["poses"], on=message.get("on"))
     yield told(spec, scenes, bool(message.get("why")))
 
@@ -126,16 +134,3 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
         "marks": [mark_data(one) for one in dimensions(core, index, rows)],
         "required": label == REQUIRE,
     }
-
-
-def mark_data(mark: Mark) -> dict[str, Any]:
-    """A dimension line, an angle or a guide, as plain data."""
-    match mark:
-        case Dimension(start, end, text, good):
-            return {"kind": "line", "start": start, "end": end, "text": text, "good": good}
-        case Turn(center, start_angle, stop_angle, text, good):
-            return {
-                "kind": "turn", "center": center, "from": start_angle, "to": stop_angle, "text": text, "good": good,
-            }  # fmt: skip
-        case Guide(start, end):
-            return {"kind": "guide", "start": start, "end": end}

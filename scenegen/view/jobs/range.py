@@ -8,13 +8,17 @@ from typing import Any
 
 from scenegen.api.rarity import LabelRarity, Level, rarity
 from scenegen.view.jobs.calm import give_way
+from scenegen.view.jobs.describe import plain
 from scenegen.view.jobs.source import spec_of
 
 
 def range_(message: dict[str, Any]) -> Iterator[Any]:
-    """One part per label, in the order of the spec."""
+    """One part per label, in the order of the spec. The labels of a spec over time share most of the work."""
     give_way()
     spec = spec_of(message)
+    if spec.over_time is not None:
+        yield from map(rarity_data, rarity(spec).labels)
+        return
     for label in spec.labels:
         found = rarity(spec, label)
         yield rarity_data(found.labels[0])
@@ -24,7 +28,7 @@ def rarity_data(one: LabelRarity) -> dict[str, Any]:
     """The rarity of one label as plain data; logarithms to base 10, None where too few scenes tell."""
     return {
         "label": one.label,
-        "bounds": list(one.bounds),
+        "bounds": plain(one.bounds),
         "reached": list(one.reached),
         "curve": [_point(level) for level in one.curve],
         "bands": [asdict(band) for band in one.bands],

@@ -20,11 +20,13 @@ from scenegen.view.limits import MAX_POSES, MAX_SCENES
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
+    from scenegen.api.motions import MotionSet
 
 MANY = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
 FIRST = 4  # scenes of the first look
 SPREAD = 32  # and of those over all of a range, at most
 TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
+PATIENCE = 45.0  # of motions: those at a rare phi take longer
 LONGEST = 55.0
 QUICK = 5.0  # seconds that the first look may take
 
@@ -33,6 +35,9 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     """Verified scenes: poses (n, N, 3), phi by label, and how they were made."""
     spec = spec_of(message)
     wanted = request_of(message, spec)
+    if spec.over_time is not None:
+        yield _motions(spec, wanted, message)
+        return
     source = _model(str(message["model"])) if wanted["method"] == "model" and message.get("model") else None
     if source is not None and source.spec.checked.sha256 != spec.checked.sha256:
         raise RequestError(ANOTHER_SPEC())
@@ -46,6 +51,27 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
 
     found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
+
+
+def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, Any]:
+    """Motions (n, T + 1, N, 3), phi by label, and how they were made."""
+    from scenegen.view.jobs import motions
+
+    began = time.perf_counter()
+    found = motions.drawn(spec, wanted, min(float(message.get("timeout") or PATIENCE), LONGEST))
+    return {**motions_data(spec, found), "notes": [], "took": time.perf_counter() - began}
+
+
+def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
+    """Motions as the page takes them."""
+    from scenegen.view.jobs.motions import told as told_of_motions
+
+    return {
+        **told_of_motions(spec, found.poses),
+        "motions": found.poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
+    }
 
 
 def first(message: dict[str, Any]) -> Iterator[Any]:
@@ -63,6 +89,8 @@ def spread(message: dict[str, Any]) -> Iterator[Any]:
 
 def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
     spec = spec_of(message)
+    if spec.over_time is not None:
+        return None
     wanted = request_of(message, spec)
     n = min(most, wanted["n"])
     try:
@@ -81,9 +109,13 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
         fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
     except (TypeError, ValueError, IndexError, AttributeError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
+    if spec.over_time is not None:
+        from scenegen.view.jobs.timed import check_size
+
+        check_size(spec, n)
     most = min(MAX_SCENES, max(1, MAX_POSES // max(1, len(spec.objects))))
     if not 1 <= n <= most:
-        raise RequestError(TOO_MANY_SHOWN(most=most, count=n))
+        raise RequestError(TOO_MANY_SHOWN(most=most, count=n, what="scenes"))
     return {
         "phi": {name: ends for name, ends in phi.items() if ends != (None, None)},
         "n": n,

@@ -70,6 +70,7 @@ def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
     assert planned(seed=4).plan_digest != plan.plan_digest
 
 
+@pytest.mark.long
 def test_no_place_is_shared_by_two_scenes(alone):
     poses = alone.poses
     for thing in range(poses.shape[1]):
@@ -150,6 +151,7 @@ class Clock:
         return self.now
 
 
+@pytest.mark.long
 def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
     clock = Clock()
     monkeypatch.setattr(machine_module, "time", clock)
@@ -178,6 +180,7 @@ def test_how_far_a_piece_got_reaches_the_user_from_any_process(plan, workers):
     assert "scenes had 0 of 4 objects when time was up" in found.shortfall.note
 
 
+@pytest.mark.long
 def test_what_there_was_in_time_is_kept(monkeypatch):
     def slow(self, k, honest=Growth.draw):
         if k == 2:
@@ -238,6 +241,7 @@ task: (forall a in post: closeTo(a, (0.5, 0.5), 11 cm)) & (forall a, b in post: 
 """
 
 
+@pytest.mark.long
 def test_a_distance_that_refuses_is_named_not_the_footprints():
     text = said(AFAR, {"task": Range(0.0)})
     assert "farFrom(" in text and "use fewer or smaller objects" not in text

@@ -1,0 +1,202 @@
+"""The least of many gaps, of which only those are computed that can be the least.
+
+`noOverlap()` of N objects is the minimum of N (N - 1) / 2 gaps. The gap of two footprints lies between the distance of
+their poses less both outer radii and that distance less both inner radii: discs about the poses, around the footprints
+and within them. What lies farther off than the nearest upper bound is not the least. The value is the same to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, children
+from scenegen.primitives import NUMPY, PRIMITIVES, Footprint
+from scenegen.primitives.footprint import Circle
+from scenegen.primitives.namespace import Turning
+from scenegen.primitives.outline import measures
+
+Array = npt.NDArray[np.float64]
+
+FEWEST = 30  # gaps of a minimum, and a dozen for each pair of shapes; fewer are computed as they are, without detours
+DOZEN = 12
+BATCH = 512  # scenes; for fewer, the calls cost more than the numbers
+BLOCK = 2048  # scenes at a time, so that distances stay in cache
+SLACK = 1e-9  # metres, for rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """Gaps of footprints of the same shapes: which of the group's pairs, (P,)."""
+
+    shapes: tuple[Footprint, ...]
+    pairs: npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """The gaps of one minimum: rows of the coordinates of both objects (2, 3, P), what is taken off each gap (P,), and
+    the inner and outer radii of both together, with that, (P,). `rest` are the other arguments of the minimum."""
+
+    rows: npt.NDArray[np.intp]
+    less: Array
+    inner: Array
+    outer: Array
+    alike: tuple[Alike, ...]
+    rest: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Groups:
+    """The minima of a tape that are worth it, by node, and the nodes whose values nobody needs."""
+
+    by_node: Mapping[int, Group]
+    skipped: frozenset[int]
+
+
+def find_groups(core: Core, needed: Collection[int]) -> Groups:
+    """The groups of a tape where the values of the nodes `needed` will be read, and no others."""
+    uses = [0] * len(core.nodes)
+    for index in needed:
+        uses[index] += 1
+    for index in range(len(core.nodes) - 1, -1, -1):  # parents before children
+        if uses[index]:
+            for child in children(core.nodes[index]):
+                uses[child] += 1
+    groups, skipped = {}, {index for index, count in enumerate(uses) if not count}
+    for index, node in enumerate(core.nodes):
+        if not (uses[index] and isinstance(node, Junction) and node.kind == "min" and len(node.args) >= FEWEST):
+            continue
+        found = {arg: mine for arg in node.args if (mine := _gap_below(core, arg, uses)) is not None}
+        if len(found) < FEWEST:
+            continue
+        group = _make_group(core, tuple(arg for arg in node.args if arg not in found), found)
+        if len(found) >= DOZEN * len(group.alike):
+            groups[index] = group
+            skipped.update(found, *(nodes for nodes, _, _ in found.values()))
+    return Groups(groups, frozenset(skipped))
+
+
+_Found = tuple[tuple[int, ...], Apply, float]
+
+
+def _gap_below(core: Core, index: int, uses: Sequence[int]) -> _Found | None:
+    """Of an atom `gap(...)` or `gap(...) - constant` of two objects that nothing else needs: the nodes below it, the
+    gap, and the constant."""
+    atom = core.nodes[index]
+    if not isinstance(atom, Atom) or uses[index] > 1:
+        return None
+    below: tuple[int, ...] = (atom.margin,)
+    less, node = 0.0, core.nodes[atom.margin]
+    if isinstance(node, Apply) and node.primitive == "sub":
+        constant = core.nodes[node.args[1]]
+        if not isinstance(constant, Const) or uses[atom.margin] > 1:
+            return None
+        below, less, node = (*below, node.args[0]), constant.value, core.nodes[node.args[0]]
+    if not (isinstance(node, Apply) and node.primitive == "gap") or uses[below[-1]] > 1 or not math.isfinite(less):
+        return None
+    if all(isinstance(shape, Circle) for shape in node.shapes):
+        return None  # as cheap as its bounds
+    return (below, node, less) if all(isinstance(core.nodes[arg], Coord) for arg in node.args) else None
+
+
+def _make_group(core: Core, rest: tuple[int, ...], found: Mapping[int, _Found]) -> Group:
+    gaps = [gap for _, gap, _ in found.values()]
+    rows = np.array([[_row(core, arg) for arg in gap.args] for gap in gaps]).T.reshape(2, 3, len(gaps))
+    less = np.array([constant for _, _, constant in found.values()])
+    by_identity: dict[tuple[int, ...], list[int]] = {}  # hashing shapes for each pair takes longer than all else
+    for pair, gap in enumerate(gaps):
+        by_identity.setdefault(tuple(map(id, gap.shapes)), []).append(pair)
+    by_shapes: dict[tuple[Footprint, ...], list[int]] = {}
+    inner, outer = less.copy(), less + SLACK
+    for pairs in by_identity.values():
+        shapes = gaps[pairs[0]].shapes
+        by_shapes.setdefault(shapes, []).extend(pairs)
+        inner[pairs] += sum(measures(shape).inner for shape in shapes)
+        outer[pairs] += sum(measures(shape).outer for shape in shapes)
+    alike = tuple(Alike(shapes, np.array(pairs)) for shapes, pairs in by_shapes.items())
+    return Group(rows, less, inner, outer, alike, rest)
+
+
+def _row(core: Core, arg: int) -> int:
+    node = core.nodes[arg]
+    assert isinstance(node, Coord)
+    return node.row
+
+
+def least(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]]) -> Array:
+    """The least of a group's gaps, (B,). `rows` holds 3N coordinates, (B,) each; `turn` gives cosine and sine. Of a
+    scene with a number that is none, or infinite, all are computed."""
+    used = np.unique(group.rows[:, :2])
+    place = np.empty(used[-1] + 1, dtype=np.intp)
+    place[used] = np.arange(len(used))
+    at = place[group.rows[:, :2]]
+    count = len(rows[used[0]])
+    near = np.empty((len(group.inner), count), dtype=bool)
+    for start in range(0, count, BLOCK):
+        part = slice(start, start + BLOCK)
+        _look(group, at, np.stack([rows[row][part] for row in used]), near[:, part])
+    near |= ~np.isfinite(reduce(np.add, [rows[row] for row in np.unique(group.rows)]))
+    out = np.full(count, math.inf)
+    for alike in group.alike:
+        _compute(group, alike, rows, turn, near[alike.pairs], out)
+    return out
+
+
+def _look(group: Group, at: npt.NDArray[np.intp], places: Array, near: npt.NDArray[np.bool_]) -> None:
+    """Which pairs (P, b) can be the least, where `places` (R, b) are x and y, at the rows `at` (2, 2, P)."""
+    across = places[at[1, 0]]
+    across -= places[at[0, 0]]
+    across *= across
+    distance = places[at[1, 1]]
+    distance -= places[at[0, 1]]
+    distance *= distance
+    distance += across
+    np.sqrt(distance, out=distance)
+    bound = np.subtract(distance, group.inner[:, None], out=across).min(axis=0)
+    distance -= group.outer[:, None]
+    np.less_equal(distance, bound, out=near)
+
+
+def _compute(
+    group: Group,
+    alike: Alike,
+    rows: Sequence[Any],
+    turn: Callable[[Any], tuple[Any, Any]],
+    near: npt.NDArray[np.bool_],
+    out: Array,
+) -> None:
+    """Lower `out` (B,) to the gaps of pairs alike where they are `near`, (P, B)."""
+    scenes = [np.flatnonzero(one) for one in near]
+    poses = [
+        np.concatenate(
+            [rows[row].take(scene) for row, scene in zip(group.rows[side, axis, alike.pairs], scenes, strict=True)]
+        )
+        for side in (0, 1)
+        for axis in (0, 1, 2)
+    ]
+    namespace = Turning(NUMPY, ())
+    for side, heading in enumerate((poses[2], poses[5])):
+        turns = [turn(rows[row]) for row in group.rows[side, 2, alike.pairs]]
+        cosine, sine = (
+            np.concatenate([one[which].take(scene) for one, scene in zip(turns, scenes, strict=True)])
+            for which in (0, 1)
+        )
+        namespace.know(heading, (cosine, sine))
+    gaps = PRIMITIVES["gap"].evaluate(namespace, *alike.shapes, *poses)
+    end = 0
+    for pair, scene in zip(alike.pairs, scenes, strict=True):
+        begin, end = end, end + len(scene)
+        value, less = gaps[begin:end], group.less[pair]
+        out[scene] = np.minimum(out[scene], value - less if less else value)
+
+
+def minimum(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]) -> Any:
+    """The value of the group's node, given those of the nodes before it."""
+    return reduce(np.minimum, [values[arg] for arg in group.rest], least(group, rows, turn))

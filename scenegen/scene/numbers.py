@@ -1,0 +1,83 @@
+"""How many things there are in a scene, where that is drawn: absent objects have no pose, and NaN in arrays of poses.
+
+Of an array with counts the first elements are there, `block[1]` to `block[5]`: numbers and poses say the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.scene.data import SceneData, SceneFile
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+
+class Drawn(Protocol):
+    """An array of objects whose number of elements is drawn, `least` to `most`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def least(self) -> int: ...
+    @property
+    def most(self) -> int: ...
+
+
+def elements(objects: Sequence[str], one: Drawn) -> list[int]:
+    """The places of an array's elements among the objects, in order. Raises KeyError where one is not there."""
+    place = {name: number for number, name in enumerate(objects)}
+    return [place[f"{one.name}[{k}]"] for k in range(1, one.most + 1)]
+
+
+def present(objects: Sequence[str], counts: Sequence[Drawn], numbers: Index) -> Mask:
+    """(n, N): which objects are there in scenes with these numbers of things, (C, n)."""
+    there = np.ones((numbers.shape[1], len(objects)), dtype=bool)
+    for one, number in zip(counts, numbers, strict=True):
+        there[:, elements(objects, one)] = np.arange(one.most) < number[:, None]
+    return there
+
+
+def numbers_in(objects: Sequence[str], counts: Sequence[Drawn], there: Mask) -> Index:
+    """(C, n): how many of each array there are in scenes where these objects are there, (n, N). Raises ValueError for a
+    scene that lacks other objects than the last elements of arrays, or has too few or too many of them."""
+    found = np.array([there[:, elements(objects, one)].sum(axis=1) for one in counts], dtype=np.intp)
+    found = found.reshape(len(counts), len(there))
+    bad = (present(objects, counts, found) != there).any(axis=1)
+    for one, number in zip(counts, found, strict=True):
+        bad |= (number < one.least) | (number > one.most)
+    if bad.any():
+        raise ValueError(f"scene {int(np.flatnonzero(bad)[0]) + 1}")
+    return found
+
+
+def member_of(header: SceneFile, numbers: Mapping[str, int]) -> SceneFile:
+    """The header of the scenes with these numbers of things, without the objects that are not there."""
+    names = [one.name for one in header.objects]
+    found = np.array([[numbers[one.name]] for one in header.counts], dtype=np.intp)
+    there = present(names, header.counts, found)[0]
+    objects = [one for one, here in zip(header.objects, there, strict=True) if here]
+    return header.model_copy(update={"objects": objects, "counts": []})
+
+
+def check_counts(header: SceneFile, scene: SceneData) -> None:
+    """A scene says how many things there are where that is drawn, and only there. Raises ValueError."""
+    numbers = scene.counts or {}
+    if numbers.keys() != {one.name for one in header.counts}:
+        raise ValueError(
+            "the numbers are not those of the header's `counts`" if header.counts else "the header has no `counts`"
+        )
+    for one in header.counts:
+        if not one.least <= numbers[one.name] <= one.most:
+            raise ValueError(f"there cannot be {numbers[one.name]} of `{one.name}`")
+
+
+def objects_of(header: SceneFile, numbers: Mapping[str, int]) -> list[str]:
+    """The names of the objects that are there with these numbers of things."""
+    absent = {f"{one.name}[{k}]" for one in header.counts for k in range(numbers[one.name] + 1, one.most + 1)}
+    return [one.name for one in header.objects if one.name not in absent]

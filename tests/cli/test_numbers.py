@@ -1,0 +1,78 @@
+"""Specs with random numbers of things on the command line."""
+
+import json
+
+import pytest
+
+SPEC = "# Blocks\nobject block[1..3], mug\ntask: forall b in block: leftOf(b, mug)\n"
+
+
+@pytest.fixture
+def spec(here):
+    (here / "drawn.spec").write_text(SPEC)
+    return "drawn.spec"
+
+
+def test_sample_eval_and_count(scenegen, spec, here):
+    assert scenegen("sample", spec, "--phi", "0:", "-n", "6", "--out", "s.json").status == 0
+    scenes = json.loads((here / "s.json").read_text())["scenes"]
+    assert sorted(scene["counts"]["block"] for scene in scenes) == [1, 1, 2, 2, 3, 3]
+    found = scenegen("eval", spec, "s.json")
+    assert found.status == 0
+    assert [float(line.split("\t")[1]) for line in found.out.splitlines()[1:]] == [one["phi"]["task"] for one in scenes]
+    one = scenegen("eval", spec, "s.json", "--explain", "--scene", "1", "--json")
+    assert one.status == 0 and len(json.loads(one.out)["formulas"]["task"]) >= scenes[0]["counts"]["block"]
+    assert scenegen("sample", spec, "--count", "block=2", "-n", "3", "--out", "t.json").status == 0
+    assert "counts" not in json.loads((here / "t.json").read_text())
+    assert scenegen("eval", spec, "t.json").status == 0, "a scene of two blocks is one of one to three"
+    assert scenegen("eval", "good.spec", "s.json").status == 1
+
+
+@pytest.mark.parametrize(
+    ("count", "code"),
+    [
+        (["block"], "count-syntax"), (["block="], "count-syntax"), (["=3"], "count-syntax"),
+        (["block=-1"], "count-syntax"),
+        (["block=2.0"], "count-syntax"), (["block=0"], "count-out-of-range"), (["block=4"], "count-out-of-range"),
+        (["mug=1"], "unknown-count"), (["block=2", "block=2"], "count-twice"), (["block=٣"], "count-syntax"),
+    ],
+)  # fmt: skip
+def test_a_wrong_count_is_refused(scenegen, spec, count, code):
+    found = scenegen("sample", spec, "-n", "1", *(word for text in count for word in ("--count", text)))
+    assert found.status == 1 and f"error[{code}]" in found.err
+
+
+def test_check_shows_the_numbers_and_the_bounds_of_all(scenegen, spec):
+    found = scenegen("check", spec)
+    assert found.status == 0
+    assert "1 to 3 block: 3 specs" in found.out and "block[1..3], mug" in found.out
+    data = json.loads(scenegen("check", spec, "--json").out)
+    assert data[0]["counts"] == {"block": [1, 3]}
+    fixed = scenegen("check", spec, "--count", "block=2")
+    assert "block[1], block[2], mug" in fixed.out and "specs" not in fixed.out
+
+
+def test_check_says_with_which_numbers_a_label_cannot_be_satisfied(scenegen, here):
+    (here / "a.spec").write_text("object block[2..4], mug\ntask: x(mug) >= block.count * 0.3\n")
+    found = scenegen("check", "a.spec")
+    assert found.status == 0, "with two or three it can"
+    assert "`task` can never be satisfied with block[4]" in found.err
+    (here / "b.spec").write_text("object block[2..4], mug\ntask: x(mug) >= block.count * 0.6\n")
+    found = scenegen("check", "b.spec")
+    assert found.status == 1 and "with any number" in found.err
+
+
+@pytest.mark.long
+def test_training_names_the_option(scenegen, spec):
+    found = scenegen("train", spec, "--out", "m.safetensors")
+    assert found.status == 1
+    assert "error[numbers-not-here]" in found.err and "--count block=3" in found.err
+
+
+@pytest.mark.long
+def test_range_is_the_mean_over_the_numbers(scenegen, here):
+    (here / "c.spec").write_text("object block[1..2], mug\ntask: x(mug) >= block.count * 0.4\n")
+    found = json.loads(scenegen("range", "c.spec", "--json").out)["labels"]["task"]
+    zero = next(level for level in found["levels"] if level["phi"] == 0.0)
+    assert abs(10.0 ** zero["above"]["log10"] - 0.4) < 0.03, "(0.6 + 0.2) / 2"
+    assert found["bounds"] == [-0.8, 0.6]

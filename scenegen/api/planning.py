@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,18 +16,22 @@ from scenegen.export.simulators import check_out, is_file
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.motions.table import is_motions
 from scenegen.lang.check import check_text
-from scenegen.pddl.compile import Imported, compile_problem
-from scenegen.pddl.export import Problems, goal_labels
+from scenegen.pddl.compile import Imported, Reading, compile_problem
+from scenegen.pddl.export import Problems, edge_warnings, goal_labels
 from scenegen.pddl.ground import ground
 from scenegen.pddl.mapping import Map, read_map
 from scenegen.pddl.original import Originals, candidates, refuse_other
 from scenegen.pddl.problem import Domain, domain_of, problem_of
 from scenegen.pddl.read import read
+from scenegen.pddl.write import vocabulary
 from scenegen.validation import as_path
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 
 ENDING = ".pddl"
+OF_SCENES = "the spec of the scenes"
+
+Own = Mapping[str, str] | None  # predicates and formulas of a map
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,61 +80,99 @@ def export_problems(
     """
     out = as_path("out", out)
     check_out(out, "pddl")
-    header = scenes.header
-    if problem is not None:
-        if goal is not None or whole_goal:
-            rule, remedy = "chooses a goal, and the problem has its own", "leave it out"
-            raise RequestError(
-                OUT_OF_PLACE(option="goal" if goal is not None else "whole_goal", rule=rule, remedy=remedy)
-            )
-        starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
-        check_count(starts)
-        reading = import_problem(problem, domain, table).reading
-        checked = check_text(header.spec.source, "the spec of the scenes")
-        refuse_other(reading, checked.objects, [one.name for one in checked.regions], str(problem))
-        originals = Originals(ground(header.spec.source, checked.name, explicit=candidates(reading, facts)), reading)
-        comments = [f"Scene {number}" for number in _numbers(len(starts))]
-        texts = originals.texts(rows_of(checked, starts), comments)
-        return _write(out, texts, originals.domain, len(starts))
     own = None if table is None else dict(read_map(Path(table)).predicates) or None
-    grounded = ground(header.spec.source, "the spec of the scenes", facts, own)
-    problems = Problems(grounded, goal_labels(grounded, goal), whole_goal)
-    count = len(scenes)
+    if problem is not None:
+        for option, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
+            if value:
+                rule = "chooses a goal, and the problem has its own"
+                raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
+        starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
+        return _in_its_words(starts, out, import_problem(problem, domain, table).reading, str(problem), facts)
     if isinstance(scenes, MotionSet):
-        ends = [rows_of(grounded.spec, scenes.scenes(moment)) for moment in (0, -1)]
-        comments = [f"Motion {number}: its first moment, and its last one as the goal." for number in _numbers(count)]
-        check_count(scenes.scenes(0))
-        texts = problems.of_pairs(ends[0], ends[1], comments)
-    else:
-        check_count(scenes)
-        phi = [
-            ", ".join(f"{name} = {values[place]:.6g}" for name, values in scenes.phi.items()) for place in range(count)
-        ]
-        comments = [f"Scene {number}" + (f"; phi: {phi[number - 1]}" if phi[0] else "") for number in _numbers(count)]
-        texts = problems.of_scenes(rows_of(grounded.spec, scenes), comments)
-    made = _write(out, texts, problems.domain, count)
-    return replace(made, warnings=problems.warnings)
+        return _of_motions(scenes, out, facts, own, goal, whole_goal)
+    if whole_goal:
+        rule = "is for motions and pairs, and these are scenes"
+        raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
+    return _of_scenes(scenes, out, facts, own, goal)
+
+
+def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, facts: Sequence[str] | None) -> Exported:
+    check_count(scenes)
+    source = scenes.header.spec.source
+    checked = check_text(source, OF_SCENES)
+    refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
+    rows = rows_of(checked, scenes)
+    originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
+    texts = originals.texts(rows, [f"Scene {number}" for number in _numbers(len(scenes))])
+    return _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+
+
+def _of_motions(
+    motions: MotionSet, out: Path, facts: Sequence[str] | None, own: Own, goal: Sequence[str] | None, whole_goal: bool
+) -> Exported:
+    starts, ends = motions.scenes(0), motions.scenes(-1)
+    check_count(starts)
+    grounded = ground(motions.header.spec.source, OF_SCENES, facts, own)
+    problems = Problems(grounded, goal_labels(grounded, goal), vocabulary([grounded]), whole_goal)
+    said = "its first moment, and its last one as the goal."
+    comments = {number: f"Motion {number}: {said}" for number in _numbers(len(motions))}
+    texts = problems.of_pairs(rows_of(grounded.spec, starts), rows_of(grounded.spec, ends), comments)
+    made = _write(out, zip(comments, texts, strict=True), problems.domain, len(motions))
+    return replace(made, warnings=edge_warnings([problems]))
+
+
+def _of_scenes(
+    scenes: SceneSet, out: Path, facts: Sequence[str] | None, own: Own, goal: Sequence[str] | None
+) -> Exported:
+    """Where the spec draws how many things there are, scenes with as many share their facts; all share the domain."""
+    check_count(scenes)
+    source = scenes.header.spec.source
+    named: dict[tuple[str, int], str] = {}
+    parts = [
+        (ground(source, OF_SCENES, facts, own, counts=numbers, parts=named), numbers, which)
+        for numbers, which in scenes.parts()
+    ]
+    words = vocabulary([grounded for grounded, _, _ in parts])
+    made = [Problems(grounded, goal_labels(grounded, goal), words) for grounded, _, _ in parts]
+
+    def texts() -> Iterator[tuple[int, str]]:
+        for problems, (grounded, numbers, which) in zip(made, parts, strict=True):
+            some = scenes.only(numbers, which) if numbers else scenes
+            comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
+            written = problems.of_scenes(rows_of(grounded.spec, some), comments)
+            yield from zip(comments, written, strict=True)
+
+    files = _write(out, texts(), made[0].domain, len(scenes))
+    return replace(files, warnings=edge_warnings(made))
+
+
+def _comment(scenes: SceneSet, place: int) -> str:
+    phi = ", ".join(f"{name} = {values[place]:.6g}" for name, values in scenes.phi.items())
+    return f"Scene {place + 1}" + (f"; phi: {phi}" if phi else "")
 
 
 def _numbers(count: int) -> range:
     return range(1, count + 1)
 
 
-def _write(out: Path, texts: Iterator[str], words: str | None, count: int) -> Exported:
+def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
+    """Writes texts, which come with the numbers of their scenes."""
     together = is_file(out, "pddl")
     if together and count > 1:
         raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
     folder = out.parent if together else out
     domain = f"{out.stem}_domain{ENDING}" if together else f"domain{ENDING}"
-    written: list[Path] = []
+    written: dict[int, Path] = {}
     with whole_files(folder) as put:
-        for number, text in enumerate(texts, start=1):
+        for number, text in texts:
             name = out.name if together else f"{scene_name(number, count)}{ENDING}"
             put(name, text.encode())
-            written.append(folder / name)
+            written[number] = folder / name
         if words is not None:
             put(domain, words.encode())
-    return Exported(tuple(written), None if words is None else folder / domain, ())
+    return Exported(
+        tuple(written[number] for number in sorted(written)), None if words is None else folder / domain, ()
+    )
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

@@ -35,6 +35,9 @@ def export_problems(
         option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
     found = planning.read_for_planning(scenes)
+    if whole_goal and isinstance(found, planning.SceneSet):
+        rule = "is for motions and pairs, and these are scenes"
+        raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))
     made = planning.export_problems(
         found,
         out,

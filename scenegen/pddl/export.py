@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from scenegen.errors.planning import GOAL_ON_THE_EDGE, NO_GOAL_OVER_TIME
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.pddl.formula import Formula, Joined, Literal, asked_for, value
 from scenegen.pddl.ground import Grounded
-from scenegen.pddl.write import Vocabulary, domain_text, problem_text, vocabulary
+from scenegen.pddl.write import Vocabulary, domain_text, problem_text
 
 Rows = npt.NDArray[np.float64]
 
@@ -23,17 +23,15 @@ GOAL = "goal"  # the label that is one by its name
 
 @dataclass(slots=True)
 class Problems:
-    """Problems of one spec. `edge` counts the scenes in which the goal as planners read it is not the sign of phi: a
+    """Problems of one spec; `words` may be those of several, which differ in how many things there are. Comments are
+    by the number of the scene. `edge` counts the scenes in which the goal as planners read it is not the sign of phi: a
     margin is exactly 0 there."""
 
     grounded: Grounded
     labels: tuple[str, ...]
+    words: Vocabulary
     whole_goal: bool = False
-    words: Vocabulary = field(init=False)
     edge: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        self.words = vocabulary(self.grounded, [one.asset for one in self.grounded.spec.shapes])
 
     @property
     def domain(self) -> str:
@@ -46,39 +44,49 @@ class Problems:
         formulas = tuple(self.grounded.goals[label] for label in self.labels)
         return formulas[0] if len(formulas) == 1 else Joined("and", formulas)
 
-    def of_scenes(self, rows: Rows, comments: Sequence[str]) -> Iterator[str]:
+    def of_scenes(self, rows: Rows, comments: Mapping[int, str]) -> Iterator[str]:
         """The problem of each scene of `rows` (3N, n): its facts, and what the labels ask for. Raises RequestError for
         scenes of a spec over time."""
         if not self.labels:
             raise RequestError(NO_GOAL_OVER_TIME())
-        goal = self.goal
+        goal, numbers = self.goal, list(comments.items())
         for here, truths in self.grounded.truths(rows):
             wanted = np.all([truths[self.grounded.labels[label]] for label in self.labels], axis=0)
             self.edge += int((value(goal, truths) != wanted).sum())
-            for offset, number in enumerate(range(here.start, here.stop)):
-                yield self._text(truths[:, offset], goal, number, comments[number])
+            for offset, said in enumerate(numbers[here]):
+                yield self._text(truths[:, offset], goal, *said)
 
-    def of_pairs(self, starts: Rows, ends: Rows, comments: Sequence[str]) -> Iterator[str]:
+    def of_pairs(self, starts: Rows, ends: Rows, comments: Mapping[int, str]) -> Iterator[str]:
         """The problem of each start (3N, n): its facts, and those facts of its goal scene in `ends` that the labels ask
         for; all of them with `whole_goal`, and in a spec over time."""
+        numbers = list(comments.items())
         for (here, truths), (_, reached) in zip(self.grounded.truths(starts), self.grounded.truths(ends), strict=True):
-            for offset, number in enumerate(range(here.start, here.stop)):
+            for offset, said in enumerate(numbers[here]):
                 then = reached[:, offset : offset + 1]
                 if self.whole_goal or not self.labels:
                     goal: Formula = Joined("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
                 else:
                     goal = asked_for(self.goal, then)
-                yield self._text(truths[:, offset], goal, number, comments[number])
+                yield self._text(truths[:, offset], goal, *said)
 
     def _text(self, truths: npt.NDArray[np.bool_], goal: Formula, number: int, comment: str) -> str:
-        name = f"scene-{number + 1}"
+        grounded = self.grounded
         return problem_text(
-            self.words, self.grounded.facts, truths, goal, name=name, domain=DOMAIN, comments=(comment,)
+            self.words,
+            grounded.facts,
+            truths,
+            goal,
+            name=f"scene-{number}",
+            domain=DOMAIN,
+            comments=(comment,),
+            missing=self.words.objects - frozenset(grounded.spec.objects),
         )
 
-    @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
-        return (GOAL_ON_THE_EDGE(count=self.edge),) if self.edge else ()
+
+def edge_warnings(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
+    """What is to be said once all problems were written."""
+    count = sum(one.edge for one in problems)
+    return (GOAL_ON_THE_EDGE(count=count),) if count else ()
 
 
 def goal_labels(grounded: Grounded, wanted: Sequence[str] | None) -> tuple[str, ...]:

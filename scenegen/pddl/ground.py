@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations, product
@@ -28,7 +29,7 @@ from scenegen.lang.resolve import resolve
 from scenegen.lang.scope import LABEL
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.trampoline import run
-from scenegen.lang.values import FormulaValue, Value
+from scenegen.lang.values import FormulaValue, ObjectValue, Value
 from scenegen.pddl.formula import Formula, Joined, Literal, Truths
 from scenegen.pddl.relations import PLACE, THING, Relation, chosen, of_calls
 from scenegen.primitives import NUMPY
@@ -83,13 +84,18 @@ def ground(
     wanted: Sequence[str] | None = None,
     own: Mapping[str, str] | None = None,
     explicit: Sequence[tuple[Fact, str]] = (),
+    *,
+    counts: Mapping[str, int] | None = None,
+    parts: dict[tuple[str, int], str] | None = None,
 ) -> Grounded:
     """The facts of a spec's canonical text. `wanted` names relations of the prelude or of the spec, by default all of
     one or two things; `own` maps predicates to formulas with `$1`, `$2` and takes their place; `explicit` are facts
-    with formulas, which take the place of both. Raises RequestError, SpecError."""
+    with formulas, which take the place of both. `counts` says how many there are of things whose number the spec draws;
+    `parts` has the names of what is no relation, for several specs that share a domain, and gets new ones. Raises
+    RequestError, SpecError."""
     module = parse(Source(name, source))
-    hook = _Expansion(module, wanted, own, explicit)
-    spec = check_module(module, None, hook)
+    hook = _Expansion(module, wanted, own, explicit, {} if parts is None else parts)
+    spec = check_module(module, None, hook, counts)
     return Grounded(spec, tuple(hook.facts), hook.core, hook.always, hook.goals, hook.labels, hook.comments)
 
 
@@ -99,6 +105,7 @@ class _Expansion:
     wanted: Sequence[str] | None
     own: Mapping[str, str] | None
     explicit: Sequence[tuple[Fact, str]]
+    parts: dict[tuple[str, int], str]
     facts: list[Fact] = field(default_factory=list)
     always: dict[int, bool] = field(default_factory=dict)
     goals: dict[str, Formula] = field(default_factory=dict)
@@ -113,7 +120,7 @@ class _Expansion:
     _parsed: dict[str, ast.Expr] = field(default_factory=dict)
     _calls: dict[int, tuple[Relation, tuple[str, ...]]] = field(default_factory=dict)
     _parts: int = 0
-    _unnamed: int = 0
+    _said: Counter[str] = field(default_factory=Counter)
 
     def __call__(self, lowering: Lowering) -> None:
         self._lowering = lowering
@@ -228,7 +235,13 @@ class _Expansion:
 
     def _value(self, name: str) -> Value:
         if name not in self._values:
-            self._values[name] = run(self._lowering.lower(self._parse(name), {}, self._frame(name)))
+            node, frame = self._parse(name), self._frame(name)
+            place = self._lowering.scope.objects.get(name)
+            self._values[name] = (
+                run(self._lowering.lower(node, {}, frame))
+                if place is None
+                else ObjectValue(place, origin=self._lowering.origin(node, frame))  # one that may be missing is there
+            )
         return self._values[name]
 
     def node(self, text: str, env: Mapping[str, Value]) -> int | None:
@@ -271,8 +284,8 @@ class _Expansion:
                 parts.append(part)
             return Joined("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
-        self._unnamed += 1
-        name = f"part-{self._unnamed}"
+        name = self.parts.setdefault((inner.text, self._said[inner.text]), f"part-{len(self.parts) + 1}")
+        self._said[inner.text] += 1
         self.comments[name] = inner.text
         return Literal(self._add(Fact(name, said=inner.text), node))
 

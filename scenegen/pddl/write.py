@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,7 @@ class Vocabulary:
     types: Mapping[str, str]
     kinds: Mapping[str, str]
     comments: Mapping[str, str]
+    objects: frozenset[str]  # the things, without regions
 
     def fact(self, fact: Fact) -> str:
         """A fact as PDDL."""
@@ -41,30 +42,35 @@ def _key(fact: Fact) -> str:
     return f"{fact.predicate}/{len(fact.arguments)}"
 
 
-def vocabulary(grounded: Grounded, assets: Sequence[str]) -> Vocabulary:
-    """Names for all that the facts mention; `assets` are those of the objects, which become types."""
+def vocabulary(members: Sequence[Grounded]) -> Vocabulary:
+    """Names for all that the facts of some specs mention, which differ in how many things there are. Assets become
+    types."""
     names = Names()
-    objects = grounded.spec.objects
-    mentioned = dict.fromkeys(one for fact in grounded.facts for one in fact.arguments if one not in objects)
+    facts = tuple(dict.fromkeys(fact for one in members for fact in one.facts))
+    objects = {
+        name: made.asset for one in members for name, made in zip(one.spec.objects, one.spec.shapes, strict=True)
+    }
+    explained = {name: said for one in members for name, said in one.comments.items()}
+    mentioned = dict.fromkeys(one for fact in facts for one in fact.arguments if one not in objects)
     things = {one: names.give(one) for one in (*objects, *mentioned)}
     predicates: dict[str, str] = {}
     arguments: dict[str, tuple[str, ...]] = {}
     comments: dict[str, str] = {}
-    for fact in grounded.facts:
+    for fact in facts:
         key = _key(fact)
         if key not in predicates:
             predicates[key] = names.give(fact.predicate)
-            comments[key] = "the label" if fact.said == fact.predicate else grounded.comments.get(fact.predicate, "")
+            comments[key] = "the label" if fact.said == fact.predicate else explained.get(fact.predicate, "")
         kinds = tuple("thing" if one in objects else "region" for one in fact.arguments)
         known = arguments.get(key, kinds)
         arguments[key] = tuple(one if one == other else "object" for one, other in zip(kinds, known, strict=True))
     base = {name: names.give(name, "-type") for name in ("thing", "region")}
-    types = {asset: names.give(asset, "-type") for asset in dict.fromkeys(assets)}
-    kinds_of = dict(zip(objects, (types[one] for one in assets), strict=True))
+    types = {asset: names.give(asset, "-type") for asset in dict.fromkeys(objects.values())}
+    kinds_of = {one: types[asset] for one, asset in objects.items()}
     kinds_of |= dict.fromkeys(mentioned, base["region"])
     base["object"] = "object"
     arguments = {key: tuple(base[one] for one in kinds) for key, kinds in arguments.items()}
-    return Vocabulary(things, predicates, arguments, {**base, **types}, kinds_of, comments)
+    return Vocabulary(things, predicates, arguments, {**base, **types}, kinds_of, comments, frozenset(objects))
 
 
 def domain_text(words: Vocabulary, name: str) -> str:
@@ -91,11 +97,13 @@ def problem_text(
     name: str,
     domain: str,
     comments: Sequence[str] = (),
+    missing: Collection[str] = (),
 ) -> str:
-    """The problem whose initial facts are those of `facts` for which `truths` (F,) says so."""
+    """The problem whose initial facts are those of `facts` for which `truths` (F,) says so, without the
+    `missing` things."""
     lines = [*(f"; {clean(one)}" for one in comments), f"(define (problem {name})", f"  (:domain {domain})"]
     lines.append("  (:objects")
-    lines += [f"    {words.things[one]} - {kind}" for one, kind in words.kinds.items()]
+    lines += [f"    {words.things[one]} - {kind}" for one, kind in words.kinds.items() if one not in missing]
     lines += ["  )", "  (:init"]
     lines += [f"    {words.fact(facts[number])}" for number in np.flatnonzero(truths).tolist()]
     lines += ["  )", f"  (:goal {text(goal, lambda number: words.fact(facts[number]))}))", ""]

@@ -72,6 +72,7 @@ def agree(folder: Path, text: str, domain: str = "", count: int = 4) -> list[Pat
     return list(made.problems)
 
 
+@pytest.mark.long
 def test_blocks_keep_their_text(tmp_path: Path) -> None:
     files = agree(tmp_path, BLOCKS.replace("FORMULA", FORMULAS[0]), DOMAIN, 2)
     assert not (tmp_path / "out" / "domain.pddl").exists()
@@ -81,6 +82,7 @@ def test_blocks_keep_their_text(tmp_path: Path) -> None:
     assert "(define (problem tower-1)" in text
 
 
+@pytest.mark.long
 def test_a_libero_problem_is_written_out(tmp_path: Path) -> None:
     text = KITCHEN.replace("GOAL", "plate_1").replace("(Turnon flat_stove_1)", "(Not (On plate_1 flat_stove_1))")
     files = agree(tmp_path, text, count=1)

@@ -22,6 +22,7 @@ def export_problems(
     """Write the scenes or pairs of a file as planning problems, and say where they are."""
     from scenegen.api import planning
     from scenegen.api.export import PLANNERS, check_export
+    from scenegen.api.motions import MotionSet
     from scenegen.cli.output import complain, note_others, print_error
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
@@ -35,7 +36,7 @@ def export_problems(
         option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
     found = planning.read_for_planning(scenes)
-    if whole_goal and isinstance(found, planning.SceneSet):
+    if whole_goal and not isinstance(found, MotionSet):
         rule = "is for motions and pairs, and these are scenes"
         raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))
     made = planning.export_problems(

@@ -17,12 +17,13 @@ from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.motions.table import is_motions
 from scenegen.lang.check import check_text
 from scenegen.pddl.compile import Imported, Reading, compile_problem
-from scenegen.pddl.export import Problems, edge_warnings, goal_labels
+from scenegen.pddl.export import Problems, goal_labels
 from scenegen.pddl.ground import ground
 from scenegen.pddl.mapping import Map, read_map
 from scenegen.pddl.original import Originals, candidates, refuse_other
 from scenegen.pddl.problem import Domain, domain_of, problem_of
 from scenegen.pddl.read import read
+from scenegen.pddl.unsaid import undecided, unsaid
 from scenegen.pddl.write import vocabulary
 from scenegen.validation import as_path
 
@@ -104,7 +105,8 @@ def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, fact
     rows = rows_of(checked, scenes)
     originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in _numbers(len(scenes))])
-    return _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+    made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+    return replace(made, warnings=undecided(originals, file))
 
 
 def _of_motions(
@@ -118,7 +120,7 @@ def _of_motions(
     comments = {number: f"Motion {number}: {said}" for number in _numbers(len(motions))}
     texts = problems.of_pairs(rows_of(grounded.spec, starts), rows_of(grounded.spec, ends), comments)
     made = _write(out, zip(comments, texts, strict=True), problems.domain, len(motions))
-    return replace(made, warnings=edge_warnings([problems]))
+    return replace(made, warnings=unsaid([problems]))
 
 
 def _of_scenes(
@@ -143,7 +145,7 @@ def _of_scenes(
             yield from zip(comments, written, strict=True)
 
     files = _write(out, texts(), made[0].domain, len(scenes))
-    return replace(files, warnings=edge_warnings(made))
+    return replace(files, warnings=unsaid(made))
 
 
 def _comment(scenes: SceneSet, place: int) -> str:

@@ -62,6 +62,26 @@ GOAL_ON_THE_EDGE = Kind(
     "planners do not",
     severity="note",
 )
+PARTS_WITHOUT_RELATION = Kind(
+    "parts-without-relation",
+    "what is no relation of things in the goal is a predicate by number: {parts}",
+    severity="note",
+)
+GOAL_TOO_LONG = Kind(
+    "goal-too-long",
+    "the formula of {labels:quoted} has more than {limit:,} parts: the goal has the label as one fact",
+    severity="note",
+)
+LABELS_OVER_TIME = Kind(
+    "labels-over-time",
+    "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
+    severity="note",
+)
+FACTS_WITHOUT_PLACE = Kind(
+    "facts-without-place",
+    "no scene decides {facts:quoted}: the goal asks for what {file} says of it",
+    severity="note",
+)
 NOT_ITS_SCENES = Kind(
     "not-its-scenes",
     "the scenes are not of {file}: they have no `{name}`",

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.planning import GOAL_ON_THE_EDGE, NO_GOAL_OVER_TIME
-from scenegen.errors.requests import UNKNOWN_CHOICE
+from scenegen.errors import RequestError
+from scenegen.errors.planning import NO_GOAL_OVER_TIME
+from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.pddl.formula import Formula, Joined, Literal, asked_for, value
 from scenegen.pddl.ground import Grounded
 from scenegen.pddl.write import Vocabulary, domain_text, problem_text
@@ -83,15 +83,12 @@ class Problems:
         )
 
 
-def edge_warnings(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
-    """What is to be said once all problems were written."""
-    count = sum(one.edge for one in problems)
-    return (GOAL_ON_THE_EDGE(count=count),) if count else ()
-
-
 def goal_labels(grounded: Grounded, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The labels that are the goal: those asked for, else `goal`, else all. Raises RequestError for one that is not
     there."""
+    if wanted and grounded.spec.timed is not None:
+        rule = "is for specs without time"
+        raise RequestError(OUT_OF_PLACE(option="a label as the goal", rule=rule, remedy="leave it out"))
     known = tuple(grounded.goals)
     for name in wanted or ():
         if name not in known:

@@ -23,7 +23,7 @@ class Names:
 
     def give(self, wanted: str, otherwise: str = "") -> str:
         """A free name like the wanted one: itself, with `otherwise` behind it, or with a number."""
-        made = re.sub(r"[^A-Za-z0-9_-]+", "_", wanted).strip("_") or "thing"
+        made = re.sub(r"[^A-Za-z0-9_-]+", "_", wanted.rstrip("]")) or "thing"
         made = made if made[0].isalpha() else f"a{'' if made[0] == '_' else '_'}{made}"
         number = 1
         name = made

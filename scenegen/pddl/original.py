@@ -152,6 +152,14 @@ class Originals:
         self._words = _Words(self) if not self.plain else None
 
     @property
+    def undecided(self) -> tuple[str, ...]:
+        """Facts of the goal without geometry."""
+        known = {(one.predicate.lower(), one.arguments) for one in self.grounded.facts}
+        return tuple(
+            f"({' '.join((name, *names))})" for name, names in self._goal_facts if (name.lower(), names) not in known
+        )
+
+    @property
     def domain(self) -> str | None:
         """The text of a domain for what is written out; None where the problem has its own."""
         return None if self._words is None else self._words.domain()

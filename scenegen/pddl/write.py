@@ -103,7 +103,10 @@ def problem_text(
     `missing` things."""
     lines = [*(f"; {clean(one)}" for one in comments), f"(define (problem {name})", f"  (:domain {domain})"]
     lines.append("  (:objects")
-    lines += [f"    {words.things[one]} - {kind}" for one, kind in words.kinds.items() if one not in missing]
+    for one, kind in words.kinds.items():
+        if one not in missing:
+            made = words.things[one]
+            lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
     lines += ["  )", "  (:init"]
     lines += [f"    {words.fact(facts[number])}" for number in np.flatnonzero(truths).tolist()]
     lines += ["  )", f"  (:goal {text(goal, lambda number: words.fact(facts[number]))}))", ""]

@@ -13,10 +13,11 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.lang.check import check_text
-from scenegen.pddl.export import Problems, edge_warnings, goal_labels
+from scenegen.pddl.export import Problems, goal_labels
 from scenegen.pddl.ground import ground
 from scenegen.pddl.problem import Domain, problem_of
 from scenegen.pddl.read import expressions
+from scenegen.pddl.unsaid import unsaid
 from scenegen.pddl.write import vocabulary
 from scenegen.pose import as_poses
 from scenegen.scene.data import RequestData
@@ -88,6 +89,9 @@ def test_the_goal_is_written_in_the_relations_of_the_label() -> None:
         "    (and (not (beside mug block_1)) (part-1)))))\n"
     )
     assert "(part-1) ; !(x(mug) >= 0.4)" in problems.domain
+    assert [one.title for one in unsaid([problems])] == [
+        "what is no relation of things in the goal is a predicate by number: part-1 is `!(x(mug) >= 0.4)`"
+    ]
     assert "(touching ?a - thing ?b - thing) ; a and b touch" in problems.domain
     _, texts = problems_of(random_scenes(ROW + GOALS, 1, 1), facts=[])
     assert "(or\n" in texts[0] or "(or (not (inside mug zone))" in texts[0]
@@ -105,16 +109,16 @@ def test_the_goal_holds_where_phi_of_its_label_is_0_or_more() -> None:
 def test_a_margin_of_exactly_0_is_told() -> None:
     text = "object a at (0.2, 0.2)\nobject b at (0.2, 0.5)\nobject c\ntask: !leftOf(a, b) & leftOf(c, a)\n"
     problems, _ = problems_of(random_scenes(text, 30, 3))
-    assert [one.code for one in edge_warnings([problems])] in ([], ["goal-on-the-edge"])
+    assert [one.code for one in unsaid([problems])] in ([], ["goal-on-the-edge"])
 
 
 @pytest.mark.parametrize(
     ("text", "names"),
     [
-        ("object Mug, mug, define, and_\ntask: leftOf(Mug, mug) & leftOf(define, and_)\n", "Mug mug-2 define-2"),
+        ("object Mug, mug, define, and_\ntask: leftOf(Mug, mug) & leftOf(define, and_)\n", "Mug mug-2 define-2 and_"),
         (
             "object task_, mug[2]\nobject mug_1\ntask: leftOf(mug[1], mug_1) & leftOf(task_, mug[2])\n",
-            "task mug_1 mug_2",
+            "task_ task mug_1 mug_1-2 mug_2",
         ),
     ],
 )
@@ -250,9 +254,11 @@ def test_motions_over_time_are_starts_and_goals(tmp_path: Path) -> None:
     motions = scenegen.sample_motions(spec, {"task": (0.0, None)}, n=2, seed=0)
     made = export_problems(motions, tmp_path / "out", facts=["leftOf", "rightOf"])
     assert "(leftOf mug plate)" in made.problems[0].read_text().split("(:goal ")[1]
-    with pytest.raises(ScenegenError) as raised:
-        export_problems(motions.scenes(0), tmp_path / "scenes")
-    assert [one.code for one in raised.value.diagnostics] == ["no-goal-over-time"]
+    assert [one.code for one in made.warnings] == ["labels-over-time"]
+    for scenes, goal, code in ((motions.scenes(0), None, "no-goal-over-time"), (motions, ["task"], "out-of-place")):
+        with pytest.raises(ScenegenError) as raised:
+            export_problems(scenes, tmp_path / "scenes", goal=goal)
+        assert [one.code for one in raised.value.diagnostics] == [code]
 
 
 Reader = Callable[[Path, Path], object]

@@ -20,7 +20,7 @@ from scenegen.errors.planning import FACTS_MEAN_NOTHING, TOO_MANY_FACTS
 from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE, TooLarge
 from scenegen.lang.check import check_module
-from scenegen.lang.core import Atom, Core, Junction
+from scenegen.lang.core import Atom, Coord, Core, Junction
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
 from scenegen.lang.parse import parse
@@ -284,10 +284,22 @@ class _Expansion:
                 parts.append(part)
             return Joined("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
-        name = self.parts.setdefault((inner.text, self._said[inner.text]), f"part-{len(self.parts) + 1}")
-        self._said[inner.text] += 1
-        self.comments[name] = inner.text
-        return Literal(self._add(Fact(name, said=inner.text), node))
+        said = self._told(inner)
+        name = self.parts.setdefault((said, self._said[said]), f"part-{len(self.parts) + 1}")
+        self._said[said] += 1
+        self.comments[name] = said
+        return Literal(self._add(Fact(name, said=said), node))
+
+    def _told(self, atom: Atom) -> str:
+        """The text of an atom, with its things where these are not in it: heights are written out as numbers."""
+        builder, stack, things = self._lowering.builder, [atom.margin], dict[str, None]()
+        while stack:
+            node = builder.nodes[stack.pop()]
+            if isinstance(node, Coord):
+                things[builder.objects[node.object]] = None
+            stack += getattr(node, "args", ())
+        told = dict.fromkeys(one.partition(".")[0] for one in things)  # `mug.on` is the surface of `mug`
+        return atom.text if not told or any(one in atom.text for one in told) else f"{atom.text}, of {', '.join(told)}"
 
     def _named(self, node: int) -> bool:
         """Whether a node is a call of a definition over things and numbers: then all facts of it are added."""

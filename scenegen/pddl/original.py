@@ -33,10 +33,13 @@ def candidates(reading: Reading, wanted: Sequence[str] | None = None) -> list[tu
     Raises RequestError."""
     problem, setting = reading.problem, reading.setting
     spelled: dict[str, str] = {}
+    asked_of: dict[tuple[str, int], set[str]] = {}  # what the problem has in a place of a predicate
     arities: dict[str, set[int]] = {}
     for name, names in reading.formulas:
         spelled.setdefault(name.lower(), name)
         arities.setdefault(name.lower(), set()).add(len(names))
+        for place, one in enumerate(names):
+            asked_of.setdefault((name.lower(), place), set()).add(one)
     for name, count in problem.domain.predicates.items():
         found = reading.known(name)
         if found is not None and (found.formula or found.holds):
@@ -62,6 +65,8 @@ def candidates(reading: Reading, wanted: Sequence[str] | None = None) -> list[tu
             if len(things) ** min(count, 3) > MOST_FACTS:
                 raise RequestError(TOO_MANY_FACTS(count=len(things) ** count, limit=MOST_FACTS))
             for names in _choices(things, places, count):
+                if any(names[place] not in asked_of.get((key, place), ()) for place in _unread(found, count)):
+                    continue
                 formula = _formula(reading, found, names)
                 if formula:
                     made.setdefault(Fact(name, names), formula)
@@ -73,6 +78,11 @@ def _choices(things: Sequence[str], places: Sequence[str], count: int) -> Iterat
         yield from permutations(things, count)
     if count == 2:
         yield from ((thing, place) for thing in things for place in places)
+
+
+def _unread(found: Relation, count: int) -> list[int]:
+    """Places of a predicate that its formula does not read, as the floor of `onfloor`."""
+    return [] if found.holds else [place for place in range(count) if f"${place + 1}" not in found.formula]
 
 
 def _formula(reading: Reading, found: Relation, names: tuple[str, ...]) -> str:

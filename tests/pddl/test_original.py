@@ -135,6 +135,22 @@ def test_a_planners_parser_reads_them(text: str, domain: str, tmp_path: Path) ->
             assert simulator.is_goal(simulator.get_initial_state()) == wanted[number]
 
 
+@pytest.mark.long
+def test_the_floor_of_onfloor_is_no_cup_and_what_no_scene_decides_is_told(tmp_path: Path) -> None:
+    either = "(or (onfloor cup.n.01_1 floor.n.01_1) (ontop cup.n.01_2 table.n.02_1))"
+    formula = f"(and (ontop cup.n.01_1 table.n.02_1) (cooked cup.n.01_2) {either})"
+    (tmp_path / "p.bddl").write_text(HOUSE.replace("FORMULA", formula))
+    spec = scenegen.parse(scenegen.import_problem(tmp_path / "p.bddl").text)
+    scenes = scenegen.sample(spec, n=1, seed=1)
+    made = scenegen.export_problems(scenes, tmp_path / "out", problem=tmp_path / "p.bddl")
+    assert "(onfloor cup_n_01_2 cup" not in made.problems[0].read_text()
+    assert "(cooked cup_n_01_2)" in made.problems[0].read_text().split("(:goal")[1]
+    assert [one.code for one in made.warnings] == ["facts-without-place"]
+    made = scenegen.export_problems(scenes, tmp_path / "own", facts=[])
+    assert made.domain is not None
+    assert ", of cup_1\n" in made.domain.read_text()
+
+
 def test_scenes_of_another_problem_are_refused(tmp_path: Path) -> None:
     (tmp_path / "p.pddl").write_text(BLOCKS.replace("FORMULA", FORMULAS[0]))
     scenes = scenegen.sample(scenegen.parse("leftOf(mug, plate)"), n=1)

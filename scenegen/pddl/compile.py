@@ -66,6 +66,7 @@ class _Compiler:
     told: dict[str, Diagnostic] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)  # comments of the formula being read
     wanted: list[tuple[str, Ref, str]] = field(default_factory=list)  # mover, carrier, its name
+    unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     met: set[str] = field(default_factory=set)  # predicates of the problem
     formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
@@ -110,6 +111,8 @@ class _Compiler:
                 return self.lose(node)
             if wanted:
                 self.wanted.append((names[0], refs[1], names[1]))
+            else:
+                self.unwanted.append((names[0], names[1]))
             text = self.held(found, names, refs)
         else:
             text = filled(found.formula, [one.argument for one in refs])
@@ -213,7 +216,8 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
         own_options.extend(one for one in ref.surfaces if one not in own_options)
         return True
 
-    movers = {name for name, _, _ in own.wanted}
+    initial = {tuple(one.span.text for one in fact.rest) for fact in problem.init if isinstance(fact, Group)}
+    movers = {name for name, _, _ in own.wanted} | {pair[0] for pair in own.unwanted if pair in initial}
     for name in movers:
         options[name] = ["workspace"]
     for name, ref, owner in own.wanted:

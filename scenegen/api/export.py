@@ -56,11 +56,9 @@ def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         return simulators.write_worlds(out, to, scenes.header, whole)
     if to == PLANNERS:
-        from scenegen.api.planning import export_problems
-        from scenegen.api.scenes import SceneSet
+        from scenegen.api.problems import of_scenes
 
-        assert isinstance(scenes, SceneSet)
-        return export_problems(scenes, out).problems
+        return of_scenes(scenes, out).problems
     return (scenes.save(out),)
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from scenegen.api.motions import MotionSet, read_motions
+from scenegen.api.problems import OF_SCENES, Exported, Own, numbers, of_scenes, write
 from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import SceneSet, check_count, read_scenes
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.planning import ONE_PROBLEM_A_FILE
+from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_PLACE
-from scenegen.export.simulators import check_out, is_file
-from scenegen.formats.folder import scene_name, whole_files
+from scenegen.export.simulators import check_out
 from scenegen.formats.motions.table import is_motions
 from scenegen.lang.check import check_text
 from scenegen.pddl.compile import Imported, Reading, compile_problem
@@ -28,20 +27,6 @@ from scenegen.pddl.write import vocabulary
 from scenegen.validation import as_path
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
-
-ENDING = ".pddl"
-OF_SCENES = "the spec of the scenes"
-
-Own = Mapping[str, str] | None  # predicates and formulas of a map
-
-
-@dataclass(frozen=True, slots=True)
-class Exported:
-    """The files of planning problems: `problems` in scene order, and their `domain`."""
-
-    problems: tuple[Path, ...]
-    domain: Path | None
-    warnings: tuple[Diagnostic, ...]
 
 
 def import_problem(problem: str | Path, domain: str | Path | None = None, table: str | Path | None = None) -> Imported:
@@ -94,7 +79,7 @@ def export_problems(
     if whole_goal:
         rule = "is for motions and pairs, and these are scenes"
         raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
-    return _of_scenes(scenes, out, facts, own, goal)
+    return of_scenes(scenes, out, facts, own, goal)
 
 
 def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, facts: Sequence[str] | None) -> Exported:
@@ -104,8 +89,8 @@ def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, fact
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
     originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
-    texts = originals.texts(rows, [f"Scene {number}" for number in _numbers(len(scenes))])
-    made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+    texts = originals.texts(rows, [f"Scene {number}" for number in numbers(len(scenes))])
+    made = write(out, enumerate(texts, start=1), originals.domain, len(scenes))
     return replace(made, warnings=undecided(originals, file))
 
 
@@ -117,64 +102,10 @@ def _of_motions(
     grounded = ground(motions.header.spec.source, OF_SCENES, facts, own)
     problems = Problems(grounded, goal_labels(grounded, goal), vocabulary([grounded]), whole_goal)
     said = "its first moment, and its last one as the goal."
-    comments = {number: f"Motion {number}: {said}" for number in _numbers(len(motions))}
+    comments = {number: f"Motion {number}: {said}" for number in numbers(len(motions))}
     texts = problems.of_pairs(rows_of(grounded.spec, starts), rows_of(grounded.spec, ends), comments)
-    made = _write(out, zip(comments, texts, strict=True), problems.domain, len(motions))
+    made = write(out, zip(comments, texts, strict=True), problems.domain, len(motions))
     return replace(made, warnings=unsaid([problems]))
-
-
-def _of_scenes(
-    scenes: SceneSet, out: Path, facts: Sequence[str] | None, own: Own, goal: Sequence[str] | None
-) -> Exported:
-    """Where the spec draws how many things there are, scenes with as many share their facts; all share the domain."""
-    check_count(scenes)
-    source = scenes.header.spec.source
-    named: dict[tuple[str, int], str] = {}
-    parts = [
-        (ground(source, OF_SCENES, facts, own, counts=numbers, parts=named), numbers, which)
-        for numbers, which in scenes.parts()
-    ]
-    words = vocabulary([grounded for grounded, _, _ in parts])
-    made = [Problems(grounded, goal_labels(grounded, goal), words) for grounded, _, _ in parts]
-
-    def texts() -> Iterator[tuple[int, str]]:
-        for problems, (grounded, numbers, which) in zip(made, parts, strict=True):
-            some = scenes.only(numbers, which) if numbers else scenes
-            comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
-            written = problems.of_scenes(rows_of(grounded.spec, some), comments)
-            yield from zip(comments, written, strict=True)
-
-    files = _write(out, texts(), made[0].domain, len(scenes))
-    return replace(files, warnings=unsaid(made))
-
-
-def _comment(scenes: SceneSet, place: int) -> str:
-    phi = ", ".join(f"{name} = {values[place]:.6g}" for name, values in scenes.phi.items())
-    return f"Scene {place + 1}" + (f"; phi: {phi}" if phi else "")
-
-
-def _numbers(count: int) -> range:
-    return range(1, count + 1)
-
-
-def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
-    """Writes texts, which come with the numbers of their scenes."""
-    together = is_file(out, "pddl")
-    if together and count > 1:
-        raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
-    folder = out.parent if together else out
-    domain = f"{out.stem}_domain{ENDING}" if together else f"domain{ENDING}"
-    written: dict[int, Path] = {}
-    with whole_files(folder) as put:
-        for number, text in texts:
-            name = out.name if together else f"{scene_name(number, count)}{ENDING}"
-            put(name, text.encode())
-            written[number] = folder / name
-        if words is not None:
-            put(domain, words.encode())
-    return Exported(
-        tuple(written[number] for number in sorted(written)), None if words is None else folder / domain, ()
-    )
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

@@ -37,6 +37,8 @@ _PUBLIC = {
     "SettledScenes": "settled",
     "Written": "written",
     "grammar_of": "grammar",
+    "import_problem": "planning",
+    "export_problems": "planning",
     "train": "train",
     "Model": "model",
     "load_model": "model",
@@ -60,7 +62,9 @@ __all__ = [
     "StoredSet",
     "Written",
     "__version__",
+    "export_problems",
     "grammar_of",
+    "import_problem",
     "load",
     "load_model",
     "load_pybullet",
@@ -83,6 +87,7 @@ if TYPE_CHECKING:
     from scenegen.api.monitor import Monitor
     from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs
+    from scenegen.api.planning import export_problems, import_problem
     from scenegen.api.rarity import rarity
     from scenegen.api.sample import sample
     from scenegen.api.scene import Scene

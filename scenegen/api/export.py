@@ -1,4 +1,4 @@
-"""Scenes in other formats: files of scenes, and files of simulators."""
+"""Scenes in other formats: files of scenes, of simulators and of planners."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from scenegen.formats.files import check_writable
 if TYPE_CHECKING:
     from scenegen.api.scene_arrays import SceneArrays
 
+PLANNERS = "pddl"
 NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # formats of scene files
 
 
 def chosen(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
-    known = (*simulators.SIMULATORS, *NAMES)
+    known = (*simulators.SIMULATORS, PLANNERS, *NAMES)
     if to is None:
         ending = out.suffix.lower()
         if ending in table.ENDINGS:
@@ -37,7 +38,7 @@ def chosen(to: str | None, out: Path) -> str:
 
 def check_export(out: Path, to: str, *inputs: Path) -> None:
     """Refuse, before any work is done, what cannot be written. Raises RequestError, OutputError."""
-    if to in simulators.SIMULATORS:
+    if to in simulators.SIMULATORS or to == PLANNERS:
         simulators.check_out(out, to, *inputs)
         return
     if out.suffix.lower() != NAMES[to]:
@@ -54,6 +55,10 @@ def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
     if to in simulators.SIMULATORS:
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         return simulators.write_worlds(out, to, scenes.header, whole)
+    if to == PLANNERS:
+        from scenegen.api.problems import of_scenes
+
+        return of_scenes(scenes, out).problems
     return (scenes.save(out),)
 
 

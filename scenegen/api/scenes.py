@@ -116,7 +116,8 @@ class SceneSet(SceneArrays):
         return notebook.page(self, self._sheet)
 
     def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
-        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo), or a format of scene files.
+        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo); for planners: "pddl" (see
+        `export_problems`); or in a format of scene files.
 
         A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
         folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. Returns

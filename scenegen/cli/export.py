@@ -1,4 +1,4 @@
-"""`scenegen export`: scenes for simulators, and in other formats of scene files."""
+"""`scenegen export`: scenes for simulators and planners, and in other formats of scene files."""
 
 from __future__ import annotations
 
@@ -16,26 +16,78 @@ def export(
     to: Annotated[
         str | None,
         typer.Option(
-            "--to", help="mjcf, sdf, json, jsonl or parquet; default: by the ending of --out.", show_default=False
+            "--to", help="mjcf, sdf, pddl, json, jsonl or parquet; default: by the ending of --out.", show_default=False
         ),
     ] = None,
+    facts: Annotated[
+        str | None,
+        typer.Option(
+            "--facts", help="pddl: these relations, as in leftOf,on.", metavar="RELATION,...", show_default=False
+        ),
+    ] = None,
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--goal", help="pddl: the label that is the goal; again for more.", metavar="LABEL", show_default=False
+        ),
+    ] = None,
+    whole_goal: Annotated[
+        bool, typer.Option("--whole-goal", help="pddl: the goal of a pair is all that holds in its goal scene.")
+    ] = False,
+    table: Annotated[
+        Path | None,
+        typer.Option("--map", help="pddl: predicates of your own.", metavar="TOML", show_default=False),
+    ] = None,
+    problem: Annotated[
+        Path | None,
+        typer.Option(
+            "--problem",
+            help="pddl: the problem that the spec was imported from: facts and goal in its words.",
+            metavar="PROBLEM",
+            show_default=False,
+        ),
+    ] = None,
+    domain: Annotated[
+        Path | None,
+        typer.Option("--domain", help="pddl: the domain of that problem.", metavar="DOMAIN", show_default=False),
+    ] = None,
 ) -> None:
-    """Write scenes for MuJoCo (mjcf) and Gazebo (sdf), or in another format of scene files (json, jsonl, parquet).
+    """Write scenes for MuJoCo (mjcf) and Gazebo (sdf), for planners (pddl), or in another format of scene files (json,
+    jsonl, parquet).
 
     \b
       scenegen export scenes.json --to mjcf --out worlds
       scenegen export scenes.json --to sdf --out worlds
       scenegen export scenes.json --out all.xml
+      scenegen export scenes.json --to pddl --out problems
+      scenegen export starts.json --to pddl --out problems --problem task.bddl
       scenegen export scenes.json --out scenes.parquet
 
     A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf. A file holds all of
     them: as keyframes of one model (.xml), or as worlds (.sdf, .world). Objects stand on a table whose top is z = 0, or
     on what carries them, with mass, friction and convex pieces to collide with; what the spec holds in place cannot be
     moved. Meshes lie beside the files, as OBJ.
-    """
-    from scenegen.api.export import convert
-    from scenegen.cli.output import note_others, print_error
 
+    For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
+    holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates
+    of --map. The goal is the label `goal`, else all labels, else those of --goal. Of pairs and motions the goal is what
+    these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
+    are in its own words, so that its own domain reads them.
+    """
+    from scenegen.api.export import PLANNERS, chosen, convert
+    from scenegen.cli.output import note_others, print_error
+    from scenegen.errors import RequestError
+    from scenegen.errors.requests import OUT_OF_PLACE
+
+    if chosen(to, out) == PLANNERS:
+        from scenegen.cli.problems import Original, export_problems
+
+        export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table))
+        return
+    given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
+    given["--domain"] = domain
+    for option in (name for name, value in given.items() if value):
+        raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
     count, files = convert(scenes, out, to)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")

@@ -39,3 +39,56 @@ MAP_NAMES_NOTHING = Kind("map-names-nothing", "{file} maps `{name}`, which the p
 IMPORT_FAILS = Kind(
     "import-fails", "{file} makes no spec that holds: {reason}", help="give its things other sizes in a map"
 )
+
+# export
+TOO_MANY_FACTS = Kind(
+    "too-many-facts",
+    "{count:,} facts could hold in a scene",
+    help="the limit is {limit:,}; name the relations that you need, as in --facts leftOf,on",
+)
+FACTS_MEAN_NOTHING = Kind(
+    "facts-mean-nothing",
+    "`{formula}`, which the map gives the predicate `{name}`, means nothing for these things[[: {reason}]]",
+    help="write a relation of the language in which $1 and $2 are the arguments",
+)
+NO_GOAL_OVER_TIME = Kind(
+    "no-goal-over-time",
+    "the labels of a spec over time are goals of motions, not of scenes",
+    help="export the motions: the goal is then what holds at their last moment",
+)
+GOAL_ON_THE_EDGE = Kind(
+    "goal-on-the-edge",
+    "a margin of the goal is exactly 0 in {count:,} of the scenes: phi takes such a formula and its negation for true, "
+    "planners do not",
+    severity="note",
+)
+PARTS_WITHOUT_RELATION = Kind(
+    "parts-without-relation",
+    "what is no relation of things in the goal is a predicate by number: {parts}",
+    severity="note",
+)
+GOAL_TOO_LONG = Kind(
+    "goal-too-long",
+    "the formula of {labels:quoted} has more than {limit:,} parts: the goal has the label as one fact",
+    severity="note",
+)
+LABELS_OVER_TIME = Kind(
+    "labels-over-time",
+    "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
+    severity="note",
+)
+FACTS_WITHOUT_PLACE = Kind(
+    "facts-without-place",
+    "no scene decides {facts:quoted}: the goal asks for what {file} says of it",
+    severity="note",
+)
+NOT_ITS_SCENES = Kind(
+    "not-its-scenes",
+    "the scenes are not of {file}: they have no `{name}`",
+    help="give the problem, domain and map that the spec was imported from",
+)
+ONE_PROBLEM_A_FILE = Kind(
+    "one-problem-a-file",
+    "{path} is one file, and there are {count:,} scenes",
+    help="a PDDL file holds one problem: name a folder",
+)

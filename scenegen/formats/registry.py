@@ -28,11 +28,12 @@ FORMATS: dict[str, str] = {
     ".parquet": "scenegen.formats.parquet",
 }
 
-# Endings of simulators' files (see `simulators`): for these, the error of `sample` suggests `export`.
+# Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
 ENDINGS: dict[str, str] = {
     ".xml": "mjcf",
     ".sdf": "sdf",
     ".world": "sdf",
+    ".pddl": "pddl",
 }
 
 EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs

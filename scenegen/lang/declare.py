@@ -92,8 +92,8 @@ def name_objects(
                 count = (counts or {}).get(thing.name.id, drawn.most)
             else:
                 count = _count(lowering, one.count, thing.source, len(objects))
-            arrays[thing.name.id] = range(len(objects), len(objects) + count)
-            objects.update((f"{thing.name.id}[{k}]", len(objects) + k - 1) for k in range(1, count + 1))
+            places = arrays[thing.name.id] = range(len(objects), len(objects) + count)
+            objects.update((f"{thing.name.id}[{k}]", place) for k, place in enumerate(places, start=1))
         if len(objects) > MAX_OBJECTS:
             raise SpecError(TOO_MANY_OBJECTS(thing.name.span(thing.source), limit=MAX_OBJECTS))
     return objects, arrays

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenegen.errors import DataError, Diagnostic, Source, SpecError
@@ -32,7 +32,19 @@ from scenegen.pddl.tables import COMMON, LIBERO, Relation, plain, relation
 from scenegen.primitives import Circle
 
 LONGEST = 100  # characters of the source in a comment
+OVER_ALL = ("reachableFromAbove", "others", "objects", "load", "stable", "noOverlap", "noCollision")  # take all things
 TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How a problem was read: what became of its things, and the formula of each fact that it mentions, by predicate
+    and names. `known` says what a predicate means."""
+
+    problem: Problem
+    setting: Setting
+    formulas: Mapping[tuple[str, tuple[str, ...]], str]
+    known: Callable[[str], Relation | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +54,7 @@ class Imported:
     text: str
     lost: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
+    reading: Reading = field(repr=False, compare=False)
 
 
 @dataclass(slots=True)
@@ -53,7 +66,9 @@ class _Compiler:
     told: dict[str, Diagnostic] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)  # comments of the formula being read
     wanted: list[tuple[str, Ref, str]] = field(default_factory=list)  # mover, carrier, its name
+    unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     met: set[str] = field(default_factory=set)  # predicates of the problem
+    formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
     def line(self, node: Node) -> str:
         text = " ".join(node.span.text.split())
@@ -96,30 +111,47 @@ class _Compiler:
                 return self.lose(node)
             if wanted:
                 self.wanted.append((names[0], refs[1], names[1]))
-            return Meaning(self.held(found, names, refs))
-        text = re.sub(r"\$(\d)", lambda one: self._argument(one, refs), found.formula)
-        return Meaning(text if text.startswith("(") else f"({text})")
-
-    def _argument(self, found: re.Match[str], refs: Sequence[Ref]) -> str:
-        number = int(found[1])
-        return refs[number - 1].argument if 1 <= number <= len(refs) else found[0]
+            else:
+                self.unwanted.append((names[0], names[1]))
+            text = self.held(found, names, refs)
+        else:
+            text = filled(found.formula, [one.argument for one in refs])
+        self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
+        return Meaning(text)
 
     def held(self, found: Relation, names: Sequence[str], refs: Sequence[Ref]) -> str:
         upper, lower = refs[0].argument, refs[1]
-        if lower.kind == "ground":
-            return f"z({upper}) <= EPS_LEVEL"
         if lower.kind != "thing":
-            parts = [f"restsOn({upper}, {one})" for one in lower.surfaces]
-            return parts[0] if len(parts) == 1 else f"({' | '.join(parts)})"
+            return resting(upper, lower)
         owner = next(one for one, made in self.setting.ids.items() if made == lower.argument)
         if owner == names[0]:
             return "false"
-        off = self.setting.carries(names[0], owner, inside=found.holds == "in")
-        if found.holds == "in":
-            return f"insideOf({upper}, {lower.argument})"
-        more = "" if off <= 0.001 else f", {math.ceil(off * 1000)} mm"
-        text = f"restsOn({upper}, {lower.argument}{more})"
-        return text if found.near is None else f"({text} & dist({upper}, {lower.argument}) <= {found.near:g} m)"
+        return carried(found, upper, lower.argument, self.setting.carries(names[0], owner, inside=found.holds == "in"))
+
+
+def filled(formula: str, arguments: Sequence[str]) -> str:
+    """A relation's formula with its arguments, in parentheses."""
+    text = re.sub(
+        r"\$(\d)", lambda one: arguments[int(one[1]) - 1] if 1 <= int(one[1]) <= len(arguments) else one[0], formula
+    )
+    return text if text.startswith("(") else f"({text})"
+
+
+def resting(upper: str, lower: Ref) -> str:
+    """That a thing stands on the ground, or on a region."""
+    if lower.kind == "ground":
+        return f"z({upper}) <= EPS_LEVEL"
+    parts = [f"restsOn({upper}, {one})" for one in lower.surfaces]
+    return parts[0] if len(parts) == 1 else f"({' | '.join(parts)})"
+
+
+def carried(found: Relation, upper: str, lower: str, off: float) -> str:
+    """That one thing carries another, whose height may be `off` by so many metres."""
+    if found.holds == "in":
+        return f"insideOf({upper}, {lower})"
+    more = "" if off <= 0.001 else f", {math.ceil(off * 1000)} mm"
+    text = f"restsOn({upper}, {lower}{more})"
+    return text if found.near is None else f"({text} & dist({upper}, {lower}) <= {found.near:g} m)"
 
 
 def compile_problem(problem: Problem, table: Map) -> Imported:
@@ -148,7 +180,8 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
         check_text(text, problem.source.name)
     except SpecError as error:
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=error.diagnostics[0].title)) from None
-    return Imported(text, tuple(own.lost), tuple(own.told.values()))
+    reading = Reading(problem, setting, own.formulas, own.known)
+    return Imported(text, tuple(own.lost), tuple(own.told.values()), reading)
 
 
 def _refuse_unused(own: _Compiler) -> None:
@@ -183,7 +216,8 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
         own_options.extend(one for one in ref.surfaces if one not in own_options)
         return True
 
-    movers = {name for name, _, _ in own.wanted}
+    initial = {tuple(one.span.text for one in fact.rest) for fact in problem.init if isinstance(fact, Group)}
+    movers = {name for name, _, _ in own.wanted} | {pair[0] for pair in own.unwanted if pair in initial}
     for name in movers:
         options[name] = ["workspace"]
     for name, ref, owner in own.wanted:
@@ -276,7 +310,7 @@ def _initial(
         start_lines.append(own.line(fact))
     elif new:
         own.lost.append(f"not kept, as things cannot stand on each other in a circle, {own.line(fact)}")
-    elif set(re.findall(r"\w+", meaning.text)) & {setting.ids[one] for one in movers}:
+    elif set(re.findall(r"\w+", meaning.text)) & {*(setting.ids[one] for one in movers), *(OVER_ALL if movers else ())}:
         start += [f"({meaning.text})"]
         start_lines.append(own.line(fact))
     else:

@@ -52,6 +52,7 @@ class Problem:
     init: tuple[Node, ...]
     goal: Node | None
     other: tuple[Group, ...]  # sections that are of no use here
+    sections: tuple[Group, ...]  # all of them
 
     def is_a(self, name: str, kind: str) -> bool:
         """Whether a thing is of a type, or of a type below it."""
@@ -120,7 +121,7 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
     if goal is None:
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it has no (:goal ...)"))
     return Problem(
-        source, name, language, domain, things, frozenset(fixtures), regions, tuple(init), goal, tuple(other)
+        source, name, language, domain, things, frozenset(fixtures), regions, tuple(init), goal, tuple(other), sections
     )
 
 

@@ -177,13 +177,21 @@ class Setting:
 
     def carries(self, upper: str, lower: str, *, inside: bool) -> float:
         """How far the height of `upper` on `lower` may be off, in metres. What cannot carry it becomes solid."""
+        off = self.off(upper, lower, inside=inside)
+        if off is not None:
+            return off
+        under = shape_from(self.shapes[lower])
+        self.notes[lower] = f"solid: {self.shapes[lower]} has no surface that carries {upper}"
+        self.shapes[lower] = _solid(under)
+        return 0.001
+
+    def off(self, upper: str, lower: str, *, inside: bool) -> float | None:
+        """How far the height of `upper` on `lower` may be off, in metres; None where it cannot be carried."""
         over, under = shape_from(self.shapes[upper]), shape_from(self.shapes[lower])
         found = surfaces_of(under, over.footprint)
         if inside or (found and (not found[0].walled or fits(over.footprint, found[0].outline))):
             return 0.001 + (abs(found[0].height - surfaces_of(under)[0].height) if found else 0.0)
-        self.notes[lower] = f"solid: {self.shapes[lower]} has no surface that carries {upper}"
-        self.shapes[lower] = _solid(under)
-        return 0.001
+        return None
 
 
 def category(kind: str) -> str:

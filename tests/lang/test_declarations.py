@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from scenegen.lang.check import check_text
+from scenegen.errors import Source
+from scenegen.lang.check import check_module, check_text
+from scenegen.lang.parse import parse
 from scenegen.primitives import Box, Circle, Polygon
 
 from .worth import alike, problems, worth
@@ -198,3 +200,10 @@ def test_no_name_of_the_program_is_special_to_an_object(name):
 def test_operators_have_no_names(name):
     assert problems(f"task: {name}(x(a), x(b)) <= 1") == [f"unknown relation `{name}`"]
     assert worth(f"def {name}(a, b) = x(a) <= x(b)\ntask: {name}(a, b)", A, B) == 0.5
+
+
+def test_elements_of_arrays_have_places_in_a_row() -> None:
+    found: list[dict[str, int]] = []
+    module = parse(Source("<spec>", "object a, b[3], c\nlabel: leftOf(a, c) & leftOf(b[1], b[3]) & leftOf(b[2], c)"))
+    check_module(module, None, lambda lowering: found.append(dict(lowering.scope.objects)))
+    assert found == [{"a": 0, "b[1]": 1, "b[2]": 2, "b[3]": 3, "c": 4}]

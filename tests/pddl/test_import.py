@@ -67,6 +67,20 @@ def test_a_disjunction_with_what_has_no_geometry_is_left_out(tmp_path: Path) -> 
     assert "cup_2" not in goal
 
 
+def test_what_the_goal_takes_off_its_carrier_can_be_elsewhere(tmp_path: Path) -> None:
+    text = HOUSE.replace("(onfloor cup.n.01_1 floor.n.01_1)", "(ontop cup.n.01_1 table.n.02_1)")
+    made = imported(tmp_path, text.replace("FORMULA", "(not (ontop cup.n.01_1 table.n.02_1))"))
+    assert "object cup_1 = cup on any of [workspace, table_1_board]" in made.text
+    assert "object cup_2 = cup  #" in made.text
+
+
+def test_what_is_clear_at_first_need_not_stay_so(tmp_path: Path) -> None:
+    blocks = "(define (problem p) (:objects a b - block) (:init (clear a) (clear b) (on-table b)) (:goal (on a b)))"
+    text = imported(tmp_path, blocks).text
+    assert "require reachableFromAbove" not in text
+    assert "reachableFromAbove(b)" in text.partition("start:")[2].partition("goal:")[0]
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

@@ -93,7 +93,8 @@ def how_far(machine: Machine, tried: str) -> Diagnostic:
 def _filled(machine: Machine) -> float:
     """The share of the workspace that the objects' footprints take together."""
     shapes = machine.problem.spec.shapes
-    return sum(area(shapes[one].footprint) for one in machine.order) / _table(machine)
+    things = (one for one in machine.order if one < len(shapes))  # the others say which surface a thing stands on
+    return sum(area(shapes[one].footprint) for one in things) / _table(machine)
 
 
 def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Span | None, float]]]:

@@ -140,6 +140,7 @@ class SceneSet(SceneArrays):
         renderer: str = "software",
         looks: str | Path | None = None,
         seed: int = 0,
+        meshes: str | Path | None = None,
         workers: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rendered:
@@ -149,7 +150,8 @@ class SceneSet(SceneArrays):
         by default (640, 480), wider for a wide workspace. `distinct` colours objects apart that would look the same.
         `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
         pixel shows, as PNG and NPZ. `looks`, a TOML file or "random", draws a look for each scene by `seed`; the
-        default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. The result's
+        default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. `meshes`,
+        the folder that the spec was in, draws objects with a glTF mesh as their files show them. The result's
         `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
         of how many are drawn. Raises RequestError, DataError, OutputError.
@@ -168,6 +170,7 @@ class SceneSet(SceneArrays):
             renderer=renderer,
             looks=looks,
             seed=seed,
+            meshes=None if meshes is None else as_path("meshes", meshes),
             workers=workers,
             progress=progress,
         )

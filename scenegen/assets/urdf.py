@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 
 import numpy as np
 
 from scenegen.assets.elements import Element, ElementsError, elements
+from scenegen.assets.gltf import surfaces
 from scenegen.assets.mesh import Floats
 from scenegen.assets.meshfile import MeshError, vertices
 from scenegen.assets.outline import OutlineError, Shadow
@@ -22,6 +24,8 @@ LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
 FARTHEST = 1e6  # of any number in the file
 MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
 MOST_BYTES = 128_000_000  # of all mesh files together
+PLAIN = (".obj", ".stl")
+GLTF = (".glb", ".gltf")
 KINDS = ("box", "cylinder", "sphere", "mesh")
 
 
@@ -79,13 +83,23 @@ def outline(data: bytes, read_mesh: Callable[[str], bytes]) -> tuple[Footprint, 
         raise UrdfError(str(error)) from None
 
 
-def mesh_outline(name: str, data: bytes) -> tuple[Footprint, float]:
-    """Footprint and height (metres) of a mesh file, .obj or .stl by the ending of `name`, whose unit is the metre and
-    whose z axis points up. As in `outline`, the footprint is the convex hull of what it covers, and the object stands
-    with its lowest point on the table. Raises UrdfError."""
+def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Footprint, float]:
+    """Footprint and height (metres) of a mesh file, .obj, .stl, .glb or .gltf by the ending of `name`, whose unit is
+    the metre; z points up in the first two, y in glTF files. As in `outline`, the footprint is the convex hull of what
+    it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
+    file names; what that raises passes through. Raises UrdfError."""
     shadow = Shadow()
+    ending = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    if ending not in (*PLAIN, *GLTF):
+        kind = f"{ending} files" if ending else "a file without an ending"
+        known = "convert it to .glb, .gltf, .obj or .stl, or give the outline beside it"
+        raise UrdfError(f"{kind} cannot be read here: {known}")
     try:
-        shadow.points(np.eye(3), np.zeros(3), vertices(name, data))
+        if ending in GLTF:
+            for surface in surfaces(name, data, read):
+                shadow.points(np.eye(3), np.zeros(3), surface.vertices[np.unique(surface.faces)])
+        else:
+            shadow.points(np.eye(3), np.zeros(3), vertices(name, data))
         footprint = shadow.footprint()
     except (MeshError, OutlineError) as error:
         raise UrdfError(str(error)) from None

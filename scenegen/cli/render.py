@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
-from scenegen.errors.program import NO_PICTURE
+from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
 from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
 
 if TYPE_CHECKING:
@@ -90,6 +90,12 @@ def render(
             metavar="LOOKS",
         ),
     ] = None,
+    meshes: Annotated[
+        Path | None,
+        typer.Option(
+            "--meshes", help="The folder of the spec's .glb and .gltf meshes: draw them as they are.", metavar="DIR"
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
@@ -147,6 +153,8 @@ def render(
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
         if looks is not None:
             raise _only("--looks", "goes with pictures, not with --figure")
+        if meshes is not None:
+            raise _only("--meshes", "goes with pictures, not with --figure")
     elif label is not None:
         raise _only("--label", "goes with --figure, and with --out FILE.gif or FILE.mp4")
     of_figures = {"view": view[0] if view else "perspective", "size": shape, "distinct": distinct, "label": label}
@@ -159,6 +167,7 @@ def render(
         "masks": masks,
         "renderer": renderer,
         "looks": looks,
+        "meshes": meshes,
         "seed": seed,
     }
     if len(sources) > 1:
@@ -228,10 +237,12 @@ def draw(
     masks: bool = False,
     renderer: str = "software",
     looks: str | None = None,
+    meshes: Path | None = None,
     seed: int = 0,
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
-    from scenegen.cli.output import note_others, print_error, progress_bar
+    from scenegen.cli.output import note, note_others, print_error, progress_bar
+    from scenegen.render.models import still_outlines
 
     started = time.perf_counter()
     with progress_bar() as bar:
@@ -246,12 +257,15 @@ def draw(
             masks=masks,
             renderer=renderer,
             looks=looks,
+            meshes=meshes,
             seed=seed,
             workers=workers,
             progress=lambda done, total: bar.update(task, completed=done),
         )
     took = time.perf_counter() - started
     _note_unknown(scenes)
+    if meshes is not None and (left := still_outlines(scenes.header)):
+        note(STILL_OUTLINES(names=left))
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
     note_others(out, len(scenes), ".png")

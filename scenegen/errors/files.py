@@ -157,6 +157,14 @@ SIZE_IN_FILE = Kind(
     ("{what} is {size:.3g} m {how}", "{what} is empty"),
     help="{limits}",
 )
+UNUSABLE_MODEL = Kind(
+    "unusable-model",
+    "{path}, the mesh of `{name}`, cannot be drawn: {reason}",
+    help="`<meshes>` is the folder that the spec was in; without it the outline is drawn",
+)
+NO_MODEL = Kind(
+    "no-model", "no object of the scenes has a mesh to draw", help='`object mug = mesh("mug.glb")` has one, or .gltf'
+)
 NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
 OFF_THE_TABLE = Kind(
     "off-the-table",

@@ -35,6 +35,12 @@ NO_PICTURE = Kind(
     help="`scenegen assets` lists what there is",
     severity="note",
 )
+STILL_OUTLINES = Kind(
+    "still-outlines",
+    "drawn as outlines: {names:quoted}",
+    help="`<meshes>` draws .glb and .gltf meshes",
+    severity="note",
+)
 OTHER_FILES = Kind("other-files", "{files} scene_*{ending} in {folder} {verb} not of these scenes", severity="note")
 PHI_NOT_COMPARED = Kind(
     "phi-not-compared", "{file} was made from another spec; its stored phi was not compared", severity="note"

@@ -170,11 +170,15 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
+
+    def beside(other: str) -> bytes:
+        return project.read_beside(path.value, other, here)
+
     try:
         if kind == "mesh":
-            footprint, height = mesh_outline(path.value, data)
+            footprint, height = mesh_outline(path.value, data, beside)
         else:
-            footprint, height = outline(data, lambda mesh: project.read_beside(path.value, mesh, here))
+            footprint, height = outline(data, beside)
     except UrdfError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
     return Shape(kind, footprint, height, path.value)

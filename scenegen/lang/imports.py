@@ -85,7 +85,8 @@ class Project:
         return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
-        """The bytes of a file that the file `path` names, relative to it: the mesh of a URDF. Raises SpecError."""
+        """The bytes of a file that the file `path` names, relative to it: the mesh of a URDF, a glTF's texture. Raises
+        SpecError."""
         plain = other.removeprefix("file://")
         if plain.startswith("package://"):  # package://name/meshes/a.stl: packages lie beside the file
             plain = plain.removeprefix("package://").partition("/")[2]

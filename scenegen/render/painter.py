@@ -7,29 +7,35 @@ large.
 from __future__ import annotations
 
 import importlib.util
+import io
 import math
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 import pybullet
 
 from scenegen.assets import parts_of
-from scenegen.assets.mesh import Mesh, box, shaded
+from scenegen.assets.gltf import Surface
+from scenegen.assets.mesh import Floats, Mesh, box, shaded
 from scenegen.assets.palette import RGB, mix
 from scenegen.assets.plain import plain
 from scenegen.render.ambient import landscape_camera
 from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Lighting, light_camera
 from scenegen.render.looks import VIEW, Look
+from scenegen.render.models import Model
 from scenegen.render.picture import FIRST, Image, Picture, Shot
 from scenegen.scene.limits import BOARD
 from scenegen.scene.stage import WOOD, Patch, Stage
 
 Bodies = npt.NDArray[np.int32]
 
+MOST_FACES = 20_000  # of a body: pybullet takes no more than some 130,000 corners
 LARGEST = 4096  # maximum side of pybullet's pictures in pixels
 SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularCoeff": 0.03}
 
@@ -46,6 +52,7 @@ class Painter:
         transparent: bool = False,
         renderer: str = "software",
         look: Look | None = None,
+        models: Sequence[Model | None] = (),
     ) -> None:
         self.factor = 2 if 2 * max(size) <= LARGEST else 1
         self._stage, self._views, self._size = stage, views, size
@@ -58,7 +65,10 @@ class Painter:
         self._low, self._high = (x0 - far, y0 - far, -math.tau, 0.0), (x1 + far, y1 + far, math.tau, far)
         self._studio = _Studio(renderer)
         self._things: list[list[int]] = []
-        for thing in stage.things:
+        for thing, model in zip(stage.things, models or [None] * len(stage.things), strict=True):
+            if model is not None:
+                self._things.append([body for surface in model for body in self._studio.show(surface)])
+                continue
             parts = parts_of(thing.shape, thing.color)
             self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
         boards = [[self._board(patch)] for patch in stage.patches if patch.height]
@@ -140,6 +150,7 @@ class _Studio:
     def __init__(self, renderer: str) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._plugin: int | None = None
+        self._textures: dict[bytes, int] = {}
         self._renderer = pybullet.ER_TINY_RENDERER
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         if renderer == "egl":
@@ -166,11 +177,38 @@ class _Studio:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def add(self, mesh: Mesh, color: RGB) -> int:
-        """A body of this form and colour; returns its number."""
+    def show(self, surface: Surface) -> list[int]:
+        """Bodies for a surface, with its texture."""
+        bodies = []
+        # Files have a vertex for each texture and normal that meets in a point: together they are shaded smoothly.
+        points, same = np.unique(surface.vertices, axis=0, return_inverse=True)
+        for start in range(0, len(surface.faces), MOST_FACES):
+            faces = surface.faces[start : start + MOST_FACES]
+            uv = None if surface.uv is None else surface.uv[faces.ravel()] * (1.0, -1.0) + (0.0, 1.0)
+            body = self.add(Mesh(points, same.ravel()[faces]), surface.color, uv)
+            if surface.texture:
+                pybullet.changeVisualShape(
+                    body, -1, textureUniqueId=self._texture(surface.texture), physicsClientId=self._client
+                )
+            bodies.append(body)
+        return bodies
+
+    def _texture(self, data: bytes) -> int:
+        """pybullet's number of a texture, which it reads from a file alone."""
+        if data not in self._textures:
+            with tempfile.TemporaryDirectory(prefix="scenegen.") as folder:
+                path = Path(folder) / "texture.png"
+                with PIL.Image.open(io.BytesIO(data)) as image:
+                    image.convert("RGB").save(path)
+                self._textures[data] = pybullet.loadTexture(str(path), physicsClientId=self._client)
+        return self._textures[data]
+
+    def add(self, mesh: Mesh, color: RGB, uv: Floats | None = None) -> int:
+        """A body of this form and colour, with places in a texture for the corners of its faces, (3F, 2), if it has
+        one; returns its number."""
         shape: Any = pybullet.createVisualShape(
             pybullet.GEOM_MESH,
-            **self._form(mesh),
+            **self._form(mesh, uv),
             rgbaColor=(*color, 1.0),
             specularColor=(0.0, 0.0, 0.0),
             physicsClientId=self._client,
@@ -178,16 +216,21 @@ class _Studio:
         body: int = pybullet.createMultiBody(0.0, -1, shape, physicsClientId=self._client)
         return body
 
-    def _form(self, mesh: Mesh) -> dict[str, Any]:
+    def _form(self, mesh: Mesh, uv: Floats | None) -> dict[str, Any]:
         """A mesh as pybullet takes it; the card's renderer does not support meshes in memory."""
         vertices, normals, indices = shaded(mesh)
         if self._folder is None:
-            return {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}
+            form = {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}
+            return form if uv is None else form | {"uvs": uv.tolist()}
         path = Path(self._folder.name) / f"{len(list(Path(self._folder.name).iterdir()))}.obj"
         lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices]
         lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals]
         corners = indices.reshape(-1, 3) + 1
-        lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in corners]
+        if uv is None:
+            lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in corners]
+        else:
+            lines += [f"vt {u:.9g} {v:.9g}" for u, v in uv]
+            lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in corners]
         path.write_text("\n".join(lines) + "\n")
         return {"fileName": str(path)}
 

@@ -11,6 +11,7 @@ from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.render.files import PictureOptions
 from scenegen.render.looks import Look
+from scenegen.render.models import Model
 from scenegen.render.worker import Draw
 from scenegen.scene.stage import Stage, places_of
 
@@ -21,8 +22,10 @@ def draw(
     options: PictureOptions,
     workers: int,
     looks: Sequence[Look] | None = None,
+    models: Sequence[Model | None] = (),
 ) -> Generator[dict[tuple[str, str], bytes], None, None]:
-    """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3), `looks` has one for each scene.
+    """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3), `looks` has one for each scene,
+    `models` what is drawn of each object instead of its shape, if anything.
     The same bytes for any `workers`.
 
     Close the generator to end the processes early. Raises ScenegenError if one of them fails, RequestError if pybullet
@@ -33,6 +36,6 @@ def draw(
     stage, origin = stage.near()
     places[..., :2] -= origin
     given: Sequence[Look | None] = looks if looks is not None else [None] * len(places)
-    job = Draw(stage, options)
+    job = Draw(stage, options, models)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
         yield from pool.map(list(zip(places, given, strict=True)))

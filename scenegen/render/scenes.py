@@ -20,6 +20,7 @@ from scenegen.render.camera import USUAL
 from scenegen.render.files import PictureOptions
 from scenegen.render.looks import VIEW
 from scenegen.render.looks_file import read_looks
+from scenegen.render.models import models_of
 from scenegen.render.pool import draw
 from scenegen.render.request import check_renderer, check_request, check_seed, usual_size
 from scenegen.render.rig import cameras_json, drawn_looks, looks_jsonl
@@ -61,6 +62,7 @@ def render_scenes(
     renderer: str = "software",
     looks: str | Path | None = None,
     seed: int = 0,
+    meshes: Path | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rendered:
@@ -81,11 +83,14 @@ def render_scenes(
     and its index alone, the default view is "look", from a camera that the look places, and looks.jsonl says what was
     drawn (see `looks_jsonl`).
 
+    `meshes` is the folder that the spec was in: objects whose shape is `mesh` of a glTF file there are drawn as that
+    file shows them, in its colours and textures, instead of as their outline.
+
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
     Raises RequestError for a wrong view, size or number of workers and if pybullet is not installed, DataError for a
-    file without scenes, OutputError if a file cannot be written.
+    file without scenes or a mesh that cannot be drawn, OutputError if a file cannot be written.
     """
     size = usual_size(file) if size is None else size
     if views is None:
@@ -99,6 +104,7 @@ def render_scenes(
     if not file.scenes:
         raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
+    models = () if meshes is None else models_of(file, meshes)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)
@@ -107,7 +113,7 @@ def render_scenes(
     beside: list[str] = []
     # A run that fails keeps the pictures of an earlier one.
     with whole_files(out) as put:
-        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total), drawn)) as scenes:
+        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total), drawn, models)) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
                     name = f"{scene_name(number, total)}_{view}{ending}"

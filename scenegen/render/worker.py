@@ -6,6 +6,7 @@ workers keep apart from their results.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from scenegen.render.files import PictureOptions, encode
 from scenegen.render.looks import Look
+from scenegen.render.models import Model
 from scenegen.render.names import write_names
 from scenegen.render.picture import FIRST, Shot
 from scenegen.scene.stage import Stage
@@ -27,8 +29,8 @@ Places = npt.NDArray[np.float64]  # (objects, 4): x, y, theta, height
 class Draw:
     """A scene's `places` and its look, if it has one -> (view, ending) -> file, as `options` lists them."""
 
-    def __init__(self, stage: Stage, options: PictureOptions) -> None:
-        self.stage, self.options = stage, options
+    def __init__(self, stage: Stage, options: PictureOptions, models: Sequence[Model | None] = ()) -> None:
+        self.stage, self.options, self.models = stage, options, tuple(models)
         self._painter: Painter | None = None  # of the drawing process
 
     def __call__(self, item: tuple[Places, Look | None]) -> dict[tuple[str, str], bytes]:
@@ -51,6 +53,7 @@ class Draw:
                 transparent=options.transparent,
                 renderer=options.renderer,
                 look=look,
+                models=self.models,
             )
             self._painter.__enter__()  # until the process ends
         elif look is not None:

@@ -32,10 +32,10 @@ from scenegen.resources import grammar_file
 
 from .generate import Case
 
-SLOW = 2.0  # seconds of CPU for one check
+SLOW = 6.0  # seconds of CPU for one check
 AT_LIMITS = 20.0  # how much longer it may take to find out that a spec is too large
-HANG = 60.0  # seconds of CPU after which a case is broken off
-CHECK, SHOW = 10.0, 10.0  # seconds of CPU for a text that attacks by its size: twice what an idle machine needs
+HANG = 120.0  # seconds of CPU after which a case is broken off
+CHECK, SHOW = 25.0, 25.0  # seconds of CPU for a text that attacks by its size: five times what an idle machine needs
 MEMORY = 1 << 30  # bytes that it may take,
 PER_TEXT = 3_000  # and as many for each of its own
 POSES = 3

@@ -121,7 +121,7 @@ def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
     begin = time.thread_time()
     with pytest.raises(RequestError, match="time was up after no draws at all"):
         make_trial(problem, Budget(0.1))
-    assert time.thread_time() - begin < 2.0
+    assert time.thread_time() - begin < 10.0
 
 
 class Calls:

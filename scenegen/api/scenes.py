@@ -151,7 +151,7 @@ class SceneSet(SceneArrays):
         `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
         pixel shows, as PNG and NPZ. `looks`, a TOML file or "random", draws a look for each scene by `seed`; the
         default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. `meshes`,
-        the folder that the spec was in, draws objects with a glTF mesh as their files show them. The result's
+        the folder that the spec was in, draws objects with a mesh or URDF file as their files show them. The result's
         `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
         of how many are drawn. Raises RequestError, DataError, OutputError.

@@ -163,7 +163,9 @@ UNUSABLE_MODEL = Kind(
     help="`<meshes>` is the folder that the spec was in; without it the outline is drawn",
 )
 NO_MODEL = Kind(
-    "no-model", "no object of the scenes has a mesh to draw", help='`object mug = mesh("mug.glb")` has one, or .gltf'
+    "no-model",
+    "no object of the scenes has a mesh to draw",
+    help='`object mug = mesh("mug.glb")` has one; `urdf` too',
 )
 NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
 OFF_THE_TABLE = Kind(

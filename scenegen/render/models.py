@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import stat
+import warnings
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
-import numpy as np
+from PIL import Image
 
-from scenegen.assets.gltf import Surface, surfaces
+from scenegen.assets.drawn import mesh_surfaces, robot_surfaces
+from scenegen.assets.filenames import ending_of, local_name
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.urdf import GLTF, UrdfError, mesh_outline
+from scenegen.assets.surface import Surface
+from scenegen.assets.urdf import GLTF, PLAIN, measured, mesh_shadow, robot_shadow
+from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.primitives import Box, Circle, Footprint, Polygon
@@ -24,7 +29,9 @@ Model = tuple[Surface, ...]
 
 def is_drawn(shape: ShapeData) -> bool:
     """Whether its file is one that is drawn as it is."""
-    return shape.asset == "mesh" and PurePosixPath(shape.path.replace("\\", "/")).suffix.lower() in GLTF
+    if shape.asset == "mesh":
+        return ending_of(shape.path) in (*GLTF, *PLAIN)
+    return shape.asset == "urdf" and bool(shape.path)
 
 
 def still_outlines(file: SceneFile) -> tuple[str, ...]:
@@ -33,20 +40,21 @@ def still_outlines(file: SceneFile) -> tuple[str, ...]:
 
 
 def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
-    """The surfaces of every object whose shape is `mesh` of a glTF file, in the object's frame (z = 0 its lowest
-    point); None for other objects. `folder` is where the spec lay; a file outside it is not read.
+    """The surfaces of every object whose shape is `mesh` of a glTF, .obj or .stl file, or `urdf`, in the object's frame
+    (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay; a file outside it
+    is not read.
 
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.
     """
-    known: dict[tuple[str, Footprint, float], Model] = {}
+    known: dict[tuple[str, str, Footprint, float], Model] = {}
     models: list[Model | None] = []
     for item in file.objects:
         if not is_drawn(item.shape):
             models.append(None)
             continue
         footprint, height = footprint_of(item.shape.footprint), item.shape.height
-        key = item.shape.path, footprint, height
+        key = item.shape.asset, item.shape.path, footprint, height
         try:
             if key not in known:
                 known[key] = _model(folder, *key)
@@ -58,18 +66,34 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
     return tuple(models)
 
 
-def _model(folder: Path, path: str, footprint: Footprint, height: float) -> Model:
+def _model(folder: Path, asset: str, path: str, footprint: Footprint, height: float) -> Model:
     data = _read(folder, folder / path)
 
     def beside(other: str) -> bytes:
         return _read(folder, (folder / path).parent / other)
 
-    found, tall = mesh_outline(path, data, beside)
+    def mesh(other: str) -> bytes:
+        return beside(local_name(other))
+
+    shadow = robot_shadow(data, mesh) if asset == "urdf" else mesh_shadow(path, data, beside)
+    found, tall = measured(shadow)
     if not _same(found, footprint) or abs(tall - height) > SAME:
         raise MeshError("its outline is not that of the scenes: the file has changed, or it is another one")
-    made = surfaces(path, data, beside)
-    low = min(float(one.vertices[np.unique(one.faces), 2].min()) for one in made)
-    return tuple(replace(one, vertices=one.vertices - (0.0, 0.0, low)) for one in made)
+    made = robot_surfaces(data, beside) if asset == "urdf" else mesh_surfaces(path, data, beside)
+    for texture in {one.texture for one in made if one.texture}:
+        _check_texture(texture)
+    return tuple(replace(one, vertices=one.vertices - (0.0, 0.0, shadow.bottom)) for one in made)
+
+
+def _check_texture(data: bytes) -> None:
+    """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+                image.convert("RGB")
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        raise MeshError("a texture of it is damaged or cut short") from None
 
 
 def _same(first: Footprint, second: Footprint) -> bool:

@@ -115,17 +115,19 @@ class SceneSet(SceneArrays):
         """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
         return notebook.page(self, self._sheet)
 
-    def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
+    def export(self, out: str | Path, to: str | None = None, *, meshes: str | Path | None = None) -> tuple[Path, ...]:
         """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo); for planners: "pddl" (see
         `export_problems`); or in a format of scene files.
 
         A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
-        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. Returns
-        the paths of the scenes' files. Raises RequestError, DataError, OutputError.
+        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. With
+        `meshes`, the folder that the spec was in, objects with a mesh or URDF file have convex pieces, mass and
+        friction from it, instead of a prism over their outline. Returns the paths of the scenes' files. Raises
+        RequestError, DataError, OutputError.
         """
         from scenegen.api import export
 
-        return export.export(self, as_path("out", out), to)
+        return export.export(self, as_path("out", out), to, None if meshes is None else as_path("meshes", meshes))
 
     def render(
         self,

@@ -23,17 +23,20 @@ RINGS = 16  # of a sphere, from pole to pole
 Read = Callable[[str], bytes]
 
 
-def mesh_surfaces(name: str, data: bytes, read: Read, budget: Budget | None = None) -> tuple[Surface, ...]:
+def mesh_surfaces(
+    name: str, data: bytes, read: Read, budget: Budget | None = None, *, painted: bool = True
+) -> tuple[Surface, ...]:
     """The surfaces of a .glb, .gltf, .obj or .stl file, in its own unit, z upwards (as `gltf.surfaces` turns them).
 
-    `read` gives the bytes of a file that it names, relative to it; what that raises passes through. Raises MeshError.
+    `read` gives the bytes of a file that it names, relative to it; what that raises passes through. Not
+    `painted`, the colours of .obj files are left out. Raises MeshError.
     """
     budget = budget or Budget()
     ending = ending_of(name)
     if ending in GLTF:
         return gltf.surfaces(name, data, read)
     if ending == ".obj":
-        return wavefront.surfaces(name, data, read, budget)
+        return wavefront.surfaces(name, data, read, budget, painted=painted)
     corners = vertices(name, data)
     if len(corners) % 3:
         raise MeshError("it is cut short: a triangle in it has fewer than three corners")

@@ -60,6 +60,7 @@ class _Reader:
 
     read: Read
     budget: Budget
+    painted: bool
     vertices: int = 0
     places: list[tuple[float, float]] = field(default_factory=list)
     groups: dict[str, _Group] = field(default_factory=dict)
@@ -85,7 +86,7 @@ class _Reader:
                     name = _text(line, words[0])
                     group = None
                     self.used.setdefault(name, number)
-                case b"mtllib":
+                case b"mtllib" if self.painted:
                     self._library(_text(line, words[0]), number)
                 case _:  # points, lines, curves, names, normals, smoothing
                     pass
@@ -196,15 +197,16 @@ class _Reader:
         return data
 
 
-def surfaces(name: str, data: bytes, read: Read, budget: Budget) -> tuple[Surface, ...]:
+def surfaces(name: str, data: bytes, read: Read, budget: Budget, *, painted: bool = True) -> tuple[Surface, ...]:
     """What an .obj file shows, in its own unit and axes: a surface for each material, coloured by its Kd and map_Kd.
 
     A material without a colour, and faces without a material, get none. Polygons are cut from their first corner. A
-    surface has `uv` where all its corners name places in a texture. `read` gives the bytes of a file that it names,
-    relative to it; what that raises passes through. Raises MeshError, with the line.
+    surface has `uv` where all its corners name places in a texture. Not `painted`, .mtl files are not read. `read`
+    gives the bytes of a file that it names, relative to it; what that raises passes through. Raises MeshError, with the
+    line.
     """
     points = vertices(name, data)
-    reader = _Reader(read, budget)
+    reader = _Reader(read, budget, painted)
     reader.lines(data.removeprefix(b"\xef\xbb\xbf"))
     return reader.surfaces(points)
 

@@ -31,7 +31,7 @@ MOST_TRIANGLES = 300_000  # of a mesh that is cut
 SECONDS = 300.0  # that cutting one mesh may take
 SMALL = 3_000  # triangles up to which it is seen whether a mesh is convex
 FLAT = 1e-6  # relative: how far a convex mesh may be from that, and which share of the box a piece must fill
-LEAST_PIECE = 1e-9  # of the box round a mesh: what is less is left out
+LEAST_PIECE = 1e-6  # of the box round a mesh: what is less is left out
 
 
 def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:

@@ -10,7 +10,7 @@ from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
 from scenegen.scene.data import SceneFile, ShapeData
-from scenegen.scene.own_files import is_read, own_file
+from scenegen.scene.own_files import is_read, own_file, reason_of
 
 
 def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
@@ -31,7 +31,7 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
             if key not in known:
                 known[key] = _body(folder, item.shape)
         except (MeshError, UrdfError) as error:
-            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=str(error))) from None
+            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
         bodies[item.name] = known[key]
     if not known:
         raise DataError(NO_MODEL())

@@ -16,7 +16,7 @@ from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.scene.data import SceneFile, ShapeData
-from scenegen.scene.own_files import is_read, own_file
+from scenegen.scene.own_files import is_read, own_file, reason_of
 
 Model = tuple[Surface, ...]
 
@@ -45,7 +45,7 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
             if key not in known:
                 known[key] = _model(folder, item.shape)
         except (MeshError, UrdfError) as error:
-            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=str(error))) from None
+            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
         models.append(known[key])
     if not known:
         raise DataError(NO_MODEL())

@@ -36,6 +36,11 @@ def is_read(shape: ShapeData) -> bool:
     return shape.asset == "urdf" and bool(shape.path)
 
 
+def reason_of(error: Exception) -> str:
+    """Why a file is of no use, on one line that a terminal can show: names in files may hold anything."""
+    return "".join(one if one.isprintable() else "?" for one in str(error))
+
+
 def own_file(folder: Path, shape: ShapeData) -> OwnFile:
     """The file of a shape. `folder` is where the spec lay; a file outside it is not read.
 

@@ -99,6 +99,9 @@ def test_obj_stl_and_urdf_are_drawn_too(tmp_path):
     (tmp_path / "a.mtl").symlink_to("/etc/passwd")
     with pytest.raises(DataError, match=r"line 1: a.mtl is outside the folder"):
         models_of(scenes.file(), tmp_path)
+    (tmp_path / "a.obj").write_text(f"mtllib \x1b[31mred\n{ring}f 1 2 3 4\n")
+    with pytest.raises(DataError, match=r"line 1: \?\[31mred: no such file"):  # nothing that a terminal obeys
+        models_of(scenes.file(), tmp_path)
 
 
 def test_a_texture_that_ends_early_is_refused_before_anything_is_drawn(scenes, tmp_path):

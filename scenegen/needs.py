@@ -1,5 +1,5 @@
 """Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling,
-mujoco for settling, PyAV for MP4 files."""
+mujoco for settling, CoACD for convex pieces of meshes, PyAV for MP4 files."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 
 INSTALL = {
     "av": 'pip install "scenegen[video]"',
+    "coacd": 'pip install "scenegen[meshes]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pyarrow": 'pip install "scenegen[parquet]"',
     "pybullet": "pip install pybullet",

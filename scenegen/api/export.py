@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import RequestError
 from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
-from scenegen.errors.requests import UNKNOWN_CHOICE
+from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.export import simulators
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import Block, joined
@@ -48,13 +48,20 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
     check_writable(out, *inputs)
 
 
-def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
+def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
+    """Raises RequestError where a folder of meshes is given for a format without bodies."""
+    if meshes is not None and to not in simulators.SIMULATORS:
+        raise RequestError(OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="add --to mjcf"))
+
+
+def export(scenes: SceneArrays, out: Path, to: str | None, meshes: Path | None = None) -> tuple[Path, ...]:
     """See `SceneSet.export`."""
     to = chosen(to, out)
     check_export(out, to)
+    check_meshes(to, meshes)
     if to in simulators.SIMULATORS:
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
-        return simulators.write_worlds(out, to, scenes.header, whole)
+        return simulators.write_worlds(out, to, scenes.header, whole, meshes)
     if to == PLANNERS:
         from scenegen.api.problems import of_scenes
 
@@ -62,17 +69,18 @@ def export(scenes: SceneArrays, out: Path, to: str | None) -> tuple[Path, ...]:
     return (scenes.save(out),)
 
 
-def convert(source: Path, out: Path, to: str | None = None) -> tuple[int, tuple[Path, ...]]:
+def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None = None) -> tuple[int, tuple[Path, ...]]:
     """A scene file in another format: how many scenes, and the files that were written, meshes not counted.
 
     Scene files go through memory in blocks. Raises RequestError, DataError, OutputError.
     """
     to = chosen(to, out)
     check_export(out, to, source)
+    check_meshes(to, meshes)
     reading = table.read_scenes(source)
     if to in simulators.SIMULATORS:
         scenes = reading.whole()
-        return scenes.count, simulators.write_worlds(out, to, reading.header, scenes)
+        return scenes.count, simulators.write_worlds(out, to, reading.header, scenes, meshes)
     counts: list[int] = []
     table.write_scenes(out, reading.header, reading.labels, _counted(reading.blocks, counts))
     return sum(counts), (out,)

@@ -115,17 +115,19 @@ class SceneSet(SceneArrays):
         """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
         return notebook.page(self, self._sheet)
 
-    def export(self, out: str | Path, to: str | None = None) -> tuple[Path, ...]:
+    def export(self, out: str | Path, to: str | None = None, *, meshes: str | Path | None = None) -> tuple[Path, ...]:
         """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo); for planners: "pddl" (see
         `export_problems`); or in a format of scene files.
 
         A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
-        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. Returns
-        the paths of the scenes' files. Raises RequestError, DataError, OutputError.
+        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. With
+        `meshes`, the folder that the spec was in, objects with a mesh or URDF file have convex pieces, mass and
+        friction from it, instead of a prism over their outline. Returns the paths of the scenes' files. Raises
+        RequestError, DataError, OutputError.
         """
         from scenegen.api import export
 
-        return export.export(self, as_path("out", out), to)
+        return export.export(self, as_path("out", out), to, None if meshes is None else as_path("meshes", meshes))
 
     def render(
         self,
@@ -151,7 +153,7 @@ class SceneSet(SceneArrays):
         `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
         pixel shows, as PNG and NPZ. `looks`, a TOML file or "random", draws a look for each scene by `seed`; the
         default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. `meshes`,
-        the folder that the spec was in, draws objects with a glTF mesh as their files show them. The result's
+        the folder that the spec was in, draws objects with a mesh or URDF file as their files show them. The result's
         `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
         of how many are drawn. Raises RequestError, DataError, OutputError.

@@ -18,7 +18,8 @@ from scenegen.api.scenes import evaluate as score
 from scenegen.api.settled import SettledScenes, Summary
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
-from scenegen.export.setting import world_of
+from scenegen.export.own_bodies import own_bodies_of
+from scenegen.export.setting import NOTHING, Own, world_of
 from scenegen.export.world import World
 from scenegen.formats.blocks import Block, joined
 from scenegen.formats.files import check_writable
@@ -51,6 +52,7 @@ def settle(
     seconds: float = SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
+    meshes: str | Path | None = None,
     workers: int | None = None,
     progress: Told | None = None,
 ) -> SettledScenes:
@@ -59,9 +61,10 @@ def settle(
     `max_turn` degrees are marked, not left out.
 
     Objects collide with their own convex pieces, on an infinite table with the spec's boards; those that the spec holds
-    in place cannot move. The results do not depend on `workers`, by default one per core. Raises RequestError where the
-    simulator is not installed, for no scenes, and for limits that are not positive numbers, DataError for scenes that
-    cannot be simulated.
+    in place cannot move. With `meshes`, the folder that the spec was in, objects with a mesh or URDF file have convex
+    pieces, mass and friction from it, instead of a prism over their outline. The results do not depend on `workers`, by
+    default one per core. Raises RequestError where the simulator is not installed, for no scenes, and for limits that
+    are not positive numbers, DataError for scenes that cannot be simulated.
     """
     if not isinstance(scenes, SceneSet):
         raise RequestError(WRONG_VALUE(argument="scenes", value=repr(scenes), wanted="a SceneSet"))
@@ -69,7 +72,7 @@ def settle(
         raise RequestError(NO_SCENES())
     header = _header(scenes.header, simulator, seconds, max_shift, max_turn)
     found: list[SettledBlock] = []
-    for block in _blocks(scenes.header, header, scenes.blocks(), workers):
+    for block in _blocks(scenes.header, header, scenes.blocks(), _own(scenes.header, meshes), workers):
         found.append(block)
         if progress is not None:
             progress(sum(one.count for one in found), len(scenes))
@@ -93,6 +96,7 @@ def settle_file(
     seconds: float = SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
+    meshes: str | Path | None = None,
     workers: int | None = None,
     progress: Told | None = None,
 ) -> Summary:
@@ -104,10 +108,11 @@ def settle_file(
     check_simulator(simulator)
     reading = read_scenes(source)
     header = _header(reading.header, simulator, seconds, max_shift, max_turn)
+    own = _own(reading.header, meshes)
     summary = Summary(header)
 
     def counted() -> Iterator[SettledBlock]:
-        for block in _blocks(reading.header, header, reading.blocks, workers):
+        for block in _blocks(reading.header, header, reading.blocks, own, workers):
             summary.add(block)
             if progress is not None:
                 progress(summary.scenes, reading.count)
@@ -117,6 +122,10 @@ def settle_file(
 
     write_settled(out, header, counted())
     return summary
+
+
+def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
+    return NOTHING if meshes is None else own_bodies_of(scenes, as_path("meshes", meshes))
 
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
@@ -140,12 +149,12 @@ def _limit(name: str, value: object, wanted: str) -> float:
 
 
 def _blocks(
-    scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], workers: int | None
+    scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], own: Own, workers: int | None
 ) -> Iterator[SettledBlock]:
     """What becomes of the scenes of some blocks, a few at a time, in their order."""
     spec = check_text(scenes.spec.source, "the spec of the scenes")
     placed = row_count(len(header.objects))
-    bare = world_of(scenes, joined([], placed + len(scenes.choosers), 0))
+    bare = world_of(scenes, joined([], placed + len(scenes.choosers), 0), own)
     # of rounds that are being simulated: poses (m, N, 3), and on which of its surfaces each chooser stands, (m, M)
     waiting: deque[tuple[Array, Array]] = deque()
 

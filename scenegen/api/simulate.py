@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE
-from scenegen.export.setting import world_of
+from scenegen.export.own_bodies import own_bodies_of
+from scenegen.export.setting import NOTHING, world_of
 from scenegen.formats.lines import block_of
 from scenegen.needs import need
 from scenegen.scene.numbers import member_of
+from scenegen.validation import as_path
 
 if TYPE_CHECKING:
     from scenegen.api.scene import Scene
 
 
-def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[str, int]:
+def load_pybullet(
+    scene: Scene, client: Any = 0, *, table: bool = True, meshes: str | Path | None = None
+) -> dict[str, int]:
     """Add a scene, such as `scenes[3]`, to a running PyBullet: objects with mass, inertia, friction and collision
     shapes, on a table unless `table` is false; no floor, no gravity, no camera.
 
@@ -28,7 +33,8 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
     by its local inertial position (`getDynamicsInfo(...)[3]`) below that. The table's top is z = 0.
 
     Raises RequestError where PyBullet is not installed or the client is not connected, DataError where an object stands
-    beyond any table.
+    beyond any table, and for files in `meshes` that cannot be used: the folder that the spec was in, from which objects
+    with a mesh or URDF file then have convex pieces, mass and friction.
     """
     from scenegen.api.scene import Scene
 
@@ -38,5 +44,6 @@ def load_pybullet(scene: Scene, client: Any = 0, *, table: bool = True) -> dict[
     if not isinstance(scene, Scene):
         raise RequestError(NOT_A_SCENE(value=repr(scene)))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
-    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)))
+    own = NOTHING if meshes is None else own_bodies_of(header, as_path("meshes", meshes))
+    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
     return load(world, getattr(client, "_client", client), table=table)

@@ -1,4 +1,4 @@
-"""XML from strangers: elements with their attributes and lines, nothing else.
+"""XML from strangers: elements with their attributes, lines and short texts, nothing else.
 
 Document types are refused, and with them entities; size, depth and number of elements are limited.
 """
@@ -11,6 +11,7 @@ from xml.parsers import expat
 MOST_BYTES = 8_000_000
 MOST_ELEMENTS = 20_000
 DEEPEST = 50
+LONGEST = 200  # characters of text that are kept of an element
 
 
 class ElementsError(Exception):
@@ -25,6 +26,7 @@ class Element:
     attributes: dict[str, str]
     line: int
     children: list[Element] = field(default_factory=list)
+    text: str = ""  # before its first child, the first characters of it
 
     @property
     def place(self) -> str:
@@ -78,6 +80,13 @@ def elements(data: bytes) -> Element:
     def doctype(*_: object) -> None:
         raise ElementsError(f"line {parser.CurrentLineNumber}: it has a document type, which is not read; remove it")
 
+    def characters(text: str) -> None:
+        here = path[-1]
+        if not here.children and len(here.text) < LONGEST:
+            here.text += text[:LONGEST]
+
+    parser.buffer_text = True
+    parser.CharacterDataHandler = characters
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype

@@ -16,36 +16,19 @@ from scenegen.assets.gltf_document import Document, Item, open_document
 from scenegen.assets.mesh import Floats, Indices
 from scenegen.assets.meshfile import FARTHEST, MeshError
 from scenegen.assets.palette import RGB
+from scenegen.assets.surface import WHITE, Budget, Surface
 
 MOST_NODES = 20_000
 MOST_PARTS = 10_000  # with a material each, of all meshes together, counted as often as they are placed
-MOST_VERTICES = 4_000_000  # counted likewise
-MOST_TRIANGLES = 4_000_000
-MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
 # What a file may require of its readers: the geometry is the same without it, or is read here anyway.
 HARMLESS = ("KHR_materials_", "KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_xmp")
 TRIANGLES, STRIP, FAN = 4, 5, 6  # the modes of a primitive that have faces
-WHITE: RGB = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """Triangles of one material: `vertices` (V, 3) in metres, z upwards; `faces` (F, 3); a colour from 0 to 1, by which
-    the `texture` (the bytes of a PNG or JPEG file, or none) is multiplied at `uv` (V, 2), v = 0 its upper edge."""
-
-    vertices: Floats
-    faces: Indices
-    color: RGB
-    uv: Floats | None = None
-    texture: bytes = b""
 
 
 @dataclass(slots=True)
 class _Reader:
     document: Document
-    vertices: int = 0
-    triangles: int = 0
-    pixels: int = 0
+    budget: Budget = field(default_factory=Budget)
     textures: dict[int, bytes] = field(default_factory=dict)
 
     def surfaces(self) -> list[Surface]:
@@ -95,14 +78,10 @@ class _Reader:
         attributes = part.item("attributes")
         document = self.document
         at = attributes.index("POSITION")
-        self.vertices += document.length(at)
-        if self.vertices > MOST_VERTICES:
-            raise MeshError(f"its meshes have more than {MOST_VERTICES:,} vertices together")
+        self.budget.add_vertices(document.length(at))
         given = part.index("indices") if "indices" in part.data else None
         corners = document.length(at if given is None else given)
-        self.triangles += corners // 3 if mode == TRIANGLES else max(corners - 2, 0)
-        if self.triangles > MOST_TRIANGLES:
-            raise MeshError(f"its meshes have more than {MOST_TRIANGLES:,} triangles together")
+        self.budget.add_triangles(corners // 3 if mode == TRIANGLES else max(corners - 2, 0))
         points = document.array(at, 3)
         order = np.arange(corners) if given is None else document.array(given, 1)[:, 0].astype(np.int64)
         if order.size and int(order.max()) >= len(points):
@@ -146,9 +125,7 @@ class _Reader:
     def _texture(self, number: int) -> bytes:
         if number not in self.textures:
             data = self.document.image(number)
-            self.pixels += pixels_of(data, f"texture {number} in it")
-            if self.pixels > MOST_PIXELS:
-                raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together")
+            self.budget.add_texture(data, f"texture {number} in it")
             self.textures[number] = data
         return self.textures[number]
 
@@ -165,24 +142,6 @@ def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Surf
             raise MeshError(f"it needs the extension {extension}, which is not read here: export it without")
     with np.errstate(all="ignore"):  # what overflows is found as no number
         return tuple(_Reader(document).surfaces())
-
-
-def pixels_of(data: bytes, what: str) -> int:
-    """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
-    import io
-    import warnings
-
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
-                return image.width * image.height
-    except Image.DecompressionBombError:
-        return MOST_PIXELS + 1
-    except (OSError, ValueError, SyntaxError):
-        raise MeshError(f"{what} is neither PNG nor JPEG") from None
 
 
 def _faces(order: Indices, mode: int) -> Indices:

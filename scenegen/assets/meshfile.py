@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import struct
-from pathlib import PurePosixPath
 
 import numpy as np
 
+from scenegen.assets.filenames import ending_of
 from scenegen.assets.mesh import Floats
 
 FARTHEST = 1e9  # of a coordinate, in the file's own unit
@@ -22,7 +22,7 @@ class MeshError(Exception):
 def vertices(name: str, data: bytes) -> Floats:
     """(V, 3): all vertices of a mesh file, V >= 1, whether a face uses them or not; the ending of `name` says which
     format it is. In the unit of the file. Raises MeshError."""
-    match PurePosixPath(name.replace("\\", "/")).suffix.lower():
+    match ending_of(name):
         case ".obj":
             found = _obj(data)
         case ".stl":

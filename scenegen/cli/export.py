@@ -19,6 +19,15 @@ def export(
             "--to", help="mjcf, sdf, pddl, json, jsonl or parquet; default: by the ending of --out.", show_default=False
         ),
     ] = None,
+    meshes: Annotated[
+        Path | None,
+        typer.Option(
+            "--meshes",
+            help="The folder of the spec's meshes and URDF files: bodies from them.",
+            metavar="DIR",
+            show_default=False,
+        ),
+    ] = None,
     facts: Annotated[
         str | None,
         typer.Option(
@@ -66,7 +75,8 @@ def export(
     A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf. A file holds all of
     them: as keyframes of one model (.xml), or as worlds (.sdf, .world). Objects stand on a table whose top is z = 0, or
     on what carries them, with mass, friction and convex pieces to collide with; what the spec holds in place cannot be
-    moved. Meshes lie beside the files, as OBJ.
+    moved. Meshes lie beside the files, as OBJ. With --meshes, things of mesh and urdf have the convex pieces, mass and
+    friction of their files; without it they are prisms over their outlines.
 
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates
@@ -74,12 +84,13 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.api.export import PLANNERS, chosen, convert
+    from scenegen.api.export import PLANNERS, check_meshes, chosen, convert
     from scenegen.cli.output import note_others, print_error
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
 
     if chosen(to, out) == PLANNERS:
+        check_meshes(PLANNERS, meshes, "--meshes")
         from scenegen.cli.problems import Original, export_problems
 
         export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table))
@@ -88,7 +99,8 @@ def export(
     given["--domain"] = domain
     for option in (name for name, value in given.items() if value):
         raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
-    count, files = convert(scenes, out, to)
+    check_meshes(chosen(to, out), meshes, "--meshes")
+    count, files = convert(scenes, out, to, meshes)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
     if files != (out,):

@@ -93,7 +93,7 @@ def render(
     meshes: Annotated[
         Path | None,
         typer.Option(
-            "--meshes", help="The folder of the spec's .glb and .gltf meshes: draw them as they are.", metavar="DIR"
+            "--meshes", help="The folder of the spec's meshes and URDF files: draw them as they are.", metavar="DIR"
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,

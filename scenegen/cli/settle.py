@@ -40,6 +40,15 @@ def settle(
     max_turn: Annotated[
         str, typer.Option("--max-turn", help="By how much an object may turn, about any axis.", metavar="ANGLE")
     ] = "2deg",
+    meshes: Annotated[
+        Path | None,
+        typer.Option(
+            "--meshes",
+            help="The folder of the spec's meshes and URDF files: bodies from them.",
+            metavar="DIR",
+            show_default=False,
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
     ] = None,
@@ -59,7 +68,9 @@ def settle(
     deep. A scene in which an object moved or turned too far is marked and counted, not left out: the exit status is 0.
 
     Objects are those of `scenegen export`: convex pieces, mass and friction, on an infinite table. What the spec holds
-    in place cannot move. The file appears whole or not at all, and does not depend on --workers.
+    in place cannot move. With --meshes, things of mesh and urdf have the convex pieces, mass and friction of their
+    files; without it they are prisms over their outlines. The file appears whole or not at all, and does not depend on
+    --workers.
 
     Several files are settled side by side, by --engine; one that fails is reported by its name, the others are settled,
     and the exit status is 1.
@@ -75,13 +86,14 @@ def settle(
         named = zip(names_of(sources), sources, strict=True)
         jobs = [(name, (source, folder / source.name)) for name, source in named]
         ensure_folder(folder)
-        job = _Settling(simulator, seconds, *limits)
+        job = _Settling(simulator, seconds, *limits, meshes)
         return shared_work(job, jobs, engine, workers, address, "settling")
     refuse_engine(engine, address)
     with progress_bar() as bar:
         task = bar.add_task("settling", total=None)
         summary = settle_file(
-            sources[0], Path(out), simulator, seconds=seconds, max_shift=limits[0], max_turn=limits[1], workers=workers,
+            sources[0], Path(out), simulator, seconds=seconds, max_shift=limits[0], max_turn=limits[1], meshes=meshes,
+            workers=workers,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
     print_error(summary.first_line)
@@ -97,13 +109,15 @@ class _Settling:
     seconds: float
     max_shift: float
     max_turn: float
+    meshes: Path | None
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
         from scenegen.api.settle import settle_file
 
         summary = settle_file(
-            *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn, workers=1
-        )
+            *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn,
+            meshes=self.meshes, workers=1,
+        )  # fmt: skip
         return Said((f"{summary.last_line} in {paths[1]}",))
 
 

@@ -162,8 +162,15 @@ UNUSABLE_MODEL = Kind(
     "{path}, the mesh of `{name}`, cannot be drawn: {reason}",
     help="`<meshes>` is the folder that the spec was in; without it the outline is drawn",
 )
+UNUSABLE_BODY = Kind(
+    "unusable-body",
+    "{path}, the file of `{name}`, gives it no body: {reason}",
+    help="`<meshes>` is the folder that the spec was in; without it the body is a prism over the outline",
+)
 NO_MODEL = Kind(
-    "no-model", "no object of the scenes has a mesh to draw", help='`object mug = mesh("mug.glb")` has one, or .gltf'
+    "no-model",
+    "no object of the scenes is from a mesh or URDF file",
+    help='`object mug = mesh("mug.glb")` has one; `urdf` too',
 )
 NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
 OFF_THE_TABLE = Kind(

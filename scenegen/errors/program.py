@@ -38,7 +38,7 @@ NO_PICTURE = Kind(
 STILL_OUTLINES = Kind(
     "still-outlines",
     "drawn as outlines: {names:quoted}",
-    help="`<meshes>` draws .glb and .gltf meshes",
+    help="`<meshes>` draws .glb, .gltf, .obj and .stl meshes and URDF files",
     severity="note",
 )
 OTHER_FILES = Kind("other-files", "{files} scene_*{ending} in {folder} {verb} not of these scenes", severity="note")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
 from scenegen.assets.mesh import Floats
+from scenegen.assets.own_body import OwnBody
 from scenegen.assets.palette import RGB, mix, stable
-from scenegen.assets.physics import collision_of, friction_of, mass_of
+from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
@@ -36,33 +37,37 @@ LINEN: RGB = (0.97, 0.95, 0.90)  # the colour with which those of regions are mi
 SHEET = 0.0004  # metres: the thickness of the first region
 WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
 DRAWN = 32  # corners of a round region
+Own = Mapping[str, OwnBody]  # by the objects' names
+NOTHING: Own = {}
 LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
 
 
-def worlds_of(header: SceneFile, scenes: Block) -> Iterator[World]:
-    """The worlds of a scene file: one, or one for all scenes with the same numbers of things. Raises as `world_of`."""
+def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[World]:
+    """The worlds of a scene file: one, or one for all scenes with the same numbers of things. `own` and what is raised
+    as in `world_of`."""
     if not header.counts:
-        yield world_of(header, scenes)
+        yield world_of(header, scenes, own)
         return
-    whole = {one.name: one for one in _bodies(header)}
+    whole = {one.name: one for one in _bodies(header, own)}
     found = counts_in(header, scenes.rows)
     for numbers in np.unique(found, axis=1).T:
         mine = np.flatnonzero((found == numbers[:, None]).all(axis=0))
         member = member_of(header, dict(zip((one.name for one in header.counts), numbers.tolist(), strict=True)))
         rows = scenes.rows[np.ix_(~np.isnan(scenes.rows[:, mine[0]]), mine)]
-        world = world_of(member, Block(rows, scenes.phi[:, mine]))
+        world = world_of(member, Block(rows, scenes.phi[:, mine]), own)
         bodies = tuple(whole[one.name] for one in member.objects)  # of the same colours in all scenes
         yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
 
 
-def _bodies(header: SceneFile) -> tuple[Body, ...]:
+def _bodies(header: SceneFile, own: Own) -> tuple[Body, ...]:
     spec = check_text(header.spec.source, "the spec of the scenes")
     fixed = {spec.objects[index] for index in spec.fixed}
-    return bodies_of([one.name for one in header.objects], [_shape(one.shape) for one in header.objects], fixed)
+    return bodies_of([one.name for one in header.objects], [_shape(one.shape) for one in header.objects], fixed, own)
 
 
-def world_of(header: SceneFile, scenes: Block) -> World:
-    """The world of a scene file's header and (some of) its scenes, which have the same objects.
+def world_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> World:
+    """The world of a scene file's header and (some of) its scenes, which have the same objects. `own` has the bodies of
+    objects, by name, that are from files of one's own; without it these are prisms over their outlines.
 
     Raises DataError if an object is too far from the table, SpecError if the header's spec is damaged.
     """
@@ -70,7 +75,7 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     check_names(names)
     check_sizes(header, WIDE)
     shapes = [_shape(one.shape) for one in header.objects]
-    bodies = _bodies(header)
+    bodies = _bodies(header, own)
     rows = scenes.rows[: row_count(len(names))]
     places = np.ascontiguousarray(flat(as_poses(rows)))
     table = _table(header, shapes, names, places)
@@ -79,21 +84,39 @@ def world_of(header: SceneFile, scenes: Block) -> World:
     return World(printable(header.spec.title), bodies, _patches(header.regions, table), table, poses)
 
 
-def bodies_of(names: Sequence[str], shapes: Sequence[Shape], fixed: Collection[str]) -> tuple[Body, ...]:
-    """The bodies of objects; those named in `fixed` cannot be moved. Raises DataError for one without a volume."""
+def bodies_of(
+    names: Sequence[str], shapes: Sequence[Shape], fixed: Collection[str], own: Own = NOTHING
+) -> tuple[Body, ...]:
+    """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their convex
+    pieces. Raises DataError for one without a volume."""
     colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
-    forms = _forms(names, shapes)
+    forms = _forms(names, shapes, own)
     return tuple(
         Body(
             name,
-            forms[shape],
-            tuple(part.color for part in parts_of(shape, color)),
-            max(mass_of(shape), LEAST_MASS),
-            friction_of(shape),
+            forms[shape, own.get(name)],
+            _colors(shape, color, own.get(name)),
+            max(_mass(shape, own.get(name)), LEAST_MASS),
+            _friction(shape, own.get(name)),
             name in fixed,
         )
         for name, shape, color in zip(names, shapes, colors, strict=True)
     )
+
+
+def _colors(shape: Shape, color: RGB, own: OwnBody | None) -> tuple[RGB, ...]:
+    return tuple(part.color for part in parts_of(shape, color)) if own is None else (color,) * len(own.pieces)
+
+
+def _mass(shape: Shape, own: OwnBody | None) -> float:
+    """Kilograms: what its file says, else of wood that fills its convex pieces."""
+    if own is None:
+        return mass_of(shape)
+    return DENSITY * sum(piece.volume for piece in own.pieces) if own.mass is None else own.mass
+
+
+def _friction(shape: Shape, own: OwnBody | None) -> float:
+    return friction_of(shape) if own is None or own.friction is None else own.friction
 
 
 def _shape(data: ShapeData) -> Shape:
@@ -101,19 +124,20 @@ def _shape(data: ShapeData) -> Shape:
     return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open))
 
 
-def _forms(names: Sequence[str], shapes: Sequence[Shape]) -> dict[Shape, Form]:
-    forms: dict[Shape, Form] = {}
+def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tuple[Shape, OwnBody | None], Form]:
+    forms: dict[tuple[Shape, OwnBody | None], Form] = {}
     for name, shape in zip(names, shapes, strict=True):
-        if shape not in forms:
-            same = sum(other.asset == shape.asset for other in forms)
-            solids = collision_of(shape)
+        mine = own.get(name)
+        if (shape, mine) not in forms:
+            same = sum(other.asset == shape.asset for other, _ in forms)
+            solids = collision_of(shape) if mine is None else mine.pieces
             pieces = tuple(piece_of(solid) for solid in solids)
-            parts = tuple(part.mesh for part in parts_of(shape, WOOD))
+            parts = tuple(part.mesh for part in parts_of(shape, WOOD)) if mine is None else solids
             try:
                 mass = inertia(solids)
             except ValueError:
                 raise DataError(NO_VOLUME(name=name)) from None
-            forms[shape] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
+            forms[shape, mine] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
     return forms
 
 

@@ -17,6 +17,7 @@ from scenegen.errors import OutputError, RequestError
 from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
 from scenegen.errors.requests import NO_SCENES
+from scenegen.export.own_bodies import own_bodies_of
 from scenegen.export.setting import worlds_of
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable, reported
@@ -59,15 +60,17 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
     check_folder(out)
 
 
-def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[Path, ...]:
+def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block, sources: Path | None = None) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
+    `sources` is the folder whose files give objects of one's own their bodies (`own_bodies_of`).
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
     module: Any = importlib.import_module(SIMULATORS[to])
     if not scenes.count:
         raise RequestError(NO_SCENES())
+    own = {} if sources is None else own_bodies_of(header, sources)
     together = is_file(out, to)
     if together and header.counts:
         raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))
@@ -75,7 +78,7 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block) -> tuple[
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         put_already = set[str]()
-        for world in worlds_of(header, scenes):
+        for world in worlds_of(header, scenes, own):
             for name, data in module.meshes(world):
                 if name not in put_already:  # worlds share forms
                     put_already.add(name)

@@ -154,7 +154,8 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
 
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
     """A file's outline; where the outline stands beside the path, the file is not read."""
-    from scenegen.assets.urdf import UrdfError, mesh_outline, outline
+    from scenegen.assets.urdf import mesh_outline, outline
+    from scenegen.assets.urdf_tree import UrdfError
 
     kind = call.function.id
     given = bind(call, SIGNATURES[kind], source)

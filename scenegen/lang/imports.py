@@ -87,10 +87,9 @@ class Project:
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
         """The bytes of a file that the file `path` names, relative to it: the mesh of a URDF, a glTF's texture. Raises
         SpecError."""
-        plain = other.removeprefix("file://")
-        if plain.startswith("package://"):  # package://name/meshes/a.stl: packages lie beside the file
-            plain = plain.removeprefix("package://").partition("/")[2]
-        return self.read(str(Path(path).parent / plain), here, "a mesh")
+        from scenegen.assets.filenames import local_name  # the folder's other files need numpy
+
+        return self.read(str(Path(path).parent / local_name(other)), here, "a mesh")
 
 
 def _beside(wanted: Path) -> list[str]:

@@ -30,6 +30,8 @@ Triple = tuple[float, float, float]
 Brick = tuple[list[float], list[float]]  # middle and sizes of a box along the axes of its body
 
 SIDES = 32  # number of sides of prisms for round objects
+MOST_PIECES = 16  # that `createCollisionShapeArray` takes: it drops all others without a word
+ROBOT = ".urdf"
 MOST = 64  # maximum corners of an outline; one with more is replaced by an enclosing one
 FRICTION = 0.5  # between any two prisms; pybullet multiplies the two bodies' coefficients
 
@@ -76,7 +78,8 @@ def board_of(board: world.Patch, friction: float) -> Body:
 @contextmanager
 def piece_files(bodies: Sequence[Body]) -> Iterator[tuple[tuple[str | Brick, ...], ...]]:
     """The pieces of bodies, by body: boxes by middle and sizes, others as paths of STL files, which exist as long as
-    the block runs. PyBullet reads the convex pieces of one body from files alone. Equal pieces share a file."""
+    the block runs. PyBullet reads the convex pieces of one body from files alone. Equal pieces share a file. Of a body
+    with more than `MOST_PIECES` there is one path only, of a URDF file with all of them."""
     with tempfile.TemporaryDirectory(prefix="scenegen-") as folder:
         written: dict[bytes, str] = {}
 
@@ -91,7 +94,30 @@ def piece_files(bodies: Sequence[Body]) -> Iterator[tuple[tuple[str | Brick, ...
                 written[data] = str(path)
             return written[data]
 
-        yield tuple(tuple(map(path_of, body.pieces)) for body in bodies)
+        found: list[tuple[str | Brick, ...]] = []
+        for body in bodies:
+            pieces = tuple(map(path_of, body.pieces))
+            if len(pieces) > MOST_PIECES:
+                path = Path(folder) / f"{len(found)}{ROBOT}"
+                path.write_text(_robot(body, pieces))
+                pieces = (str(path),)
+            found.append(pieces)
+        yield tuple(found)
+
+
+def _robot(body: Body, pieces: Sequence[str | Brick]) -> str:
+    """A URDF file of one link in the body's frame."""
+    shapes = []
+    for piece in pieces:
+        if isinstance(piece, str):
+            shapes.append(f'<collision><geometry><mesh filename="{Path(piece).name}"/></geometry></collision>')
+            continue
+        at, size = (" ".join(f"{value:.9g}" for value in triple) for triple in piece)
+        shapes.append(f'<collision><origin xyz="{at}"/><geometry><box size="{size}"/></geometry></collision>')
+    xx, yy, zz = body.inertia
+    inertia = f'<inertia ixx="{xx:.9g}" iyy="{yy:.9g}" izz="{zz:.9g}" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="{body.mass:.9g}"/>{inertia}</inertial>'
+    return f'<robot name="body"><link name="body">{inertial}{"".join(shapes)}</link></robot>\n'
 
 
 def prism_of(shape: Shape, *, fixed: bool = False) -> Body:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet
 
-from scenegen.physics.bodies import Body, Brick, Triple
+from scenegen.physics.bodies import ROBOT, Body, Brick, Triple
 from scenegen.physics.contact import TABLE, Contact, gathered
 from scenegen.physics.motion import within
 
@@ -110,8 +110,18 @@ class World:
             z = height + w + MARGIN
             half = (theta + body.turn) / 2.0
             at, turn = (x + cos * u - sin * v, y + sin * u + cos * v, z), (0.0, 0.0, math.sin(half), math.cos(half))
-            numbers.append(self._add(self._form(which), body.mass, body.friction, at, turn, body.inertia))
+            made = self._robot(which, at, turn)
+            form = self._form(which) if made is None else -1
+            numbers.append(self._add(form, body.mass, body.friction, at, turn, body.inertia, made))
         return numbers[: len(places)]
+
+    def _robot(self, which: int, at: Triple, turn: tuple[float, float, float, float]) -> int | None:
+        """A body with more pieces than one call takes; None where it has fewer."""
+        pieces = () if self._files is None else self._files[which]
+        if len(pieces) != 1 or not isinstance(pieces[0], str) or not pieces[0].endswith(ROBOT):
+            return None
+        number: int = pybullet.loadURDF(pieces[0], at, turn, physicsClientId=self._client)
+        return number
 
     def _form(self, which: int) -> int:
         """The collision shape of a body."""
@@ -147,16 +157,22 @@ class World:
         at: Triple = (0.0, 0.0, 0.0),
         turn: tuple[float, float, float, float] = UPRIGHT,
         inertia: Triple = (0.0, 0.0, 0.0),
+        made: int | None = None,
     ) -> int:
+        """A body of this form, or the one that is `made` already, at this place; its number."""
         # Of bodies in maximal coordinates pybullet sets the margin of a single piece alone.
         single = int(self._files is None)
-        number: int = pybullet.createMultiBody(
-            mass,
-            form,
-            basePosition=at,
-            baseOrientation=turn,
-            useMaximalCoordinates=single,
-            physicsClientId=self._client,
+        number: int = (
+            made
+            if made is not None
+            else pybullet.createMultiBody(
+                mass,
+                form,
+                basePosition=at,
+                baseOrientation=turn,
+                useMaximalCoordinates=single,
+                physicsClientId=self._client,
+            )
         )
         pybullet.changeDynamics(
             number,

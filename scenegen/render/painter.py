@@ -20,10 +20,10 @@ import PIL.Image
 import pybullet
 
 from scenegen.assets import parts_of
-from scenegen.assets.gltf import Surface
 from scenegen.assets.mesh import Floats, Mesh, box, shaded
 from scenegen.assets.palette import RGB, mix
 from scenegen.assets.plain import plain
+from scenegen.assets.surface import Surface
 from scenegen.render.ambient import landscape_camera
 from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Lighting, light_camera
@@ -67,7 +67,7 @@ class Painter:
         self._things: list[list[int]] = []
         for thing, model in zip(stage.things, models or [None] * len(stage.things), strict=True):
             if model is not None:
-                self._things.append([body for surface in model for body in self._studio.show(surface)])
+                self._things.append([body for surface in model for body in self._studio.show(surface, thing.color)])
                 continue
             parts = parts_of(thing.shape, thing.color)
             self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
@@ -177,15 +177,17 @@ class _Studio:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def show(self, surface: Surface) -> list[int]:
-        """Bodies for a surface, with its texture."""
+    def show(self, surface: Surface, color: RGB) -> list[int]:
+        """Bodies for a surface, with its texture; `color` is for one that has none."""
         bodies = []
         # Files have a vertex for each texture and normal that meets in a point: together they are shaded smoothly.
         points, same = np.unique(surface.vertices, axis=0, return_inverse=True)
         for start in range(0, len(surface.faces), MOST_FACES):
             faces = surface.faces[start : start + MOST_FACES]
-            uv = None if surface.uv is None else surface.uv[faces.ravel()] * (1.0, -1.0) + (0.0, 1.0)
-            body = self.add(Mesh(points, same.ravel()[faces]), surface.color, uv)
+            uv = None
+            if surface.uv is not None and surface.texture:
+                uv = surface.uv[faces.ravel()] * (1.0, -1.0) + (0.0, 1.0)
+            body = self.add(Mesh(points, same.ravel()[faces]), surface.color or color, uv)
             if surface.texture:
                 pybullet.changeVisualShape(
                     body, -1, textureUniqueId=self._texture(surface.texture), physicsClientId=self._client

@@ -83,8 +83,8 @@ def render_scenes(
     and its index alone, the default view is "look", from a camera that the look places, and looks.jsonl says what was
     drawn (see `looks_jsonl`).
 
-    `meshes` is the folder that the spec was in: objects whose shape is `mesh` of a glTF file there are drawn as that
-    file shows them, in its colours and textures, instead of as their outline.
+    `meshes` is the folder that the spec was in: objects whose shape is `mesh` or `urdf` of a file there are drawn as
+    that file shows them, in its colours and textures, instead of as their outline.
 
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.

@@ -10,7 +10,8 @@ import pytest
 from scenegen.assets.gltf import surfaces
 from scenegen.assets.mesh import Mesh
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.urdf import UrdfError, mesh_outline
+from scenegen.assets.urdf import mesh_outline
+from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import SpecError
 from scenegen.lang.check import check_file
 from scenegen.primitives import Box

@@ -4,7 +4,8 @@ import random
 
 import pytest
 
-from scenegen.assets.urdf import UrdfError, outline
+from scenegen.assets.urdf import outline
+from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import SpecError
 from scenegen.lang.check import check_file
 from scenegen.primitives import Polygon

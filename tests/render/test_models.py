@@ -8,7 +8,7 @@ from PIL import Image
 
 import scenegen
 from scenegen.errors import DataError
-from scenegen.render.models import models_of
+from scenegen.render.models import models_of, still_outlines
 
 from ..assets.gltf_files import BODY, document, inline, png
 
@@ -75,3 +75,36 @@ def test_scenes_without_a_gltf_mesh_have_nothing_to_draw(tmp_path):
         scenes.render(tmp_path / "out", meshes=tmp_path)
     assert caught.value.diagnostics[0].code == "no-model"
     assert not (tmp_path / "out").exists()
+
+
+def test_obj_stl_and_urdf_are_drawn_too(tmp_path):
+    ring = "v 0 0 1\nv .2 0 1\nv .2 .2 1\nv 0 .2 1.1\n"
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{ring}usemtl red\nf 1 2 3 4\n")
+    (tmp_path / "a.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    solid = '<geometry><box size=".1 .1 .1"/></geometry>'
+    seen = '<geometry><mesh filename="package://props/a.obj"/></geometry>'
+    text = f'<robot name="r"><link name="a"><visual>{seen}</visual><collision>{solid}</collision></link></robot>'
+    (tmp_path / "r.urdf").write_text(text)
+    (tmp_path / "s.spec").write_text(
+        'object a = mesh("a.obj"), r = urdf("r.urdf"), b = mesh("c.dae", box(9 cm, 9 cm, 9 cm))\ntask: leftOf(a, r)'
+    )
+    scenes = scenegen.sample(scenegen.load(tmp_path / "s.spec"), {"task": (0.2, None)}, n=1, seed=3)
+    mesh, robot, other = models_of(scenes.file(), tmp_path)
+    assert other is None and still_outlines(scenes.file()) == ("b",)
+    assert mesh[0].color == (1.0, 0.0, 0.0) and np.allclose(mesh[0].vertices[:, 2], (0, 0, 0, 0.1))
+    assert np.allclose(robot[0].vertices[:, 2], (1.05, 1.05, 1.05, 1.15))  # the collision box stands on the table
+    (tmp_path / "a.mtl").unlink()
+    with pytest.raises(DataError, match=r"a.obj, the mesh of `a`, cannot be drawn: line 1: a.mtl: no such file"):
+        models_of(scenes.file(), tmp_path)
+    (tmp_path / "a.mtl").symlink_to("/etc/passwd")
+    with pytest.raises(DataError, match=r"line 1: a.mtl is outside the folder"):
+        models_of(scenes.file(), tmp_path)
+    (tmp_path / "a.obj").write_text(f"mtllib \x1b[31mred\n{ring}f 1 2 3 4\n")
+    with pytest.raises(DataError, match=r"line 1: \?\[31mred: no such file"):  # nothing that a terminal obeys
+        models_of(scenes.file(), tmp_path)
+
+
+def test_a_texture_that_ends_early_is_refused_before_anything_is_drawn(scenes, tmp_path):
+    (tmp_path / "skin.png").write_bytes(png(64, 64)[:60])
+    with pytest.raises(DataError, match="a texture of it is damaged or cut short"):
+        models_of(scenes.file(), tmp_path)

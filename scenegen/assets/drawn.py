@@ -1,0 +1,173 @@
+"""What a file of one's own shows, to be drawn as it is: glTF, .obj, .stl, and the visual shapes of a URDF file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from scenegen.assets import gltf, wavefront
+from scenegen.assets.elements import Element, ElementsError, elements
+from scenegen.assets.filenames import ending_of, local_name
+from scenegen.assets.mesh import Floats, Mesh, box, disc, revolve
+from scenegen.assets.meshfile import MeshError, vertices
+from scenegen.assets.palette import RGB
+from scenegen.assets.surface import WHITE, Budget, Surface
+from scenegen.assets.urdf import GLTF
+from scenegen.assets.urdf_tree import Pose, UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
+
+RINGS = 16  # of a sphere, from pole to pole
+
+Read = Callable[[str], bytes]
+
+
+def mesh_surfaces(
+    name: str, data: bytes, read: Read, budget: Budget | None = None, *, painted: bool = True
+) -> tuple[Surface, ...]:
+    """The surfaces of a .glb, .gltf, .obj or .stl file, in its own unit, z upwards (as `gltf.surfaces` turns them).
+
+    `read` gives the bytes of a file that it names, relative to it; what that raises passes through. Not
+    `painted`, the colours of .obj files are left out. Raises MeshError.
+    """
+    budget = budget or Budget()
+    ending = ending_of(name)
+    if ending in GLTF:
+        return gltf.surfaces(name, data, read)
+    if ending == ".obj":
+        return wavefront.surfaces(name, data, read, budget, painted=painted)
+    corners = vertices(name, data)
+    if len(corners) % 3:
+        raise MeshError("it is cut short: a triangle in it has fewer than three corners")
+    budget.add_vertices(len(corners))
+    budget.add_triangles(len(corners) // 3)
+    return (Surface(corners, np.arange(len(corners)).reshape(-1, 3), None),)
+
+
+def robot_surfaces(data: bytes, read: Read) -> tuple[Surface, ...]:
+    """The visual shapes of a URDF file in the frame of its root link, all joints at zero; the collision shapes of one
+    that has no visual shape at all.
+
+    A mesh's own colours and textures count; what has none gets those of the shape's <material>. `read` as in
+    `mesh_surfaces`, by paths relative to the file. Raises UrdfError, with line and element.
+    """
+    try:
+        robot = elements(data)
+        links = links_of(robot)
+        shapes = [(one, pose) for link, pose in links for one in link.all("visual")]
+        shapes = shapes or [(one, pose) for link, pose in links for one in link.all("collision")]
+        if not shapes:
+            raise UrdfError("no link of it has a shape")
+        inside = [one for shape, _ in shapes for one in shape.all("material")]
+        named: dict[str, Element] = {}
+        for material in (*robot.all("material"), *inside):
+            if material.children:
+                named.setdefault(material.attributes.get("name", ""), material)
+        reader = _Reader(read, named)
+        return tuple(made for shape, pose in shapes for made in reader.surfaces(shape, pose.then(origin_of(shape))))
+    except ElementsError as error:
+        raise UrdfError(str(error)) from None
+
+
+@dataclass(slots=True)
+class _Reader:
+    read: Read
+    named: dict[str, Element]
+    budget: Budget = field(default_factory=Budget)
+    meshes: dict[str, tuple[Surface, ...]] = field(default_factory=dict)
+    textures: dict[str, bytes] = field(default_factory=dict)
+
+    def surfaces(self, shape: Element, pose: Pose) -> list[Surface]:
+        """Raises UrdfError, ElementsError."""
+        solid = solid_of(shape)
+        color, texture = self._material(shape)
+        try:
+            found = self._solid(solid)
+        except MeshError as error:
+            raise UrdfError(f"{solid.place}: {error}") from None
+        made = []
+        for one in found:
+            if one.color is None:
+                if texture and one.uv is None:
+                    raise UrdfError(f"{solid.place}: it has a texture and no places in it: only .obj meshes have them")
+                one = replace(one, color=color, texture=texture)
+            made.append(replace(one, vertices=one.vertices @ pose.turn.T + pose.at))
+        return made
+
+    def _solid(self, solid: Element) -> tuple[Surface, ...]:
+        """A shape in its own frame."""
+        match solid.tag:
+            case "box":
+                x, y, z = sizes_of(solid, "size", 3)
+                return self._counted(box(x, y, z).moved(z=-z / 2.0))
+            case "cylinder":
+                (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
+                return self._counted(disc(radius, -length / 2.0, length / 2.0))
+            case "sphere":
+                (radius,) = sizes_of(solid, "radius", 1)
+                turns = np.linspace(-np.pi / 2.0, np.pi / 2.0, RINGS + 1)[1:-1]
+                arc = [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in turns]
+                return self._counted(revolve([(0.0, -radius), *arc, (0.0, radius)], 2 * RINGS))
+            case _:
+                scale = np.array(numbers_of(solid, "scale", 3, "1 1 1"))
+                return tuple(_scaled(one, scale) for one in self._mesh(solid.get("filename")))
+
+    def _counted(self, mesh: Mesh) -> tuple[Surface, ...]:
+        self.budget.add_vertices(len(mesh.vertices))
+        self.budget.add_triangles(len(mesh.faces))
+        return (Surface(mesh.vertices, mesh.faces, None),)
+
+    def _mesh(self, name: str) -> tuple[Surface, ...]:
+        """A mesh file in its own frame, read once and counted as often as it is placed."""
+        if name in self.meshes:
+            for one in self.meshes[name]:
+                self.budget.add_vertices(len(one.vertices))
+                self.budget.add_triangles(len(one.faces))
+        else:
+            if ending_of(name) in GLTF:  # which collision shapes cannot have either
+                raise MeshError(f"mesh {name[:60]}: only .obj and .stl meshes are read in a URDF file: convert it")
+            local = local_name(name)
+            data = self.read(local)
+
+            def beside(other: str) -> bytes:
+                return self.read(str(PurePosixPath(local).parent / other))
+
+            self.budget.add_file(data)
+            try:
+                self.meshes[name] = mesh_surfaces(name, data, beside, self.budget)
+            except MeshError as error:
+                raise MeshError(f"mesh {name[:60]}: {error}") from None
+        return self.meshes[name]
+
+    def _material(self, shape: Element) -> tuple[RGB | None, bytes]:
+        """Colour and texture of a visual shape's <material>."""
+        if not (given := shape.all("material")):
+            return None, b""
+        material, name = given[0], given[0].attributes.get("name", "")
+        if not material.children and name:
+            if name not in self.named:
+                raise UrdfError(f"{material.place}: there is no material `{name[:60]}`")
+            material = self.named[name]
+        color: RGB | None = None
+        if colors := material.all("color"):
+            red, green, blue, _ = np.clip(numbers_of(colors[0], "rgba", 4), 0.0, 1.0).tolist()
+            color = red, green, blue
+        if not (textures := material.all("texture")):
+            return color, b""
+        file = textures[0].get("filename")
+        if file not in self.textures:
+            try:
+                data = self.read(local_name(file))
+                self.budget.add_file(data)
+                self.budget.add_texture(data, file)
+            except MeshError as error:
+                raise UrdfError(f"{textures[0].place}: {error}") from None
+            self.textures[file] = data
+        return color or WHITE, self.textures[file]
+
+
+def _scaled(surface: Surface, scale: Floats) -> Surface:
+    flipped = float(np.prod(scale)) < 0.0
+    faces = surface.faces[:, ::-1].copy() if flipped else surface.faces
+    return replace(surface, vertices=surface.vertices * scale, faces=faces)

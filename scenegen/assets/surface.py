@@ -1,0 +1,76 @@
+"""Surfaces that are drawn as a file shows them, and what all files of one object may hold together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenegen.assets.mesh import Floats, Indices
+from scenegen.assets.meshfile import MeshError
+from scenegen.assets.palette import RGB
+
+MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
+MOST_TRIANGLES = 4_000_000
+MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
+MOST_BYTES = 128_000_000  # of all files together
+WHITE: RGB = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """Triangles of one material: `vertices` (V, 3) in metres, z upwards; `faces` (F, 3); a colour from 0 to 1, by which
+    the `texture` (the bytes of a PNG or JPEG file, or none) is multiplied at `uv` (V, 2), v = 0 its upper edge. No
+    colour: the file names none, and the object's own is meant."""
+
+    vertices: Floats
+    faces: Indices
+    color: RGB | None
+    uv: Floats | None = None
+    texture: bytes = b""
+
+
+@dataclass(slots=True)
+class Budget:
+    """What has been read so far. Every method raises MeshError where it is too much."""
+
+    vertices: int = 0
+    triangles: int = 0
+    pixels: int = 0
+    size: int = 0
+
+    def add_vertices(self, count: int) -> None:
+        self.vertices += count
+        if self.vertices > MOST_VERTICES:
+            raise MeshError(f"its meshes have more than {MOST_VERTICES:,} vertices together")
+
+    def add_triangles(self, count: int) -> None:
+        self.triangles += count
+        if self.triangles > MOST_TRIANGLES:
+            raise MeshError(f"its meshes have more than {MOST_TRIANGLES:,} triangles together")
+
+    def add_texture(self, data: bytes, what: str) -> None:
+        self.pixels += pixels_of(data, what)
+        if self.pixels > MOST_PIXELS:
+            raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together")
+
+    def add_file(self, data: bytes) -> None:
+        self.size += len(data)
+        if self.size > MOST_BYTES:
+            raise MeshError(f"its files are larger than {MOST_BYTES:,} bytes together")
+
+
+def pixels_of(data: bytes, what: str) -> int:
+    """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
+    import io
+    import warnings
+
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+                return image.width * image.height
+    except Image.DecompressionBombError:
+        return MOST_PIXELS + 1
+    except (OSError, ValueError, SyntaxError):
+        raise MeshError(f"{what} is neither PNG nor JPEG") from None

@@ -1,0 +1,44 @@
+"""The bodies of a scene file's objects that are from files of one's own, read again from these files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scenegen.assets.meshfile import MeshError
+from scenegen.assets.own_body import OwnBody, mesh_body, robot_body
+from scenegen.assets.urdf_tree import UrdfError
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
+from scenegen.scene.data import SceneFile, ShapeData
+from scenegen.scene.own_files import is_read, own_file, reason_of
+
+
+def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
+    """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
+    shape is `mesh` of a glTF, .obj or .stl file, or `urdf`. `folder` is where the spec lay; a file outside it is not
+    read. Objects from other mesh files have none, and collide as their outline.
+
+    Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
+    were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
+    """
+    known: dict[str, OwnBody] = {}
+    bodies: dict[str, OwnBody] = {}
+    for item in file.objects:
+        if not is_read(item.shape):
+            continue
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = _body(folder, item.shape)
+        except (MeshError, UrdfError) as error:
+            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
+        bodies[item.name] = known[key]
+    if not known:
+        raise DataError(NO_MODEL())
+    return bodies
+
+
+def _body(folder: Path, shape: ShapeData) -> OwnBody:
+    file = own_file(folder, shape)
+    made = robot_body(file.data, file.beside) if file.is_robot else mesh_body(file.path, file.data, file.beside)
+    return made.moved(-file.bottom)

@@ -89,6 +89,20 @@ def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[
     it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
     file names; what that raises passes through. Raises UrdfError."""
     shadow = Shadow()
+    for points in mesh_points(name, data, read):
+        shadow.points(np.eye(3), np.zeros(3), points)
+    try:
+        footprint = shadow.footprint()
+    except OutlineError as error:
+        raise UrdfError(str(error)) from None
+    height = round(shadow.top - shadow.bottom, 9)
+    _check_sizes(footprint, height, "for a mesh in millimetres write a URDF with scale")
+    return footprint, height
+
+
+def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Floats]:
+    """The vertices (V, 3) of a mesh file's parts, in its unit, z upwards, as `mesh_outline` reads it. Raises
+    UrdfError."""
     ending = PurePosixPath(name.replace("\\", "/")).suffix.lower()
     if ending not in (*PLAIN, *GLTF):
         kind = f"{ending} files" if ending else "a file without an ending"
@@ -96,16 +110,10 @@ def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[
         raise UrdfError(f"{kind} cannot be read here: {known}")
     try:
         if ending in GLTF:
-            for surface in surfaces(name, data, read):
-                shadow.points(np.eye(3), np.zeros(3), surface.vertices[np.unique(surface.faces)])
-        else:
-            shadow.points(np.eye(3), np.zeros(3), vertices(name, data))
-        footprint = shadow.footprint()
-    except (MeshError, OutlineError) as error:
+            return [one.vertices[np.unique(one.faces)] for one in surfaces(name, data, read)]
+        return [vertices(name, data)]
+    except MeshError as error:
         raise UrdfError(str(error)) from None
-    height = round(shadow.top - shadow.bottom, 9)
-    _check_sizes(footprint, height, "for a mesh in millimetres write a URDF with scale")
-    return footprint, height
 
 
 def _outline(robot: Element, meshes: _Meshes) -> tuple[Footprint, float]:

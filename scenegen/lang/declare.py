@@ -155,20 +155,25 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
     """A file's outline; where the outline stands beside the path, the file is not read."""
     from scenegen.assets.urdf import UrdfError, mesh_outline, outline
+    from scenegen.lang.indexed import indexed
 
     kind = call.function.id
     given = bind(call, SIGNATURES[kind], source)
     if isinstance(given, Diagnostic):
         raise SpecError(given)
-    path = given["path"]
+    path = given[SIGNATURES[kind].parameters[0]]
     here = path.span(source)
     if not isinstance(path, ast.Text):
-        raise SpecError(FILE_WITHOUT_QUOTES(here, usage=SIGNATURES[kind].usage))
+        raise SpecError(
+            FILE_WITHOUT_QUOTES(here, what="an asset" if kind == "asset" else "a file", usage=SIGNATURES[kind].usage)
+        )
     if "shape" in given:
         stated: Shape = yield _shape(lowering, given["shape"], source, project)
         if stated.path or stated.asset not in PLAIN:
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
+    if kind == "asset":
+        return indexed(path.value, here, project)
     data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
 
     def beside(other: str) -> bytes:

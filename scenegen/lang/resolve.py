@@ -45,7 +45,7 @@ from scenegen.pose import NAMES
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
 SHAPES = (*PLAIN, *BUILT)  # what an object can be
-FILES = ("urdf", "mesh")  # those of them that a file says
+FILES = ("urdf", "mesh", "asset")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
 AREAS = ("rect", "circle", "polygon")  # what a region can be

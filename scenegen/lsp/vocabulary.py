@@ -59,6 +59,7 @@ _SHAPES = {
     "prism": "an upright prism over a convex polygon",
     "urdf": "a robot description file; its outline is the hull of its collision shapes",
     "mesh": "a mesh file, .obj, .stl, .glb or .gltf in metres; its outline is its convex hull",
+    "asset": 'an asset of the index assets.toml beside the spec, or of a folder\'s: "ycb/025_mug"',
     "cabinet": "a chest of drawers: how many, and by which share they are open: 0.6 is the top one, a list is one each",
     "rect": "a rectangle, by the coordinates of its sides",
     "circle": "a disc",

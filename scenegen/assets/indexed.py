@@ -175,6 +175,8 @@ def _said(text: str, error: Any) -> str:
         known = tuple(Entry.model_fields if place is not None else ("asset",))
         near = difflib.get_close_matches(key, known, 1)
         reason = "there is no such key; " + (f"did you mean `{near[0]}`?" if near else f"there are {', '.join(known)}")
+    elif place is not None and error["type"] == "model_type":
+        reason = "expected a table with a name and a file"
     elif not where:
         reason = "it has no assets: each is a table [[asset]] with a name and a file"
     elif place is not None and error["type"] == "missing":

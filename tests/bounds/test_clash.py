@@ -98,7 +98,7 @@ def test_shipped_specs_can_be_satisfied_and_that_is_found_fast(name):
         start = time.process_time()
         reach = find(spec.core, *spec.box(), {node: (0.0, np.inf)})
         assert reach.verdict == "yes"
-        assert time.process_time() - start < 2.0  # typically a tenth of that; a busy machine costs CPU time, too
+        assert time.process_time() - start < 10.0  # typically a tenth of that; a busy machine costs CPU time, too
         values = phi(spec.core, [float(value) for value in reach.witness])
         label = next(key for key, index in spec.core.labels.items() if index == node)
         assert values[label] >= 0.0

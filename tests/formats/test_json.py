@@ -107,7 +107,7 @@ def test_a_key_that_stands_twice_is_found_in_no_time():
     began = time.process_time()
     with pytest.raises(DataError, match="`k199999` stands twice"):
         load(f'{{{keys}, "k199999": 0}}'.encode(), "x.json")
-    assert time.process_time() - began < 5.0  # 0.2 s; hours where every key is counted
+    assert time.process_time() - began < 20.0  # 0.2 s; hours where every key is counted
 
 
 @pytest.mark.parametrize(

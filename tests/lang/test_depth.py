@@ -15,7 +15,7 @@ from scenegen.robustness import Robustness
 
 N = 10_000
 FEW = 1_200  # Python's recursion ends at 1,000
-BAR = 4.0 * 2.0  # seconds: the bar, and room for a busy machine
+BAR = 4.0 * 5.0  # seconds: the bar, and room for a busy machine
 
 
 def through(n):

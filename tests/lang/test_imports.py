@@ -227,4 +227,4 @@ def test_hostile_urdf_files(files, name):
     began = time.process_time()
     title, place = files.refused('object tray = urdf("tray.urdf"), mug\ntask: leftOf(mug, tray)')
     assert place == "main.spec:1:20" and title
-    assert time.process_time() - began < 1.0
+    assert time.process_time() - began < 5.0

@@ -192,6 +192,6 @@ N = 1_200  # Python's recursion ends at 1,000
 def test_deep_and_long_formulas_take_linear_time_and_room(text):
     began = time.process_time()
     once = formatted("task: " + text)
-    assert time.process_time() - began < 8.0
+    assert time.process_time() - began < 30.0
     assert len(once) < (DEEPEST + 40) * len(text)
     assert formatted(once) == once

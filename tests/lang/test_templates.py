@@ -112,4 +112,4 @@ def test_small_texts_with_many_rounds(text, monkeypatch):
     monkeypatch.setattr(lower, "MAX_INSIDE", 10_000)
     began = time.process_time()
     problems(text)
-    assert time.process_time() - began < 1.5
+    assert time.process_time() - began < 6.0

@@ -25,7 +25,7 @@ def test_a_long_file():
     began = time.process_time()
     assert json.dumps(answer(page, Question("diagnostics"))) == "[]"
     assert page.document.notes
-    assert time.process_time() - began < 10.0
+    assert time.process_time() - began < 30.0
     for feature, line, character in (
         ("completion", 5, 25),
         ("completion", LINES + LINES // 2, 8),

@@ -135,7 +135,7 @@ def test_a_newer_request_ends_the_older(page):
         if "part" not in answer:
             ends[answer["id"]] = answer
     assert "ended" in ends[older] and "done" in ends[newer]
-    assert time.perf_counter() - began < 15
+    assert time.perf_counter() - began < 60
 
 
 def test_what_takes_too_long_is_ended(page, monkeypatch):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, RequestError, SpecError
-from scenegen.errors.counts import COUNT_OUT_OF_RANGE, NUMBERS_NOT_HERE, UNKNOWN_COUNT
+from scenegen.errors.counts import COUNT_OUT_OF_RANGE, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
@@ -51,8 +51,9 @@ class Spec:
         """What the spec means for single scenes. Raises RequestError for a spec over time: whatever asks for this
         works on scenes."""
         if self.counts:
-            name, (_, most) = next(iter(self.counts.items()))
-            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=name, most=most))
+            first = self._checked.counts[0]
+            asset = first.assets[0] if first.assets else None
+            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=first.name, most=first.most, asset=asset))
         return self.drawn
 
     @property
@@ -68,8 +69,14 @@ class Spec:
         """The arrays whose number of elements is drawn, and the least and the most there can be."""
         return {one.name: (one.least, one.most) for one in self._checked.counts}
 
-    def with_counts(self, counts: Mapping[str, int]) -> Spec:
+    @property
+    def assets(self) -> dict[str, tuple[str, ...]]:
+        """The objects of categories, and the assets of which each scene draws one."""
+        return {one.name: one.assets for one in self._checked.counts if one.assets}
+
+    def with_counts(self, counts: Mapping[str, int | str]) -> Spec:
         """The spec with these numbers of things, by name; it draws the others. With all of them it is an ordinary spec.
+        Of an object of a category the asset is given by its name, or by its number in `Spec.assets`, from 1.
 
         >>> spec = scenegen.parse("object block[3..8], mug task: forall b in block: leftOf(b, mug)")
         >>> spec.counts, spec.with_counts({"block": 3}).objects
@@ -81,15 +88,23 @@ class Spec:
             raise RequestError(
                 WRONG_VALUE(argument="counts", value=repr(counts), wanted='numbers by name: {"block": 5}')
             )
-        for name, number in counts.items():
+        numbers: dict[str, int] = {}
+        for name, given in counts.items():
             if name not in self.counts:
                 raise RequestError(UNKNOWN_COUNT(name=name, known=tuple(self.counts)))
             least, most = self.counts[name]
+            assets = self.assets.get(name, ())
+            number = given
+            if isinstance(given, str) and assets:
+                if given not in assets:
+                    raise RequestError(UNKNOWN_PICK(object=name, name=given, known=assets))
+                number = assets.index(given) + 1
             if not least <= as_int("counts", number) <= most:
                 raise RequestError(COUNT_OUT_OF_RANGE(name=name, number=number, least=least, most=most))
+            numbers[name] = as_int("counts", number)
         if not counts:
             return self
-        made = check_text(self.source, self._checked.name, counts)
+        made = check_text(self.source, self._checked.name, numbers)
         return Spec(dataclasses.replace(made, title=self._checked.title))
 
     @property

@@ -25,6 +25,7 @@ from scenegen.errors.declarations import (
 from scenegen.errors.language import EMPTY_RANGE, NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
 from scenegen.lang.cabinets import cabinet
+from scenegen.lang.category import MOST_COMBINATIONS, Category, category_of, is_category
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Point
 from scenegen.lang.provenance import Frame
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_OBJECTS = 20_000
-MOST_COMBINATIONS = 64  # of numbers of things: each is a spec of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +129,24 @@ def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shap
     if one is None or one.shape is None:
         return shape_of(name)
     return run(_shape(lowering, one.shape, thing.source, project))
+
+
+def categories(lowering: Lowering, project: Project) -> dict[str, Category]:
+    """The categories of the objects that have one, by name. Raises SpecError."""
+    scope = lowering.scope
+    found: dict[str, Category] = {}
+    for name, thing in scope.things.items():
+        if thing.declaration is None or not is_category(thing.declaration.shape):
+            continue
+
+        def outlined(expr: ast.Expr, source: Source = thing.source) -> Shape:
+            made: Shape = run(_shape(lowering, expr, source, project))
+            return made
+
+        made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
+        if made is not None:
+            found[name] = made
+    return found
 
 
 def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Call[Shape]:

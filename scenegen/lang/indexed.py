@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import PurePosixPath
 
 from scenegen.assets import Shape
@@ -43,6 +44,14 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, Entry]:
 
 def indexed(path: str, here: Span, project: Project) -> Shape:
     """What the asset looks like: its outline and height, scaled and turned upright. Raises SpecError."""
+    where, name = index_of(path)
+    key = project.find(where, here), name
+    if key not in project.shapes:
+        project.shapes[key] = _read(path, here, project)
+    return replace(project.shapes[key], path=path)
+
+
+def _read(path: str, here: Span, project: Project) -> Shape:
     where, name = index_of(path)
     entries = entries_of(path, here, project)
     entry = entries.get(name)

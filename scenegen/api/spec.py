@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, RequestError, SpecError
-from scenegen.errors.counts import COUNT_OUT_OF_RANGE, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
+from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
+from scenegen.errors.counts import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
@@ -93,15 +94,10 @@ class Spec:
             if name not in self.counts:
                 raise RequestError(UNKNOWN_COUNT(name=name, known=tuple(self.counts)))
             least, most = self.counts[name]
-            assets = self.assets.get(name, ())
-            number = given
-            if isinstance(given, str) and assets:
-                if given not in assets:
-                    raise RequestError(UNKNOWN_PICK(object=name, name=given, known=assets))
-                number = assets.index(given) + 1
-            if not least <= as_int("counts", number) <= most:
+            number = _number_of(name, given, self.assets.get(name, ()))
+            if not least <= number <= most:
                 raise RequestError(COUNT_OUT_OF_RANGE(name=name, number=number, least=least, most=most))
-            numbers[name] = as_int("counts", number)
+            numbers[name] = number
         if not counts:
             return self
         made = check_text(self.source, self._checked.name, numbers)
@@ -242,6 +238,20 @@ def parse(text: str, name: str = "<spec>") -> Spec:
     if not isinstance(text, str):
         raise RequestError(NOT_A_TEXT(value=repr(text)))
     return Spec(check_text(text, name))
+
+
+def _number_of(name: str, given: int | str, assets: tuple[str, ...]) -> int:
+    """A number of things, or that of an asset, which has the name or the number that was given. Raises RequestError."""
+    if given in assets:
+        return assets.index(str(given)) + 1
+    if not isinstance(given, str):
+        return as_int("counts", given)
+    if re.fullmatch("[0-9]{1,9}", given, re.ASCII):
+        return int(given)
+    if assets:
+        raise RequestError(UNKNOWN_PICK(object=name, name=given, known=assets))
+    text = f"{name}={given}"
+    raise RequestError(COUNT_SYNTAX(Span(Source("count", text, argument=True), 0, len(text))))
 
 
 def load(path: str | Path, root: str | Path | None = None) -> Spec:

@@ -24,15 +24,13 @@ Counts = Annotated[
 ]
 
 
-def parse_counts(options: list[str] | None) -> dict[str, int | str]:
-    """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]. Raises RequestError with
-    a caret."""
-    import re
-
+def parse_counts(options: list[str] | None) -> dict[str, str]:
+    """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
+    Raises RequestError with a caret."""
     from scenegen.errors import RequestError, Source, Span
     from scenegen.errors.counts import COUNT_SYNTAX, COUNT_TWICE
 
-    found: dict[str, int | str] = {}
+    found: dict[str, str] = {}
     for text in options or ():
         here = Span(Source("count", text, argument=True), 0, len(text))
         name, _, number = (part.strip() for part in text.partition("="))
@@ -40,7 +38,7 @@ def parse_counts(options: list[str] | None) -> dict[str, int | str]:
             raise RequestError(COUNT_SYNTAX(here))
         if name in found:
             raise RequestError(COUNT_TWICE(here, name=name))
-        found[name] = int(number) if re.fullmatch("[0-9]{1,9}", number, re.ASCII) else number
+        found[name] = number
     return found
 
 

@@ -20,7 +20,6 @@ from scenegen.assets.outline import OutlineError, Shadow
 from scenegen.assets.urdf import GLTF, UrdfError, mesh_points
 from scenegen.primitives import Footprint
 
-INDEX = "assets.toml"
 MOST_BYTES = 16_000_000  # of an index: a hundred thousand entries
 LARGEST, SMALLEST = 20.0, 0.001  # metres: what is larger or smaller is in another unit than its index says
 USUAL = 2.0  # metres: sizes up to here are what a hint takes a mistaken unit to have meant

@@ -20,6 +20,8 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 if TYPE_CHECKING:
     from scenegen.assets.parts import Part
 
+INDEX = "assets.toml"  # what the index of a folder of assets is called
+
 # shapes that a spec gives sizes of their own
 PLAIN = (
     "box",

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenegen.assets import Shape
-from scenegen.assets.indexed import categories
 from scenegen.errors import Span, SpecError
 from scenegen.errors.counts import NOT_A_CATEGORY, NOT_OF_CATEGORY, TOO_MANY_COUNTS, UNKNOWN_ASSET_CATEGORY
 from scenegen.errors.declarations import FILE_WITHOUT_QUOTES
@@ -22,7 +21,7 @@ from scenegen.lang.indexed import entries_of, index_of, indexed
 from scenegen.lang.measure import SIGNATURES
 from scenegen.lang.resolve import bind
 from scenegen.lang.scope import Scope, Thing
-from scenegen.lang.spec import Count
+from scenegen.lang.spec import Count, Support
 
 WORD = "category"
 USAGE = 'category("mug")'
@@ -93,6 +92,14 @@ class Variants:
     shapes: dict[int, Shape] = field(default_factory=dict)
     more: list[tuple[int, str, Shape]] = field(default_factory=list)
 
+    def called(self, objects: Mapping[str, int]) -> tuple[str, ...]:
+        """The names of all objects, by the places of those of the spec."""
+        return (*(self.names.get(place, name) for name, place in objects.items()), *(name for _, name, _ in self.more))
+
+    def behind(self, first: int) -> dict[int, int]:
+        """The places of the objects behind those of the spec, from `first` on, and whom each takes the place of."""
+        return {first + number: place for number, (place, _, _) in enumerate(self.more)}
+
 
 def variants(scope: Scope, found: Mapping[str, Category], counts: Mapping[str, int]) -> Variants:
     """Names and shapes of the objects of categories, where `counts` says which asset some of them are. Puts what is
@@ -115,6 +122,14 @@ def variants(scope: Scope, found: Mapping[str, Category], counts: Mapping[str, i
     return made
 
 
+def refuse_surfaces(thing: Thing, options: Sequence[Sequence[Support]], here: Span) -> None:
+    """Raises SpecError for an object of a category that stands on one of several surfaces."""
+    kind = thing.declaration is not None and is_category(thing.declaration.shape)
+    if kind and any(len(one) > 1 for one in options):
+        what = "it stands on another surface in each scene"
+        raise SpecError(NOT_OF_CATEGORY(here, name=thing.name.id, what=what))
+
+
 def picked(name: str, category: Category, arrayed: bool, counts: Mapping[str, int]) -> tuple[int, ...]:
     """The picks of a category with those of `counts`; 0 is drawn."""
     elements = [f"{name}[{k}]" for k in range(1, len(category.picks) + 1)] if arrayed else [name]
@@ -128,6 +143,8 @@ def _refuse_many(combinations: int, here: Span, thing: Thing) -> None:
 
 
 def _named(path: str, here: Span, project: Project) -> list[str]:
+    from scenegen.assets.indexed import categories
+
     where, name = index_of(path)
     known = categories(entries_of(path, here, project))
     if name not in known:

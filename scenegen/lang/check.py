@@ -8,7 +8,6 @@ from pathlib import Path
 
 from scenegen.assets import Shape
 from scenegen.errors import Source, Span, SpecError
-from scenegen.errors.counts import NOT_OF_CATEGORY
 from scenegen.errors.declarations import (
     CONSTANT_LABEL,
     CONSTANT_REQUIREMENT,
@@ -19,7 +18,7 @@ from scenegen.errors.temporal import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHO
 from scenegen.lang import ast
 from scenegen.lang.builder import TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
-from scenegen.lang.category import Category, Variants, is_category, variants
+from scenegen.lang.category import Category, Variants, is_category, refuse_surfaces
 from scenegen.lang.constants import check_constants
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.counts import always_the_same, family
@@ -122,10 +121,8 @@ def _expand(
     kinds, other = dict[str, Category](), Variants()
     if not stage.problems:
         with stage:
-            found = categories(lowering, project)
-            kinds, other = found, variants(scope, found, counts)
-        named = (other.names.get(place, name) for name, place in scope.objects.items())
-        builder.objects = (*named, *(name for _, name, _ in other.more))
+            kinds, other = categories(lowering, project, counts)
+        builder.objects = other.called(scope.objects)
     shapes, fixed = list[Shape](), dict[int, Pose]()
     for thing in scope.things.values():
         if stage.full:
@@ -140,7 +137,7 @@ def _expand(
         with stage:
             fixed.update(zip(places, pose(lowering, thing, space), strict=False))
     shapes.extend(looks for _, _, looks in other.more)
-    also = {len(scope.objects) + number: place for number, (place, _, _) in enumerate(other.more)}
+    also = other.behind(len(scope.objects))
     fixed.update({place: fixed[like] for place, like in also.items() if like in fixed})
     lasts, moves = _time(placed, lowering, stage)
     stage.close()
@@ -261,9 +258,7 @@ def _supports(
             spans.update((place, one.support.span(thing.source)) for place in places)
             with stage:
                 found.update(supports(lowering, thing, places))
-                if is_category(one.shape) and any(len(found[place]) > 1 for place in places):
-                    what = "it stands on another surface in each scene"
-                    raise SpecError(NOT_OF_CATEGORY(spans[places[0]], name=thing.name.id, what=what))
+                refuse_surfaces(thing, [found[place] for place in places], spans[places[0]])
     found.update({place: found[like] for place, like in also.items() if like in found})
     spans.update({place: spans[like] for place, like in also.items() if like in spans})
     if stage.problems:

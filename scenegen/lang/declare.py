@@ -25,7 +25,7 @@ from scenegen.errors.declarations import (
 from scenegen.errors.language import EMPTY_RANGE, NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
 from scenegen.lang.cabinets import cabinet
-from scenegen.lang.category import MOST_COMBINATIONS, Category, category_of, is_category
+from scenegen.lang.category import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Point
 from scenegen.lang.provenance import Frame
@@ -131,8 +131,9 @@ def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shap
     return run(_shape(lowering, one.shape, thing.source, project))
 
 
-def categories(lowering: Lowering, project: Project) -> dict[str, Category]:
-    """The categories of the objects that have one, by name. Raises SpecError."""
+def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) -> tuple[dict[str, Category], Variants]:
+    """The categories of the objects that have one, by name, and what these objects are where `counts` says so. Raises
+    SpecError."""
     scope = lowering.scope
     found: dict[str, Category] = {}
     for name, thing in scope.things.items():
@@ -146,7 +147,7 @@ def categories(lowering: Lowering, project: Project) -> dict[str, Category]:
         made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
         if made is not None:
             found[name] = made
-    return found
+    return found, variants(scope, found, counts)
 
 
 def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Call[Shape]:

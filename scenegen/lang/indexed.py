@@ -6,10 +6,10 @@ import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
 
 from scenegen.assets import Shape
-from scenegen.assets.indexed import INDEX, AssetSizeError, Entry, IndexFileError, fitted, read_index
-from scenegen.assets.urdf import UrdfError
+from scenegen.assets.library import INDEX
 from scenegen.errors import Span, SpecError
 from scenegen.errors.declarations import (
     ASSET_SIZE,
@@ -19,6 +19,9 @@ from scenegen.errors.declarations import (
     UNUSABLE_SHAPE_FILE,
 )
 from scenegen.lang.imports import Project
+
+if TYPE_CHECKING:
+    from scenegen.assets.indexed import Entry
 
 SHOWN = 8  # names that a help line lists
 
@@ -31,6 +34,8 @@ def index_of(path: str) -> tuple[str, str]:
 
 def entries_of(path: str, here: Span, project: Project) -> Mapping[str, Entry]:
     """The entries of the index that `path` names. Raises SpecError."""
+    from scenegen.assets.indexed import IndexFileError, read_index
+
     where, name = index_of(path)
     file = project.find(where, here)
     with contextlib.suppress(OSError):  # of a folder that is closed to us, which reading names
@@ -52,6 +57,9 @@ def indexed(path: str, here: Span, project: Project) -> Shape:
 
 
 def _read(path: str, here: Span, project: Project) -> Shape:
+    from scenegen.assets.indexed import AssetSizeError, fitted
+    from scenegen.assets.urdf import UrdfError
+
     where, name = index_of(path)
     entries = entries_of(path, here, project)
     entry = entries.get(name)

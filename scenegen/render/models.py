@@ -9,7 +9,8 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.assets.gltf import Surface, surfaces
-from scenegen.assets.indexed import INDEX, Entry, IndexFileError, fitted, read_index
+from scenegen.assets.indexed import Entry, IndexFileError, fitted, read_index
+from scenegen.assets.library import INDEX
 from scenegen.assets.meshfile import MeshError
 from scenegen.assets.urdf import GLTF, UrdfError, mesh_outline
 from scenegen.errors import DataError

@@ -112,7 +112,7 @@ def page() -> str:
     for title, file, first in SECTIONS:
         out += [f"\n## {title}\n", *table(file, first)]
     out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in {**HEIGHTS, **LIST_FUNCTIONS}.items()]
-    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in FILES)
+    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in (*FILES, "category"))
     out.append(
         f"\n## Shapes, and surfaces to stand on\n\nOf objects (`= SHAPE`) and of regions (the last three): {shapes}."
     )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from scenegen.scene.data import Pose, SceneData, SceneFile
+from scenegen.scene.numbers import element
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +33,13 @@ class Scene:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many things there are, by array of objects, where that is drawn."""
-        return {
-            one.name: sum(f"{one.name}[{k}]" in self.poses for k in range(1, one.most + 1))
-            for one in self.header.counts
-        }
+        """How many things there are, by array of objects, where that is drawn; of an object of a category the number of
+        its asset, from 1."""
+        found: dict[str, int] = {}
+        for one in self.header.counts:
+            here = [k for k in range(1, one.most + 1) if element(one, k) in self.poses]
+            found[one.name] = here[0] if one.assets else len(here)
+        return found
 
     def file(self) -> SceneFile:
         """A scene file with this scene alone."""

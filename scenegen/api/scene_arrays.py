@@ -69,11 +69,18 @@ class SceneArrays:
 
     @property
     def counts(self) -> dict[str, npt.NDArray[np.intp]]:
-        """How many things there are, (n,) by array of objects, where that is drawn: others have NaN in `poses`."""
+        """How many things there are, (n,) by array of objects, where that is drawn: others have NaN in `poses`. Of an
+        object of a category the number of its asset, from 1."""
         if not self.header.counts:
             return {}
         numbers = numbers_in(self.objects, self.header.counts, self.present)
         return {one.name: number for one, number in zip(self.header.counts, numbers, strict=True)}
+
+    @property
+    def assets(self) -> dict[str, list[str]]:
+        """Which asset it is in each scene, by object of a category."""
+        known = {one.name: one.assets for one in self.header.counts if one.assets}
+        return {name: [known[name][k - 1] for k in each] for name, each in self.counts.items() if name in known}
 
     @property
     def present(self) -> npt.NDArray[np.bool_]:
@@ -158,7 +165,9 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
             ObjectData(name=name, shape=_shape_data(shape), support=_support_data(spec, which))
             for which, (name, shape) in enumerate(zip(spec.objects, spec.shapes, strict=True))
         ],
-        counts=[CountData(name=one.name, least=one.least, most=one.most) for one in spec.counts],
+        counts=[
+            CountData(name=one.name, least=one.least, most=one.most, assets=list(one.assets)) for one in spec.counts
+        ],
         regions=[
             RegionData(
                 name=region.name,

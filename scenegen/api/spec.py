@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, RequestError, SpecError
-from scenegen.errors.counts import COUNT_OUT_OF_RANGE, NUMBERS_NOT_HERE, UNKNOWN_COUNT
+from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
+from scenegen.errors.counts import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
@@ -51,8 +52,9 @@ class Spec:
         """What the spec means for single scenes. Raises RequestError for a spec over time: whatever asks for this
         works on scenes."""
         if self.counts:
-            name, (_, most) = next(iter(self.counts.items()))
-            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=name, most=most))
+            first = self._checked.counts[0]
+            asset = first.assets[0] if first.assets else None
+            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=first.name, most=first.most, asset=asset))
         return self.drawn
 
     @property
@@ -68,8 +70,14 @@ class Spec:
         """The arrays whose number of elements is drawn, and the least and the most there can be."""
         return {one.name: (one.least, one.most) for one in self._checked.counts}
 
-    def with_counts(self, counts: Mapping[str, int]) -> Spec:
+    @property
+    def assets(self) -> dict[str, tuple[str, ...]]:
+        """The objects of categories, and the assets of which each scene draws one."""
+        return {one.name: one.assets for one in self._checked.counts if one.assets}
+
+    def with_counts(self, counts: Mapping[str, int | str]) -> Spec:
         """The spec with these numbers of things, by name; it draws the others. With all of them it is an ordinary spec.
+        Of an object of a category the asset is given by its name, or by its number in `Spec.assets`, from 1.
 
         >>> spec = scenegen.parse("object block[3..8], mug task: forall b in block: leftOf(b, mug)")
         >>> spec.counts, spec.with_counts({"block": 3}).objects
@@ -81,15 +89,18 @@ class Spec:
             raise RequestError(
                 WRONG_VALUE(argument="counts", value=repr(counts), wanted='numbers by name: {"block": 5}')
             )
-        for name, number in counts.items():
+        numbers: dict[str, int] = {}
+        for name, given in counts.items():
             if name not in self.counts:
                 raise RequestError(UNKNOWN_COUNT(name=name, known=tuple(self.counts)))
             least, most = self.counts[name]
-            if not least <= as_int("counts", number) <= most:
+            number = _number_of(name, given, self.assets.get(name, ()))
+            if not least <= number <= most:
                 raise RequestError(COUNT_OUT_OF_RANGE(name=name, number=number, least=least, most=most))
+            numbers[name] = number
         if not counts:
             return self
-        made = check_text(self.source, self._checked.name, counts)
+        made = check_text(self.source, self._checked.name, numbers)
         return Spec(dataclasses.replace(made, title=self._checked.title))
 
     @property
@@ -227,6 +238,20 @@ def parse(text: str, name: str = "<spec>") -> Spec:
     if not isinstance(text, str):
         raise RequestError(NOT_A_TEXT(value=repr(text)))
     return Spec(check_text(text, name))
+
+
+def _number_of(name: str, given: int | str, assets: tuple[str, ...]) -> int:
+    """A number of things, or that of an asset, which has the name or the number that was given. Raises RequestError."""
+    if given in assets:
+        return assets.index(str(given)) + 1
+    if not isinstance(given, str):
+        return as_int("counts", given)
+    if re.fullmatch("[0-9]{1,9}", given, re.ASCII):
+        return int(given)
+    if assets:
+        raise RequestError(UNKNOWN_PICK(object=name, name=given, known=assets))
+    text = f"{name}={given}"
+    raise RequestError(COUNT_SYNTAX(Span(Source("count", text, argument=True), 0, len(text))))
 
 
 def load(path: str | Path, root: str | Path | None = None) -> Spec:

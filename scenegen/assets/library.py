@@ -20,6 +20,8 @@ from scenegen.primitives import Box, Circle, Footprint, Polygon
 if TYPE_CHECKING:
     from scenegen.assets.parts import Part
 
+INDEX = "assets.toml"  # what the index of a folder of assets is called
+
 # shapes that a spec gives sizes of their own
 PLAIN = (
     "box",
@@ -27,6 +29,7 @@ PLAIN = (
     "prism",
     "urdf",
     "mesh",
+    "asset",
 )
 
 
@@ -55,8 +58,9 @@ class Asset:
 @dataclass(frozen=True, slots=True)
 class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
-    `prism`, `urdf` and `mesh` with sizes of its own. Footprint and height in metres; `path` is the last two's file,
-    `open` the shares by which the drawers of a `cabinet(...)` are open, the lowest first."""
+    `prism`, `urdf`, `mesh` and `asset` with sizes of its own. Footprint and height in metres; `path` is the file of a
+    `urdf` or `mesh`, and the name of an `asset` after its folder's; `open` the shares by which the drawers of a
+    `cabinet(...)` are open, the lowest first."""
 
     asset: str
     footprint: Footprint

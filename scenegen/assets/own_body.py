@@ -34,15 +34,18 @@ class OwnBody:
     mass: float | None = None
     friction: float | None = None
 
-    def moved(self, z: float) -> OwnBody:
-        return OwnBody(tuple(one.moved(z=z) for one in self.pieces), self.mass, self.friction)
+    def moved(self, offset: Floats) -> OwnBody:
+        """By an offset (3,) in metres."""
+        return OwnBody(tuple(one.moved(*offset.tolist()) for one in self.pieces), self.mass, self.friction)
 
 
-def mesh_body(name: str, data: bytes, read: Read) -> OwnBody:
+def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None) -> OwnBody:
     """The body of a .glb, .gltf, .obj or .stl file: convex pieces; no mass or friction, which such files do not have.
+    `matrix` (3, 3) turns and scales it, without mirroring, to metres; without it, the file is in metres.
     `read` as in `drawn.mesh_surfaces`; colours of .obj files are not read. Raises MeshError, and RequestError as
     `convex_pieces`."""
-    return OwnBody(convex_pieces(_solid_mesh(name, data, read, Budget())))
+    mesh = _solid_mesh(name, data, read, Budget())
+    return OwnBody(convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ matrix.T, mesh.faces)))
 
 
 def robot_body(data: bytes, read: Read) -> OwnBody:

@@ -89,6 +89,14 @@ def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes]) -> Shadow:
 def mesh_shadow(name: str, data: bytes, read: Callable[[str], bytes]) -> Shadow:
     """The shadow of what `mesh_outline` measures. Raises UrdfError."""
     shadow = Shadow()
+    for points in mesh_points(name, data, read):
+        shadow.points(np.eye(3), np.zeros(3), points)
+    return shadow
+
+
+def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Floats]:
+    """The vertices (V, 3) of a mesh file's parts, in its unit, z upwards, as `mesh_outline` reads it. Raises
+    UrdfError."""
     ending = ending_of(name)
     if ending not in (*PLAIN, *GLTF):
         kind = f"{ending} files" if ending else "a file without an ending"
@@ -96,13 +104,10 @@ def mesh_shadow(name: str, data: bytes, read: Callable[[str], bytes]) -> Shadow:
         raise UrdfError(f"{kind} cannot be read here: {known}")
     try:
         if ending in GLTF:
-            for surface in surfaces(name, data, read):
-                shadow.points(np.eye(3), np.zeros(3), surface.vertices[np.unique(surface.faces)])
-        else:
-            shadow.points(np.eye(3), np.zeros(3), vertices(name, data))
+            return [one.vertices[np.unique(one.faces)] for one in surfaces(name, data, read)]
+        return [vertices(name, data)]
     except MeshError as error:
         raise UrdfError(str(error)) from None
-    return shadow
 
 
 def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:

@@ -17,29 +17,28 @@ Counts = Annotated[
     list[str] | None,
     typer.Option(
         "--count",
-        help="How many there are of things whose number the spec draws; repeat for more.",
+        help="How many there are of things whose number the spec draws, or which asset; repeat for more.",
         metavar="NAME=N",
         show_default=False,
     ),
 ]
 
 
-def parse_counts(options: list[str] | None) -> dict[str, int]:
-    """The numbers of `--count` options as typed, e.g. ["block=5"]. Raises RequestError with a caret."""
-    import re
-
+def parse_counts(options: list[str] | None) -> dict[str, str]:
+    """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
+    Raises RequestError with a caret."""
     from scenegen.errors import RequestError, Source, Span
     from scenegen.errors.counts import COUNT_SYNTAX, COUNT_TWICE
 
-    found: dict[str, int] = {}
+    found: dict[str, str] = {}
     for text in options or ():
         here = Span(Source("count", text, argument=True), 0, len(text))
         name, _, number = (part.strip() for part in text.partition("="))
-        if not name or not re.fullmatch("[0-9]{1,9}", number, re.ASCII):
+        if not name or not number:
             raise RequestError(COUNT_SYNTAX(here))
         if name in found:
             raise RequestError(COUNT_TWICE(here, name=name))
-        found[name] = int(number)
+        found[name] = number
     return found
 
 

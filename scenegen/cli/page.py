@@ -101,8 +101,12 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
     ]
     free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
     if checked.counts:
-        drawn = ", ".join(f"{one.least} to {one.most} {one.name}" for one in checked.counts)
-        yield f"  numbers    {drawn}: {len(checked.members)} specs; what follows is that of the most"
+        drawn = ", ".join(f"{one.least} to {one.most} {one.name}" for one in checked.counts if not one.assets)
+        kinds = "; ".join(f"{one.name} is {' or '.join(one.assets)}" for one in checked.counts if one.assets)
+        if drawn:
+            yield f"  numbers    {drawn}: {len(checked.members)} specs; what follows is that of the most"
+        if kinds:
+            yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
     regions = [one.name for one in checked.regions]
     for kind, names in (("objects", free if width is None else arrays(free)), ("fixed", held), ("regions", regions)):
         if not names:

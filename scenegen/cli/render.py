@@ -264,7 +264,7 @@ def draw(
         )
     took = time.perf_counter() - started
     _note_unknown(scenes)
-    if meshes is not None and (left := still_outlines(scenes.header)):
+    if meshes is not None and (left := still_outlines(scenes.header, meshes)):
         note(STILL_OUTLINES(names=left))
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")

@@ -60,7 +60,8 @@ def _how(info: Mapping[str, Any]) -> str:
     if info["method"] == "numbered":
         methods = ", ".join(dict.fromkeys(part["method"] for part in info["numbers"]))
         equal = " in equal shares" if all("share" in part for part in info["numbers"]) else ""
-        return f"{len(info['numbers'])} numbers of things{equal}, by {methods}"
+        what = "choices of assets" if any("assets" in part for part in info["numbers"]) else "numbers of things"
+        return f"{len(info['numbers'])} {what}{equal}, by {methods}"
     if info["method"] == "paired":
         methods = ", ".join(part["method"] for part in info["components"])
         return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"

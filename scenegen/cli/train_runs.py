@@ -30,7 +30,7 @@ class Training:
     seconds: float
     log_dir: Path | None
     root: Path | None
-    counts: dict[str, int]
+    counts: dict[str, str]
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
         from scenegen.api.spec import load

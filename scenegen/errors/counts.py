@@ -7,9 +7,12 @@ from scenegen.errors.diagnostic import NEAREST, Kind
 # in specs
 TOO_MANY_COUNTS = Kind(
     "too-many-counts",
-    "{combinations:,} combinations of numbers, more than {limit}",
+    (
+        "{combinations:,} combinations with the assets of `{asset}`, more than {limit}",
+        "{combinations:,} combinations of numbers, more than {limit}",
+    ),
     "each is a spec of its own",
-    "narrow the range",
+    ('{asset:?}take fewer assets, drawn by a seed: category("...", most = 4, seed = 1)', "narrow the range"),
 )
 MAY_BE_MISSING = Kind(
     "may-be-missing",
@@ -24,6 +27,17 @@ ONE_NUMBER = Kind(
     "write {name}[{least}]",
     severity="warning",
 )
+UNKNOWN_ASSET_CATEGORY = Kind(
+    "unknown-asset-category",
+    "no asset of {path} has the category `{name}`",
+    help=(NEAREST, "it has {known:list}", 'write category = "{name}" below the assets that have it'),
+)
+NOT_A_CATEGORY = Kind("not-a-category", "this does not say of which category an object is", help="write {usage}")
+NOT_OF_CATEGORY = Kind(
+    "not-of-category",
+    "`{name}` cannot be of a category: {what}",
+    help='write {name} = asset("025_mug")',
+)
 COUNT_OF_LEVELS = Kind(
     "count-of-levels",
     "the number of levels of a region cannot be drawn",
@@ -31,9 +45,12 @@ COUNT_OF_LEVELS = Kind(
 )
 DEPENDS_ON_NUMBER = Kind(
     "depends-on-number",
-    "{what} depends on how many things there are",
+    ("{asset:?}{what} depends on which assets are drawn", "{what} depends on how many things there are"),
     "it is not the same with {counted} and with {most}",
-    "write numbers here that do not depend on the number of things",
+    (
+        "{asset:?}nothing stands on an object of a category: its heights differ",
+        "write numbers here that do not depend on the number of things",
+    ),
     note="scene files say it once, for all scenes",
 )
 NUMBERS_OVER_TIME = Kind(
@@ -45,20 +62,33 @@ NUMBERS_OVER_TIME = Kind(
 # in requests
 NUMBERS_NOT_HERE = Kind(
     "numbers-not-here",
-    "{file} draws how many things there are: this takes specs in which the numbers are fixed",
-    help="fix them: `--count {name}={most}`, `with_counts` in Python, or {name}[{most}] in the spec",
+    (
+        "{asset:?}{file} draws which asset `{name}` is: this takes specs in which the objects are fixed",
+        "{file} draws how many things there are: this takes specs in which the numbers are fixed",
+    ),
+    help=(
+        "fix it: `--count {name}={asset}`, or `with_counts` in Python",
+        "fix them: `--count {name}={most}`, `with_counts` in Python, or {name}[{most}] in the spec",
+    ),
 )
 UNKNOWN_COUNT = Kind(
     "unknown-count",
     "the spec draws no number of `{name}`",
     help=(NEAREST, "it draws the numbers of {known:list}", "it draws no number of things"),
 )
+UNKNOWN_PICK = Kind(
+    "unknown-pick", "`{object}` cannot be the asset `{name}`", help=(NEAREST, "the spec draws one of {known:list}")
+)
 COUNT_OUT_OF_RANGE = Kind(
     "count-out-of-range",
     "there cannot be {number} of `{name}`",
     help="the spec draws {least} to {most}",
 )
-COUNT_SYNTAX = Kind("count-syntax", "a number of things is written NAME=NUMBER", help="for instance: `<count=block=5>`")
+COUNT_SYNTAX = Kind(
+    "count-syntax",
+    "a number of things is written NAME=NUMBER",
+    help="for instance: `<count=block=5>`; of an object of a category the asset: `<count=mug=025_mug>`",
+)
 COUNT_TWICE = Kind("count-twice", "the number of `{name}` is given twice")
 HELD_MAY_BE_MISSING = Kind(
     "held-may-be-missing",
@@ -93,6 +123,12 @@ ONE_FILE_MANY_NUMBERS = Kind(
 )
 NUMBERS_IN_FILE = Kind(
     "numbers-in-file",
-    "these scenes differ in how many things there are: {what} takes scenes of the same objects",
-    help="sample them with fixed numbers: `--count {name}={most}`",
+    (
+        "{asset:?}these scenes differ in which asset `{name}` is: {what} takes scenes of the same objects",
+        "these scenes differ in how many things there are: {what} takes scenes of the same objects",
+    ),
+    help=(
+        "sample them with one asset: `--count {name}={asset}`",
+        "sample them with fixed numbers: `--count {name}={most}`",
+    ),
 )

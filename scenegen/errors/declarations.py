@@ -20,8 +20,27 @@ NOT_A_SHAPE = Kind(
     (NEAREST, "write the name of an asset, or {usages}"),
 )
 NOT_AN_OUTLINE = Kind("not-an-outline", "this is no outline", help='write {kind}("{path}", box(length, width, height))')
-FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "a file is named in double quotes", help="write {usage}")
+FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNUSABLE_SHAPE_FILE = Kind("unusable-shape-file", "{path} cannot be used: {reason}")
+NO_ASSET_INDEX = Kind(
+    "no-asset-index",
+    "there is no {path}",
+    "this asset is looked up in it",
+    'docs/assets.md shows how to write one; of an index in a folder write asset("folder/{name}")',
+)
+BAD_ASSET_INDEX = Kind(
+    "bad-asset-index", "{path} cannot be used: {reason}", help="docs/assets.md shows what an index has"
+)
+UNKNOWN_INDEXED_ASSET = Kind(
+    "unknown-indexed-asset",
+    "{path} has no asset `{name}`",
+    help=(NEAREST, "it has {some:list}[[ and {more:,} more]]"),
+)
+ASSET_SIZE = Kind(
+    "asset-size",
+    "`{name}` would measure {size:.3g} m",
+    help=("{hint}", "`scale` in the index is how many metres a unit of its file is"),
+)
 SIZE_OUT_OF_RANGE = Kind(
     "size-out-of-range", "{what} cannot be {size:g} m", "sizes lie between {least:g} and {most:,.0f} m"
 )

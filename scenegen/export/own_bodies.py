@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from scenegen.assets.meshfile import MeshError
@@ -15,8 +16,8 @@ from scenegen.scene.own_files import is_read, own_file, reason_of
 
 def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
     """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
-    shape is `mesh` of a glTF, .obj or .stl file, or `urdf`. `folder` is where the spec lay; a file outside it is not
-    read. Objects from other mesh files have none, and collide as their outline.
+    shape is `mesh` or `asset` of a glTF, .obj or .stl file, or `urdf`. `folder` is where the spec lay; a file outside
+    it is not read. Objects from other mesh files have none, and collide as their outline.
 
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
@@ -24,10 +25,10 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
     known: dict[str, OwnBody] = {}
     bodies: dict[str, OwnBody] = {}
     for item in file.objects:
-        if not is_read(item.shape):
-            continue
         key = item.shape.model_dump_json()
         try:
+            if not is_read(item.shape, folder):
+                continue
             if key not in known:
                 known[key] = _body(folder, item.shape)
         except (MeshError, UrdfError) as error:
@@ -40,5 +41,9 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
 
 def _body(folder: Path, shape: ShapeData) -> OwnBody:
     file = own_file(folder, shape)
-    made = robot_body(file.data, file.beside) if file.is_robot else mesh_body(file.path, file.data, file.beside)
-    return made.moved(-file.bottom)
+    if file.is_robot:
+        made = robot_body(file.data, file.beside)
+    else:
+        made = mesh_body(file.path, file.data, file.beside, file.matrix)
+        made = replace(made, mass=file.mass, friction=file.friction)
+    return made.moved(file.offset)

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
+from scenegen.scene.count_data import CountData
 from scenegen.scene.data import SceneData, SceneFile
+from scenegen.scene.numbers import element
 from scenegen.scene.stage import overlaps_of
 
 SHOWN = 64  # maximum number of scenes
@@ -70,9 +72,11 @@ def flow(items: Sequence[Item], font: Font, width: float, space: str) -> list[li
     return lines
 
 
-def _caption(number: int, scene: SceneData, overlaps: Sequence[str], font: Font, width: float) -> list[list[Item]]:
+def _caption(
+    number: int, scene: SceneData, drawn: Sequence[CountData], overlaps: Sequence[str], font: Font, width: float
+) -> list[list[Item]]:
     items: list[Item] = [(f"#{number}", QUIET)]
-    items += [(cut(f"{name}[{many}]", font, width), QUIET) for name, many in (scene.counts or {}).items()]
+    items += [(cut(element(one, (scene.counts or {})[one.name]), font, width), QUIET) for one in drawn]
     for label, value in scene.phi.items():
         figure = f" {round(value, 3) + 0.0:g}" if abs(value) >= 5e-4 or value == 0 else f" {value:.1g}"
         # A long label is shortened, its number is not.
@@ -110,7 +114,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
         columns += 1  # no row with gaps
     inner = max(columns * cell + (columns - 1) * GAP, 480)
     overlaps = overlaps_of(file.model_copy(update={"scenes": file.scenes[:count]}))
-    captions = [_caption(k + 1, file.scenes[k], overlaps[k], small, cell) for k in range(count)]
+    captions = [_caption(k + 1, file.scenes[k], file.counts, overlaps[k], small, cell) for k in range(count)]
     rows = [captions[start : start + columns] for start in range(0, count, columns)]
 
     many = f"{total} scene{'s' * (total != 1)}"

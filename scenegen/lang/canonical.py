@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from scenegen.assets import Shape
 from scenegen.errors import Source
 from scenegen.lang import ast
+from scenegen.lang.category import WORD, Category, picked
 from scenegen.lang.imports import Placed
 from scenegen.lang.print import print_module
 from scenegen.lang.resolve import FILES
@@ -24,16 +25,26 @@ def canonical(
     scope: Scope,
     shapes: Sequence[Shape],
     counts: Mapping[str, int],
+    kinds: Mapping[str, Category],
 ) -> str:
-    """The canonical text; `shapes` has one entry per object, `counts` the numbers of things that are drawn no more."""
+    """The canonical text; `shapes` has one entry per object, `counts` the numbers of things that are drawn no more,
+    `kinds` the categories of objects."""
     statements = tuple(
-        _resolved(one.statement, scope, shapes, counts) if isinstance(one.statement, ast.Objects) else one.statement
+        _resolved(one.statement, scope, shapes, counts, kinds)
+        if isinstance(one.statement, ast.Objects)
+        else one.statement
         for one in placed
     )
     return print_module(ast.Module(Source("", ""), statements, bare))
 
 
-def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape], counts: Mapping[str, int]) -> ast.Objects:
+def _resolved(
+    statement: ast.Objects,
+    scope: Scope,
+    shapes: Sequence[Shape],
+    counts: Mapping[str, int],
+    kinds: Mapping[str, Category],
+) -> ast.Objects:
     """The statement with every file's outline written out, and every number that is drawn no more."""
     declarations = []
     for one in statement.declarations:
@@ -48,8 +59,26 @@ def _resolved(statement: ast.Objects, scope: Scope, shapes: Sequence[Shape], cou
             one = ast.Declaration(
                 one.name, one.count, ast.Call(call.function, arguments), one.pose, one.support, one.choice
             )
+        if one.name.id in kinds:
+            shape = _category(
+                kinds[one.name.id], picked(one.name.id, kinds[one.name.id], one.count is not None, counts)
+            )
+            one = ast.Declaration(one.name, one.count, shape, one.pose, one.support, one.choice)
         declarations.append(one)
     return ast.Objects(tuple(declarations))
+
+
+def _category(kind: Category, picks: Sequence[int]) -> ast.Call:
+    """The category with its assets and their outlines; with what is drawn no more."""
+    function, asset = ast.Name(WORD), ast.Name("asset")
+    each = [
+        ast.Call(asset, (ast.Argument(None, ast.Text(one.path)), ast.Argument(None, _outline(one))))
+        for one in kind.assets
+    ]
+    arguments = [ast.Argument(None, ast.Text(kind.path)), ast.Argument(None, ast.List(tuple(each)))]
+    if any(picks):
+        arguments.append(ast.Argument(None, ast.List(tuple(ast.Quantity(str(pick), "") for pick in picks))))
+    return ast.Call(function, tuple(arguments))
 
 
 def _outline(looks: Shape) -> ast.Call:

@@ -18,10 +18,11 @@ from scenegen.errors.temporal import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHO
 from scenegen.lang import ast
 from scenegen.lang.builder import TRUE, CoreBuilder, TooLarge
 from scenegen.lang.canonical import canonical
+from scenegen.lang.category import Category, Variants, is_category, refuse_surfaces
 from scenegen.lang.constants import check_constants
 from scenegen.lang.core import Coord, Core, children
 from scenegen.lang.counts import always_the_same, family
-from scenegen.lang.declare import name_objects, pose, shape
+from scenegen.lang.declare import categories, name_objects, pose, shape
 from scenegen.lang.formulas import lower_labels, lower_requirement
 from scenegen.lang.headings import headings_compared
 from scenegen.lang.horizon import Horizon, Movers
@@ -117,18 +118,27 @@ def _expand(
     lowering.areas["workspace"] = whole(space)
     with stage:
         scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()), counts)
+    kinds, other = dict[str, Category](), Variants()
     if not stage.problems:
-        builder.objects = tuple(scope.objects)
-    shapes, fixed = [], dict[int, Pose]()
+        with stage:
+            kinds, other = categories(lowering, project, counts)
+        builder.objects = other.called(scope.objects)
+    shapes, fixed = list[Shape](), dict[int, Pose]()
     for thing in scope.things.values():
         if stage.full:
             break
         places = scope.arrays.get(thing.name.id) or (scope.objects.get(thing.name.id, 0),)
         with stage:
-            looks = shape(lowering, thing, thing.name.id, project)
-            shapes.extend([looks] * len(places))
+            if thing.name.id in kinds:
+                shapes.extend(other.shapes[place] for place in places)
+            elif thing.declaration is None or not is_category(thing.declaration.shape):
+                looks = shape(lowering, thing, thing.name.id, project)
+                shapes.extend([looks] * len(places))
         with stage:
             fixed.update(zip(places, pose(lowering, thing, space), strict=False))
+    shapes.extend(looks for _, _, looks in other.more)
+    also = other.behind(len(scope.objects))
+    fixed.update({place: fixed[like] for place, like in also.items() if like in fixed})
     lasts, moves = _time(placed, lowering, stage)
     stage.close()
     if lasts is not None:
@@ -146,7 +156,7 @@ def _expand(
     standing: list[int] = []
     if not stage.problems:
         with stage:
-            space, standing = _supports(scope, lowering, shapes, fixed, space, stage)
+            space, standing = _supports(scope, lowering, shapes, fixed, space, stage, also)
     check_constants(scope, lowering, stage)
     if not stage.problems:
         _refuse_nothing_free(scope, fixed, stage)
@@ -174,7 +184,7 @@ def _expand(
     )
     alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
     drawn = tuple(one for one in scope.counts.values() if one.name not in counts and one.name not in alone)
-    text = canonical(placed, bare, scope, shapes, {**alone, **counts})
+    text = canonical(placed, bare, scope, shapes, {**alone, **counts}, kinds)
     warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core), *lowering.noticed]
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
@@ -228,7 +238,13 @@ def _refuse_endless(timed: Timed, placed: Sequence[Placed], bare: ast.Expr | Non
 
 
 def _supports(
-    scope: Scope, lowering: Lowering, shapes: Sequence[Shape], fixed: dict[int, Pose], space: Workspace, stage: Stage
+    scope: Scope,
+    lowering: Lowering,
+    shapes: Sequence[Shape],
+    fixed: dict[int, Pose],
+    space: Workspace,
+    stage: Stage,
+    also: Mapping[int, int],
 ) -> tuple[Workspace, list[int]]:
     """Evaluates what objects stand on: the workspace with their boxes, and what it requires. Raises SpecError for what
     the declarations say together."""
@@ -242,6 +258,9 @@ def _supports(
             spans.update((place, one.support.span(thing.source)) for place in places)
             with stage:
                 found.update(supports(lowering, thing, places))
+                refuse_surfaces(thing, [found[place] for place in places], spans[places[0]])
+    found.update({place: found[like] for place, like in also.items() if like in found})
+    spans.update({place: spans[like] for place, like in also.items() if like in spans})
     if stage.problems:
         lowering.heights = (0.0,) * len(shapes)  # what formulas have to say is still looked at
         return space, []
@@ -287,7 +306,7 @@ def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | Non
 
 
 def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: Stage) -> None:
-    if fixed and len(fixed) == len(scope.objects):
+    if fixed and sum(place < len(scope.objects) for place in fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
         stage.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from scenegen.errors import Diagnostic, SpecError
-from scenegen.errors.counts import DEPENDS_ON_NUMBER, NUMBERS_OVER_TIME, ONE_NUMBER
+from scenegen.errors.counts import DEPENDS_ON_NUMBER, NOT_OF_CATEGORY, NUMBERS_OVER_TIME, ONE_NUMBER
 from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.lang import ast
 from scenegen.lang.scope import Scope
@@ -19,16 +19,32 @@ from scenegen.lang.spec import CheckedSpec, Count
 MOST_NODES = 2_000_000  # of the formulas of all members together
 
 
+class Picked(int):
+    """The number of an asset, which knows its name."""
+
+    asset: str = ""
+
+
+def _numbers(one: Count) -> list[int]:
+    if not one.assets:
+        return list(one.numbers)
+    found = [Picked(number) for number in one.numbers]
+    for number, asset in zip(found, one.assets, strict=True):
+        number.asset = asset
+    return list(found)
+
+
 def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
     """Every combination of numbers by name, in lexicographic order."""
     names = [one.name for one in counts]
-    for numbers in itertools.product(*(one.numbers for one in counts)):
+    for numbers in itertools.product(*map(_numbers, counts)):
         yield dict(zip(names, numbers, strict=True))
 
 
 def written(numbers: Mapping[str, int]) -> str:
-    """Numbers of things as a spec has them: `block[3] and cup[1]`."""
-    return " and ".join(f"{name}[{number}]" for name, number in numbers.items())
+    """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
+    each = numbers.items()
+    return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)
 
 
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:
@@ -36,6 +52,8 @@ def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, in
     member, and for what is not the same in all though scene files say it once."""
     if last.timed is not None:
         first = last.counts[0]
+        if first.assets:
+            raise SpecError(NOT_OF_CATEGORY(name=first.name, what="the spec is one of motions"))
         raise SpecError(NUMBERS_OVER_TIME(name=first.name, most=first.most))
     members: list[CheckedSpec] = []
     nodes = 0
@@ -50,10 +68,11 @@ def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, in
             raise SpecError(SPEC_TOO_LARGE(file=module.source.name, reason=reason))
         members.append(made)
     for numbers, made in zip(combinations(last.counts), members, strict=True):
-        what = _differs(made, members[-1])
+        what = _differs(made, last)
         if what is not None:
-            most = written({one.name: one.most for one in last.counts})
-            raise SpecError(DEPENDS_ON_NUMBER(what=what, counted=written(numbers), most=most))
+            *_, most = map(written, combinations(last.counts))
+            asset = next((one.name for one in last.counts if one.assets), None)
+            raise SpecError(DEPENDS_ON_NUMBER(what=what, counted=written(numbers), most=most, asset=asset))
     return replace(last, members=tuple(replace(one, title=last.title, name=last.name) for one in members))
 
 

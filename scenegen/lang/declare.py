@@ -25,6 +25,7 @@ from scenegen.errors.declarations import (
 from scenegen.errors.language import EMPTY_RANGE, NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
 from scenegen.lang.cabinets import cabinet
+from scenegen.lang.category import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Point
 from scenegen.lang.provenance import Frame
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_OBJECTS = 20_000
-MOST_COMBINATIONS = 64  # of numbers of things: each is a spec of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +131,25 @@ def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shap
     return run(_shape(lowering, one.shape, thing.source, project))
 
 
+def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) -> tuple[dict[str, Category], Variants]:
+    """The categories of the objects that have one, by name, and what these objects are where `counts` says so. Raises
+    SpecError."""
+    scope = lowering.scope
+    found: dict[str, Category] = {}
+    for name, thing in scope.things.items():
+        if thing.declaration is None or not is_category(thing.declaration.shape):
+            continue
+
+        def outlined(expr: ast.Expr, source: Source = thing.source) -> Shape:
+            made: Shape = run(_shape(lowering, expr, source, project))
+            return made
+
+        made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
+        if made is not None:
+            found[name] = made
+    return found, variants(scope, found, counts)
+
+
 def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Call[Shape]:
     here = expr.span(source)
     if isinstance(expr, ast.Name):
@@ -156,20 +175,25 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
     """A file's outline; where the outline stands beside the path, the file is not read."""
     from scenegen.assets.urdf import mesh_outline, outline
     from scenegen.assets.urdf_tree import UrdfError
+    from scenegen.lang.indexed import indexed
 
     kind = call.function.id
     given = bind(call, SIGNATURES[kind], source)
     if isinstance(given, Diagnostic):
         raise SpecError(given)
-    path = given["path"]
+    path = given[SIGNATURES[kind].parameters[0]]
     here = path.span(source)
     if not isinstance(path, ast.Text):
-        raise SpecError(FILE_WITHOUT_QUOTES(here, usage=SIGNATURES[kind].usage))
+        raise SpecError(
+            FILE_WITHOUT_QUOTES(here, what="an asset" if kind == "asset" else "a file", usage=SIGNATURES[kind].usage)
+        )
     if "shape" in given:
         stated: Shape = yield _shape(lowering, given["shape"], source, project)
         if stated.path or stated.asset not in PLAIN:
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
+    if kind == "asset":
+        return indexed(path.value, here, project)
     data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
 
     def beside(other: str) -> bytes:

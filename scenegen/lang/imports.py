@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scenegen.assets.library import Shape
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import (
     CANNOT_FIND_IMPORT,
@@ -52,6 +53,7 @@ class Project:
     file: Path | None = None
     root: Path | None = None
     sources: dict[str, Path] = field(default_factory=dict)
+    shapes: dict[tuple[Path, str], Shape] = field(default_factory=dict)  # of assets, by their index and name
 
     def find(self, path: str, here: Span) -> Path:
         """The file that `path`, written in the source of `here`, names. Raises SpecError where it must not be read."""

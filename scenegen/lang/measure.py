@@ -27,7 +27,11 @@ SIGNATURES = {
     "prism": Signature("prism", ("corners", "height"), 2, usage="prism([(x, y), ...], height)"),
     "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
     "mesh": Signature("mesh", ("path", "shape"), 1, usage='mesh("file.obj")'),
+    "asset": Signature("asset", ("name", "shape"), 1, usage='asset("025_mug")'),
     "cabinet": Signature("cabinet", ("drawers", "open"), 0, usage="cabinet(drawers = 3, open = 0.6)"),
+    "category": Signature(
+        "category", ("name", "assets", "pick", "most", "seed"), 1, usage='category("mug", most = 8, seed = 1)'
+    ),
     "rect": Signature("rect", ("left", "bottom", "right", "top"), 4, usage="rect(left, bottom, right, top)"),
     "circle": Signature("circle", ("center", "radius"), 2, usage="circle((x, y), radius)"),
     "polygon": Signature("polygon", ("corners",), 1, usage="polygon([(x, y), ...])"),

@@ -51,6 +51,10 @@ def members_of(spec: CheckedSpec) -> Members:
     for which, one in enumerate(spec.counts):
         further = math.prod(len(other.numbers) for other in spec.counts[which + 1 :])
         for number in range(one.least + 1, one.most + 1):
+            if one.assets:  # one of them is there: it alone says the number
+                spare.append(row_of(place[f"{one.name}:{one.assets[number - 1]}"], X))
+                weight.append(further * (number - 1))
+                continue
             spare.append(row_of(place[f"{one.name}[{number}]"], X))
             weight.append(further)
     each = tuple(rows_among(spec, member) for member in specs)

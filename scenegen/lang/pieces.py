@@ -314,7 +314,8 @@ def _declaration(one: ast.Declaration) -> Pieces:
     if one.count is not None:
         yield from ("[", Part(one.count, 0 if isinstance(one.count, ast.Range) else SUM), "]")
     if one.shape is not None:
-        yield from (SPACE, "=", SPACE, Part(one.shape, POSTFIX))
+        of = isinstance(one.shape, ast.Call) and one.shape.function.id == "category"
+        yield from (SPACE, "of" if of else "=", SPACE, Part(one.shape, POSTFIX))
     if one.support is not None:
         yield from (
             SPACE,

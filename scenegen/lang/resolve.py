@@ -44,8 +44,8 @@ from scenegen.lang.tokens import TEMPORAL
 from scenegen.pose import NAMES
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
-SHAPES = (*PLAIN, *BUILT)  # what an object can be
-FILES = ("urdf", "mesh")  # those of them that a file says
+SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
+FILES = ("urdf", "mesh", "asset")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
 SHOWN = 8  # relations that a help line names
 AREAS = ("rect", "circle", "polygon")  # what a region can be
@@ -92,7 +92,7 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
     for one in statement.declarations:
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
-        if isinstance(one.shape, ast.Call):
+        if isinstance(one.shape, ast.Call) and one.shape.function.id != "category":  # which is read as it stands
             file = one.shape.function.id in FILES
             for argument in one.shape.arguments:
                 if not (file and isinstance(argument.value, ast.Name)):

@@ -69,11 +69,13 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """An array whose number of elements is drawn: `least` to `most`, both included."""
+    """An array whose number of elements is drawn: `least` to `most`, both included. Or an object of a category: the
+    number, from 1, is that of one of `assets`, after which the object that is there is called."""
 
     name: str
     least: int
     most: int
+    assets: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> range:

@@ -94,6 +94,8 @@ def _items(here: _Here) -> Iterator[Item]:
         yield from _after_operand(here, kind)
     elif kind == "object" and _opens_support(here):
         yield from _supports(here)
+    elif kind == "object" and here.back(1) == "of" and len(here.before) > 2 and _depth(here.before) == 0:
+        yield from _functions(here, ("category",))
     elif last is None or _can_end(last):
         yield from _after_operand(here, kind)
         if last is None and len(here.document.index.statements) <= 1:
@@ -142,7 +144,7 @@ def _after_operand(here: _Here, kind: str) -> Iterator[Item]:
         return
     if kind == "object" and _depth(here.before) == 0:
         yield from _keywords(here, "at")
-        words = ("by area",) if _in_support(here.before) else ("on",)
+        words = ("by area",) if _in_support(here.before) else ("on", "of")
         for word in words:
             yield here.item(word, "keyword", about=vocabulary.CLAUSES[word])
     elif kind in ("label", "def", "require", "formula"):

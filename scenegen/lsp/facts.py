@@ -43,6 +43,9 @@ def thing(document: Document, binding: Binding) -> str:
     """Shape, number and place of an object or array."""
     spec = _spec(document)
     name = f"{binding.name}[1]" if binding.is_array else binding.name
+    kind = None if spec is None else next((one for one in spec.counts if one.assets and one.name == name), None)
+    if kind is not None:
+        return f"one of the assets {', '.join(kind.assets)}"
     if spec is None or name not in spec.objects:
         written = " ".join(binding.source.text[binding.end : binding.closes].split())
         return f"`{binding.name}{' ' if written[:1] not in ('', '[') else ''}{written}`"

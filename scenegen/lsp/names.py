@@ -139,11 +139,11 @@ class _Quantifier:
 
 
 def _chooses(before: str, word: str, after: str) -> bool:
-    """Whether a word belongs to a choice of supports: after an object, not its name."""
+    """Whether a word belongs to a choice of supports or assets: after an object, not its name."""
     return (
         (before, word, after) == ("on", "any", "of")
         or (before, word) in (("any", "of"), ("by", "area"))
-        or ((word, after) == ("by", "area"))
+        or (word, after) in (("by", "area"), ("of", "category"))
     )
 
 

@@ -38,6 +38,7 @@ KEYWORDS: Mapping[str, str] = {
 
 CLAUSES: Mapping[str, str] = {
     "on": "what an object stands on: object mug on tray, book on shelfunit.shelf[2]",
+    "of": 'another asset of an index in each scene: object mug of category("mug")',
     "any of": "one of several surfaces, all equally likely: object mug on any of [tray, workspace]",
     "by area": "surfaces are as likely as they are large: object mug on any of [tray, workspace] by area",
 }
@@ -59,6 +60,8 @@ _SHAPES = {
     "prism": "an upright prism over a convex polygon",
     "urdf": "a robot description file; its outline is the hull of its collision shapes",
     "mesh": "a mesh file, .obj, .stl, .glb or .gltf in metres; its outline is its convex hull",
+    "asset": 'an asset of the index assets.toml beside the spec, or of a folder\'s: "ycb/025_mug"',
+    "category": "another asset of the index in each scene, of those that have the category",
     "cabinet": "a chest of drawers: how many, and by which share they are open: 0.6 is the top one, a list is one each",
     "rect": "a rectangle, by the coordinates of its sides",
     "circle": "a disc",

@@ -21,15 +21,15 @@ from scenegen.scene.own_files import is_read, own_file, reason_of
 Model = tuple[Surface, ...]
 
 
-def still_outlines(file: SceneFile) -> tuple[str, ...]:
-    """The names of objects from files that are not drawn as they are."""
-    return tuple(one.name for one in file.objects if one.shape.path and not is_read(one.shape))
+def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:
+    """The names of objects from files that are not drawn as they are, of scenes that `models_of` has read."""
+    return tuple(one.name for one in file.objects if one.shape.path and not is_read(one.shape, folder))
 
 
 def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
-    """The surfaces of every object whose shape is `mesh` of a glTF, .obj or .stl file, or `urdf`, in the object's frame
-    (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay; a file outside it
-    is not read.
+    """The surfaces of every object whose shape is `mesh` or `asset` of a glTF, .obj or .stl file, or `urdf`, in the
+    object's frame (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay; a
+    file outside it is not read.
 
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.
@@ -37,11 +37,11 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
     known: dict[str, Model] = {}
     models: list[Model | None] = []
     for item in file.objects:
-        if not is_read(item.shape):
-            models.append(None)
-            continue
         key = item.shape.model_dump_json()
         try:
+            if not is_read(item.shape, folder):
+                models.append(None)
+                continue
             if key not in known:
                 known[key] = _model(folder, item.shape)
         except (MeshError, UrdfError) as error:
@@ -57,7 +57,7 @@ def _model(folder: Path, shape: ShapeData) -> Model:
     made = robot_surfaces(file.data, file.beside) if file.is_robot else mesh_surfaces(file.path, file.data, file.beside)
     for texture in {one.texture for one in made if one.texture}:
         _check_texture(texture)
-    return tuple(replace(one, vertices=one.vertices - (0.0, 0.0, file.bottom)) for one in made)
+    return tuple(replace(one, vertices=one.vertices @ file.matrix.T + file.offset) for one in made)
 
 
 def _check_texture(data: bytes) -> None:

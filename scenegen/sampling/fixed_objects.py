@@ -69,19 +69,21 @@ def hold_fixed(
     known: dict[str, tuple[float, ...]] = {}
     for name, given in fixed.items():
         held = _as_pose(name, given)
-        if name not in spec.objects:
+        # An object of a category is called after its asset; here its own name stands for whichever it is.
+        called = [one for one in spec.objects if one == name or one.startswith(f"{name}:")]
+        if not called:
             raise RequestError(UNKNOWN_OBJECT(held.span, name=name, known=spec.objects))
-        which = spec.objects.index(name)
-        if which in spec.fixed:
-            raise RequestError(HELD_BY_SPEC(held.span, name=name))
-        x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
-        if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
-            box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
-            raise RequestError(HELD_OUTSIDE(held.span, name=name, x=held.x, y=held.y, workspace=box))
-        pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
-        known[name] = pose
-        rows = span_of(which, len(pose))
-        lowest[rows] = highest[rows] = pose
+        for which in map(spec.objects.index, called):
+            if which in spec.fixed:
+                raise RequestError(HELD_BY_SPEC(held.span, name=name))
+            x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
+            if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
+                box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
+                raise RequestError(HELD_OUTSIDE(held.span, name=name, x=held.x, y=held.y, workspace=box))
+            pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
+            known[spec.objects[which]] = pose
+            rows = span_of(which, len(pose))
+            lowest[rows] = highest[rows] = pose
     if not (lowest < highest).any():
         raise RequestError(ALL_HELD(consequence="nothing is left to sample"))
     return lowest, highest, known

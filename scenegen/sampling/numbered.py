@@ -7,7 +7,7 @@ absent objects are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.lang.counts import written
+from scenegen.lang.counts import Picked, written
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.digest import digest
@@ -54,6 +54,12 @@ class NumberedCells(Cells):
     def describe(self, cell: int) -> str:
         member, own = self.of(cell)
         return f"{self.members[member].describe(own)} with {self.names[member]}"
+
+
+def _assets(numbers: Mapping[str, int]) -> dict[str, dict[str, str]]:
+    """Which assets the objects of categories are, as a scene file tells it."""
+    found = {name: one.asset for name, one in numbers.items() if isinstance(one, Picked)}
+    return {"assets": found} if found else {}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,11 +168,14 @@ class Numbered(Plan):
             "seed": self.seed,
             "pieces": tally.pieces,
             "numbers": [
-                {"numbers": numbers, **share, **one.info} for numbers, one in zip(self.numbers, accounts, strict=True)
+                {"numbers": numbers, **_assets(numbers), **share, **one.info}
+                for numbers, one in zip(self.numbers, accounts, strict=True)
             ],
         }
         if self.left_out:
-            info["left_out"] = [{"numbers": numbers, "reason": why} for numbers, why in self.left_out]
+            info["left_out"] = [
+                {"numbers": numbers, **_assets(numbers), "reason": why} for numbers, why in self.left_out
+            ]
         warnings = dict[Diagnostic, None]()
         for numbers, one in zip(self.numbers, accounts, strict=True):
             warnings |= dict.fromkeys(each.but(counted=written(numbers)) for each in one.warnings)

@@ -54,7 +54,7 @@ def plan_numbers(
     the request, and where time is up before all members are planned."""
     everything = list(combinations(spec.counts))
     for name, held in request.fix.items():
-        if name in spec.objects and name not in spec.members[0].objects:
+        if name in spec.objects and any(name not in member.objects for member in spec.members):
             raise RequestError(HELD_MAY_BE_MISSING(held.span if isinstance(held, FixedPose) else None, name=name))
     each = max(1, -(-request.n // len(everything))) if isinstance(request.n, int) and request.n > 0 else request.n
     numbers: list[dict[str, int]] = []

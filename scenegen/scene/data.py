@@ -115,8 +115,8 @@ FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Fie
 
 class ShapeData(_Strict):
     """What an object looks like: footprint and height in metres, and an entry of the asset library, or one of `box`,
-    `cylinder`, `prism`, `urdf` and `mesh`; `path` is the file of the last two as the spec names it. `open`, of a
-    `cabinet(...)` alone, has the share by which each drawer is open, the lowest first."""
+    `cylinder`, `prism`, `urdf`, `mesh` and `asset`; `path` is the file, or the name in an index, of the last three as
+    the spec has it. `open`, of a `cabinet(...)` alone, has the share by which each drawer is open, the lowest first."""
 
     asset: str
     footprint: FootprintData

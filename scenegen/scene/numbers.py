@@ -19,7 +19,8 @@ Mask = npt.NDArray[np.bool_]
 
 
 class Drawn(Protocol):
-    """An array of objects whose number of elements is drawn, `least` to `most`."""
+    """An array of objects whose number of elements is drawn, `least` to `most`; or, with `assets`, an object that is
+    there as one of them: `mug:red` or `mug:blue`, counted from 1."""
 
     @property
     def name(self) -> str: ...
@@ -27,32 +28,51 @@ class Drawn(Protocol):
     def least(self) -> int: ...
     @property
     def most(self) -> int: ...
+    @property
+    def assets(self) -> Sequence[str]: ...
+
+
+def element(one: Drawn, number: int) -> str:
+    """The name of an object that there can be, counted from 1."""
+    return f"{one.name}:{one.assets[number - 1]}" if one.assets else f"{one.name}[{number}]"
+
+
+def _there(one: Drawn, number: int) -> range:
+    """Which of the objects that there can be are there."""
+    return range(number, number + 1) if one.assets else range(1, number + 1)
 
 
 def elements(objects: Sequence[str], one: Drawn) -> list[int]:
     """The places of an array's elements among the objects, in order. Raises KeyError where one is not there."""
     place = {name: number for number, name in enumerate(objects)}
-    return [place[f"{one.name}[{k}]"] for k in range(1, one.most + 1)]
+    return [place[element(one, k)] for k in range(1, one.most + 1)]
 
 
 def present(objects: Sequence[str], counts: Sequence[Drawn], numbers: Index) -> Mask:
     """(n, N): which objects are there in scenes with these numbers of things, (C, n)."""
     there = np.ones((numbers.shape[1], len(objects)), dtype=bool)
     for one, number in zip(counts, numbers, strict=True):
-        there[:, elements(objects, one)] = np.arange(one.most) < number[:, None]
+        which = np.arange(1, one.most + 1)
+        there[:, elements(objects, one)] = which == number[:, None] if one.assets else which <= number[:, None]
     return there
 
 
 def numbers_in(objects: Sequence[str], counts: Sequence[Drawn], there: Mask) -> Index:
     """(C, n): how many of each array there are in scenes where these objects are there, (n, N). Raises ValueError for a
     scene that lacks other objects than the last elements of arrays, or has too few or too many of them."""
-    found = np.array([there[:, elements(objects, one)].sum(axis=1) for one in counts], dtype=np.intp)
+    found = np.array([_number(one, there[:, elements(objects, one)]) for one in counts], dtype=np.intp)
     found = found.reshape(len(counts), len(there))
     bad = (present(objects, counts, found) != there).any(axis=1)
     for one, number in zip(counts, found, strict=True):
         bad |= (number < one.least) | (number > one.most)
     if bad.any():
         raise ValueError(f"scene {int(np.flatnonzero(bad)[0]) + 1}")
+    return found
+
+
+def _number(one: Drawn, there: Mask) -> Index:
+    """(n,): how many are there, or which asset; (n, most)."""
+    found: Index = there.argmax(axis=1) + 1 if one.assets else there.sum(axis=1)
     return found
 
 
@@ -74,10 +94,16 @@ def check_counts(header: SceneFile, scene: SceneData) -> None:
         )
     for one in header.counts:
         if not one.least <= numbers[one.name] <= one.most:
-            raise ValueError(f"there cannot be {numbers[one.name]} of `{one.name}`")
+            what = f"asset {numbers[one.name]}" if one.assets else str(numbers[one.name])
+            raise ValueError(f"there cannot be {what} of `{one.name}`")
 
 
 def objects_of(header: SceneFile, numbers: Mapping[str, int]) -> list[str]:
     """The names of the objects that are there with these numbers of things."""
-    absent = {f"{one.name}[{k}]" for one in header.counts for k in range(numbers[one.name] + 1, one.most + 1)}
+    absent = {
+        element(one, k)
+        for one in header.counts
+        for k in range(1, one.most + 1)
+        if k not in _there(one, numbers[one.name])
+    }
     return [one.name for one in header.objects if one.name not in absent]

@@ -1,13 +1,18 @@
-"""The files that objects of a scene file were made from, read again: meshes and URDF files."""
+"""The files that objects of a scene file were made from, read again: meshes, assets of an index and URDF files."""
 
 from __future__ import annotations
 
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+
+import numpy as np
 
 from scenegen.assets.filenames import ending_of, local_name
+from scenegen.assets.indexed import Entry, IndexFileError, fitted, read_index
+from scenegen.assets.library import INDEX
+from scenegen.assets.mesh import Floats
 from scenegen.assets.meshfile import MeshError
 from scenegen.assets.urdf import GLTF, PLAIN, measured, mesh_shadow, robot_shadow
 from scenegen.primitives import Box, Circle, Footprint, Polygon
@@ -17,20 +22,27 @@ MOST_BYTES = 64_000_000  # of a file, as specs read it
 SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class OwnFile:
-    """A file's bytes; `beside` gives those of a file by its path relative to it, and raises MeshError. `bottom` is the
-    height of the outline's lowest point in the file's own frame, in metres."""
+    """A file's bytes; `beside` gives those of a file by its path relative to it, and raises MeshError. `matrix` (3, 3)
+    and `offset` (3,), metres, take its points to the object's frame: matrix @ point + offset. Mass (kg) and friction
+    are those that an index gives an asset."""
 
     path: str
     is_robot: bool
     data: bytes
     beside: Callable[[str], bytes]
-    bottom: float
+    matrix: Floats
+    offset: Floats
+    mass: float | None = None
+    friction: float | None = None
 
 
-def is_read(shape: ShapeData) -> bool:
-    """Whether an object's shape is of a file that can be read again."""
+def is_read(shape: ShapeData, folder: Path) -> bool:
+    """Whether an object's shape is of a file that can be read again; the index that names an asset's lies in `folder`,
+    where the spec lay. Raises MeshError."""
+    if shape.asset == "asset":
+        return _entry(folder, shape.path)[1].is_mesh
     if shape.asset == "mesh":
         return ending_of(shape.path) in (*GLTF, *PLAIN)
     return shape.asset == "urdf" and bool(shape.path)
@@ -46,21 +58,43 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
 
     Raises MeshError and UrdfError where it cannot be read, or has another outline than the scenes were made with.
     """
-    path = folder / shape.path
+    name, entry = _entry(folder, shape.path) if shape.asset == "asset" else (shape.path, None)
+    path = folder / name
     data = _read(folder, path)
 
     def beside(other: str) -> bytes:
         return _read(folder, path.parent / other)
 
-    is_robot = shape.asset == "urdf"
-    if is_robot:
-        shadow = robot_shadow(data, lambda other: beside(local_name(other)))
+    is_robot, matrix = shape.asset == "urdf", np.eye(3)
+    if entry is not None:
+        fit = fitted(entry, data, beside)
+        footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
-        shadow = mesh_shadow(shape.path, data, beside)
-    footprint, height = measured(shadow)
+        if is_robot:
+            shadow = robot_shadow(data, lambda other: beside(local_name(other)))
+        else:
+            shadow = mesh_shadow(name, data, beside)
+        footprint, height = measured(shadow)
+        offset = np.array([0.0, 0.0, -shadow.bottom])
     if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > SAME:
         raise MeshError("its outline is not that of the scenes: the file has changed, or it is another one")
-    return OwnFile(shape.path, is_robot, data, beside, shadow.bottom)
+    if entry is None:
+        return OwnFile(name, is_robot, data, beside, matrix, offset)
+    return OwnFile(name, is_robot, data, beside, matrix, offset, entry.mass, entry.friction)
+
+
+def _entry(folder: Path, path: str) -> tuple[str, Entry]:
+    """The file of an asset, relative to the folder that the spec was in, and its entry in the index. Raises
+    MeshError."""
+    below, _, name = path.replace("\\", "/").rpartition("/")
+    where = PurePosixPath(below) / INDEX
+    try:
+        entries = read_index(_read(folder, folder / where))
+    except IndexFileError as error:
+        raise MeshError(f"{where}: {error}") from None
+    if name not in entries:
+        raise MeshError(f"{where} has no asset `{name}`")
+    return str(where.parent / entries[name].file.replace("\\", "/")), entries[name]
 
 
 def _same(first: Footprint, second: Footprint) -> bool:

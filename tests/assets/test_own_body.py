@@ -54,7 +54,9 @@ def test_a_convex_mesh_is_its_own_piece(turned):
 def test_a_gltf_box_is_a_body_without_mass():
     body = mesh_body("a.glb", glb(), None)
     assert len(body.pieces) == 1 and body.mass is None and body.friction is None
-    assert body.moved(-0.1).pieces[0].vertices[:, 2].min() == pytest.approx(body.pieces[0].vertices[:, 2].min() - 0.1)
+    assert body.moved(np.array([0.0, 0.0, -0.1])).pieces[0].vertices[:, 2].min() == pytest.approx(
+        body.pieces[0].vertices[:, 2].min() - 0.1
+    )
 
 
 def test_pieces_stay_in_the_box_face_outwards_and_are_kept(monkeypatch):

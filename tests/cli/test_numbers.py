@@ -76,3 +76,16 @@ def test_range_is_the_mean_over_the_numbers(scenegen, here):
     zero = next(level for level in found["levels"] if level["phi"] == 0.0)
     assert abs(10.0 ** zero["above"]["log10"] - 0.4) < 0.03, "(0.6 + 0.2) / 2"
     assert found["bounds"] == [-0.8, 0.6]
+
+
+def test_an_asset_is_fixed_by_its_name(scenegen, here):
+    assets = '[asset("red", box(0.1, 0.1, 0.1)), asset("7", box(0.2, 0.1, 0.1))]'
+    (here / "mug.spec").write_text(f'object mug of category("mug", {assets}), plate\ntask: leftOf(mug, plate)\n')
+    assert scenegen("sample", "mug.spec", "--count", "mug=7", "-n", "2", "--out", "s.json").status == 0
+    file = json.loads((here / "s.json").read_text())
+    assert [one["name"] for one in file["objects"]] == ["mug:7", "plate"] and "counts" not in file
+    assert scenegen("eval", "mug.spec", "s.json").status == 0, "a scene of one of the assets"
+    found = scenegen("check", "mug.spec")
+    assert "assets     mug is red or 7: 2 specs" in found.out
+    found = scenegen("range", "mug.spec", "--count", "mug=rad")
+    assert found.status == 1 and "did you mean `red`?" in found.err

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.assets.mesh import revolve
+from scenegen.assets.mesh import box, revolve
 from scenegen.errors import DataError, RequestError
 from scenegen.export.own_bodies import own_bodies_of
 from scenegen.export.setting import world_of
@@ -39,6 +39,20 @@ def test_pieces_mass_and_friction_are_the_files(scenes, tmp_path):
     for to, mass in (("mjcf", 'mass="0.7"'), ("sdf", "<mass>0.7</mass>")):
         (path,) = scenes.export(tmp_path / to, to, meshes=tmp_path)
         assert mass in path.read_text()
+
+
+def test_an_asset_is_scaled_and_turned_and_weighs_what_its_index_says(tmp_path):
+    (tmp_path / "assets.toml").write_text(
+        '[[asset]]\nname = "block"\nfile = "block.obj"\nscale = 0.01\nroll = 90\nmass = 0.3\nfriction = 0.2'
+    )
+    (tmp_path / "block.obj").write_text(obj(box(10.0, 5.0, 2.0)))
+    (tmp_path / "s.spec").write_text('object b = asset("block"), mug\ntask: leftOf(b, mug)')
+    scenes = scenegen.sample(scenegen.load(tmp_path / "s.spec"), {"task": (0.1, None)}, n=1, seed=3)
+    body = own_bodies_of(scenes.file(), tmp_path)["b"]
+    assert (body.mass, body.friction) == (0.3, 0.2)
+    (piece,) = body.pieces
+    low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
+    assert low[2] == pytest.approx(0.0, abs=1e-9) and high - low == pytest.approx((0.1, 0.02, 0.05))
 
 
 def test_files_that_give_no_body_are_refused(scenes, tmp_path):

@@ -93,7 +93,8 @@ def test_assets_and_shapes(start):
 
 def test_the_name_of_an_object_picks_its_asset():
     assert offered("object §").keys() == set(ASSETS) == offered("object mug, §").keys()
-    assert offered("object mug §").keys() == {"at", "on"}
+    assert offered("object mug §").keys() == {"at", "on", "of"}
+    assert offered("object mug of §").keys() == {"category"}
 
 
 def test_what_an_object_stands_on():

@@ -90,7 +90,7 @@ def test_obj_stl_and_urdf_are_drawn_too(tmp_path):
     )
     scenes = scenegen.sample(scenegen.load(tmp_path / "s.spec"), {"task": (0.2, None)}, n=1, seed=3)
     mesh, robot, other = models_of(scenes.file(), tmp_path)
-    assert other is None and still_outlines(scenes.file()) == ("b",)
+    assert other is None and still_outlines(scenes.file(), tmp_path) == ("b",)
     assert mesh[0].color == (1.0, 0.0, 0.0) and np.allclose(mesh[0].vertices[:, 2], (0, 0, 0, 0.1))
     assert np.allclose(robot[0].vertices[:, 2], (1.05, 1.05, 1.05, 1.15))  # the collision box stands on the table
     (tmp_path / "a.mtl").unlink()

@@ -40,7 +40,9 @@ def order_of(spec: CheckedSpec, objects: Sequence[str]) -> list[int]:
 def refuse_numbers(header: SceneFile, what: str) -> None:
     """Raises DataError for scenes that differ in how many things there are."""
     for one in header.counts[:1]:
-        raise DataError(NUMBERS_IN_FILE(what=what, name=one.name, most=one.most))
+        raise DataError(
+            NUMBERS_IN_FILE(what=what, name=one.name, most=one.most, asset=one.assets[0] if one.assets else None)
+        )
 
 
 def arranged(rows: Array, order: Sequence[int]) -> Array:

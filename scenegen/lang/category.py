@@ -1,0 +1,190 @@
+"""`object mug of category("mug")`: an object that is another asset of an index in each scene.
+
+Which asset is drawn as numbers of things are: each object of a category counts as a number, that of the asset. In files
+and cores the object is called after its asset, `mug:025_mug`; the spec of all members has an object for each asset.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from scenegen.assets import Shape
+from scenegen.errors import Span, SpecError
+from scenegen.errors.counts import NOT_A_CATEGORY, NOT_OF_CATEGORY, TOO_MANY_COUNTS, UNKNOWN_ASSET_CATEGORY
+from scenegen.errors.declarations import FILE_WITHOUT_QUOTES
+from scenegen.lang import ast
+from scenegen.lang.imports import Project
+from scenegen.lang.indexed import entries_of, index_of, indexed
+from scenegen.lang.measure import SIGNATURES
+from scenegen.lang.resolve import bind
+from scenegen.lang.scope import Scope, Thing
+from scenegen.lang.spec import Count, Support
+
+WORD = "category"
+USAGE = 'category("mug")'
+SIGNATURE = SIGNATURES[WORD]
+MOST_COMBINATIONS = 64  # of numbers of things and assets: each is a spec of its own
+
+
+@dataclass(frozen=True, slots=True)
+class Category:
+    """What an object, or each element of an array, can be: one of `assets`; `picks` (one each, from 1) says which, 0 is
+    drawn. `path` is what the spec calls the category."""
+
+    path: str
+    assets: tuple[Shape, ...]
+    picks: tuple[int, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the assets."""
+        return tuple(index_of(one.path)[1] for one in self.assets)
+
+
+def is_category(expr: ast.Expr | None) -> bool:
+    """Whether a shape is a category."""
+    return isinstance(expr, ast.Call) and expr.function.id == WORD
+
+
+def category_of(thing: Thing, count: int, project: Project, outlined: Callable[[ast.Expr], Shape]) -> Category | None:
+    """The category of an object, or of an array of `count`; None where it has another shape. `outlined` gives the shape
+    of an asset with its outline. Raises SpecError."""
+    one = thing.declaration
+    if one is None or not isinstance(one.shape, ast.Call) or not is_category(one.shape):
+        return None
+    here = one.shape.span(thing.source)
+    if isinstance(one.count, ast.Range):
+        raise SpecError(NOT_OF_CATEGORY(here, name=thing.name.id, what="how many there are of it is drawn as well"))
+    given = bind(one.shape, SIGNATURE, thing.source)
+    if not isinstance(given, dict):
+        raise SpecError(given)
+    path = given["name"]
+    if not isinstance(path, ast.Text):
+        raise SpecError(FILE_WITHOUT_QUOTES(path.span(thing.source), what="a category", usage=USAGE))
+    most, seed = (_number(given.get(name), thing, default) for name, default in (("most", 0), ("seed", 0)))
+    if "most" in given and most < 1:
+        raise SpecError(NOT_A_CATEGORY(given["most"].span(thing.source), usage=SIGNATURE.usage))
+    for name in ("most", "seed"):
+        if "assets" in given and name in given:  # which has chosen already
+            raise SpecError(NOT_A_CATEGORY(given[name].span(thing.source), usage=SIGNATURE.usage))
+    if "assets" in given:
+        assets = _written(given["assets"], thing, outlined)
+    else:
+        names = _named(path.value, path.span(thing.source), project)
+        folder = path.value.replace("\\", "/").rpartition("/")[0]
+        chosen = _some(names, most or len(names), seed)
+        _refuse_many(len(chosen) ** count, here, thing)  # before any mesh is read
+        at = path.span(thing.source)
+        assets = tuple(indexed(f"{folder}/{name}" if folder else name, at, project) for name in chosen)
+    picks = _picks(given.get("pick"), count, len(assets), thing)
+    return Category(path.value, assets, picks)
+
+
+@dataclass(frozen=True, slots=True)
+class Variants:
+    """What objects of categories are, by their places: their `names` and `shapes`. `more` are the objects behind those
+    of the spec, one for each further asset that can be drawn: the place of the spec's object, its name and shape."""
+
+    names: dict[int, str] = field(default_factory=dict)
+    shapes: dict[int, Shape] = field(default_factory=dict)
+    more: list[tuple[int, str, Shape]] = field(default_factory=list)
+
+    def called(self, objects: Mapping[str, int]) -> tuple[str, ...]:
+        """The names of all objects, by the places of those of the spec."""
+        return (*(self.names.get(place, name) for name, place in objects.items()), *(name for _, name, _ in self.more))
+
+    def behind(self, first: int) -> dict[int, int]:
+        """The places of the objects behind those of the spec, from `first` on, and whom each takes the place of."""
+        return {first + number: place for number, (place, _, _) in enumerate(self.more)}
+
+
+def variants(scope: Scope, found: Mapping[str, Category], counts: Mapping[str, int]) -> Variants:
+    """Names and shapes of the objects of categories, where `counts` says which asset some of them are. Puts what is
+    drawn into the counts of the scope. Raises SpecError where there are too many combinations."""
+    made = Variants()
+    for name, category in found.items():
+        thing = scope.things[name]
+        for number, place in enumerate(scope.arrays.get(name) or (scope.objects[name],)):
+            element = f"{name}[{number + 1}]" if thing.is_array else name
+            pick = category.picks[number] or counts.get(element, 0) or (1 if len(category.assets) == 1 else 0)
+            if not category.picks[number] and len(category.assets) > 1:
+                scope.counts[element] = Count(element, 1, len(category.assets), category.names)
+            each = [(f"{element}:{one}", shape) for one, shape in zip(category.names, category.assets, strict=True)]
+            made.names[place], made.shapes[place] = each[max(0, pick - 1)]
+            if not pick:
+                made.more.extend((place, *one) for one in each[1:])
+        assert thing.declaration is not None and thing.declaration.shape is not None
+        drawn = [one for one in scope.counts.values() if one.name not in counts]
+        _refuse_many(math.prod(len(one.numbers) for one in drawn), thing.declaration.shape.span(thing.source), thing)
+    return made
+
+
+def refuse_surfaces(thing: Thing, options: Sequence[Sequence[Support]], here: Span) -> None:
+    """Raises SpecError for an object of a category that stands on one of several surfaces."""
+    kind = thing.declaration is not None and is_category(thing.declaration.shape)
+    if kind and any(len(one) > 1 for one in options):
+        what = "it stands on another surface in each scene"
+        raise SpecError(NOT_OF_CATEGORY(here, name=thing.name.id, what=what))
+
+
+def picked(name: str, category: Category, arrayed: bool, counts: Mapping[str, int]) -> tuple[int, ...]:
+    """The picks of a category with those of `counts`; 0 is drawn."""
+    elements = [f"{name}[{k}]" for k in range(1, len(category.picks) + 1)] if arrayed else [name]
+    return tuple(pick or counts.get(one, 0) for pick, one in zip(category.picks, elements, strict=True))
+
+
+def _refuse_many(combinations: int, here: Span, thing: Thing) -> None:
+    if combinations > MOST_COMBINATIONS:
+        shown = min(combinations, 10**15)
+        raise SpecError(TOO_MANY_COUNTS(here, combinations=shown, limit=MOST_COMBINATIONS, asset=thing.name.id))
+
+
+def _named(path: str, here: Span, project: Project) -> list[str]:
+    from scenegen.assets.indexed import categories
+
+    where, name = index_of(path)
+    known = categories(entries_of(path, here, project))
+    if name not in known:
+        raise SpecError(UNKNOWN_ASSET_CATEGORY(here, path=where, name=name, known=tuple(known)))
+    return known[name]
+
+
+def _some(names: Sequence[str], most: int, seed: int) -> list[str]:
+    """`most` of the names in their order, drawn by `seed`: which are drawn depends little on what else there is."""
+    if most >= len(names):
+        return list(names)
+    drawn = sorted(names, key=lambda name: hashlib.sha256(f"{seed}:{name}".encode()).digest())[:most]
+    return [name for name in names if name in set(drawn)]
+
+
+def _number(expr: ast.Expr | None, thing: Thing, default: int) -> int:
+    if expr is None:
+        return default
+    written = expr.number if isinstance(expr, ast.Quantity) and not expr.unit else ""
+    if not (written.isascii() and written.isdigit() and len(written) <= 9):
+        raise SpecError(NOT_A_CATEGORY(expr.span(thing.source), usage=SIGNATURE.usage))
+    return int(written)
+
+
+def _picks(expr: ast.Expr | None, count: int, most: int, thing: Thing) -> tuple[int, ...]:
+    items = (expr.items if isinstance(expr, ast.List) else (expr,)) if expr is not None else ()
+    picks = tuple(_number(item, thing, 0) for item in items) or (0,) * count
+    if len(picks) != count or max(picks) > most:
+        assert expr is not None
+        raise SpecError(NOT_A_CATEGORY(expr.span(thing.source), usage=SIGNATURE.usage))
+    return picks
+
+
+def _written(expr: ast.Expr, thing: Thing, outlined: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
+    """The assets of a canonical text."""
+    found: list[Shape] = []
+    for item in expr.items if isinstance(expr, ast.List) else ():
+        if not isinstance(item, ast.Call) or item.function.id != "asset" or len(item.arguments) != 2:
+            raise SpecError(NOT_A_CATEGORY(item.span(thing.source), usage=SIGNATURE.usage))
+        found.append(outlined(item))
+    if not found or len({index_of(one.path)[1] for one in found}) < len(found):
+        raise SpecError(NOT_A_CATEGORY(expr.span(thing.source), usage=SIGNATURE.usage))
+    return tuple(found)

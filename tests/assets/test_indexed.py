@@ -1,0 +1,184 @@
+"""A folder of assets with an index: entries are scaled and turned upright, and every mistake says what it is."""
+
+import numpy as np
+import pytest
+
+from scenegen.assets.indexed import UPRIGHT, Entry, IndexFileError, categories, fitted, read_index
+from scenegen.assets.urdf_tree import UrdfError
+from scenegen.errors import DataError, SpecError
+from scenegen.lang.check import check_file
+from scenegen.primitives import Box
+from scenegen.render.models import models_of, still_outlines
+
+from .gltf_files import glb
+
+MUG = '[[asset]]\nname = "mug"\nfile = "mug.obj"\n'
+
+
+SIDES = "1 2 4 3,5 7 8 6,1 5 6 2,3 4 8 7,1 3 7 5,2 6 8 4"
+
+
+def solid(x, y, z):
+    """An OBJ file of a box with a corner at the origin."""
+    points = "".join(f"v {a} {b} {c}\n" for a in (0, x) for b in (0, y) for c in (0, z))
+    return (points + "".join(f"f {side}\n" for side in SIDES.split(","))).encode()
+
+
+def nothing(name):
+    raise AssertionError(f"{name} is not wanted")
+
+
+def sizes(data=None, **fields):
+    data = data or solid(100, 50, 20)
+    fit = fitted(Entry(**{"name": "a", "file": "a.obj", "scale": 0.001, "center": True} | fields), data, nothing)
+    assert isinstance(fit.footprint, Box)
+    return tuple(round(size, 6) for size in (fit.footprint.length, fit.footprint.width, fit.height))
+
+
+def test_meshes_are_scaled_and_turned_upright():
+    assert sizes() == (0.1, 0.05, 0.02)
+    assert sizes(up="y") == sizes(up="-y") == sizes(roll=90) == (0.1, 0.02, 0.05)
+    assert sizes(up="x") == sizes(pitch=-90) == (0.02, 0.05, 0.1)
+    assert sizes(up="y", yaw=-270.0, scale=0.01) == (0.2, 1.0, 0.5)
+    # In a glTF file y is up unless the index says otherwise.
+    box = {"data": glb(), "file": "a.glb", "scale": 1.0}
+    assert sizes(**box) == sizes(**box, up="y") == (0.2, 0.1, 0.3)
+    assert sizes(**box, up="z") == (0.2, 0.3, 0.1)
+
+
+@pytest.mark.parametrize("up", UPRIGHT)
+def test_the_axis_that_is_up_becomes_z_without_a_mirror(up):
+    axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0)
+    turn = Entry(name="a", file="a.obj", up=up).matrix
+    assert np.array_equal(turn @ axis, (0.0, 0.0, 1.0)) and np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def test_turns_are_about_fixed_axes_in_order():
+    turn = Entry(name="a", file="a.stl", roll=90, pitch=90, yaw=30).matrix
+    # y goes to z by the roll, to x by the pitch, and then 30 degrees round.
+    assert turn @ (0.0, 1.0, 0.0) == pytest.approx((np.cos(np.pi / 6), 0.5, 0.0))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Checks a spec with assets; its folder has a box of 10 by 5 by 2 cm in millimetres, and a red one in metres."""
+    (tmp_path / "set" / "mug").mkdir(parents=True)
+    (tmp_path / "set" / "mug" / "a.obj").write_bytes(solid(100, 50, 20))
+    (tmp_path / "set" / "box.glb").write_bytes(glb())
+    (tmp_path / "set" / "assets.toml").write_text(
+        '[[asset]]\nname = "025_mug"\nfile = "mug/a.obj"\nscale = 0.001\ncategory = ["mug", "cup"]\nup = "y"\n'
+        '[[asset]]\nname = "box"\nfile = "box.glb"\ncategory = "mug"\nroll = 90\ncenter = true\n'
+    )
+    return tmp_path
+
+
+def checked(folder, asset):
+    spec = folder / "a.spec"
+    spec.write_text(f"object first = asset({asset}), plate\ntask: leftOf(first, plate)\n")
+    return check_file(spec, spec.read_bytes())
+
+
+def test_a_spec_names_an_entry_and_its_canonical_text_stands_alone(folder):
+    spec = checked(folder, '"set/025_mug"')
+    first = spec.shapes[0]
+    assert (first.asset, first.path, first.height) == ("asset", "set/025_mug", 0.05)
+    assert 'asset("set/025_mug", prism([' in spec.source
+    (folder / "alone").mkdir()
+    (folder / "alone" / "a.spec").write_text(spec.source)
+    again = check_file(folder / "alone" / "a.spec", spec.source.encode())
+    assert again.shapes == spec.shapes and again.source == spec.source
+    entries = read_index((folder / "set" / "assets.toml").read_bytes())
+    assert categories(entries) == {"mug": ["025_mug", "box"], "cup": ["025_mug"]}
+
+
+def refused(folder, asset, code, words):
+    with pytest.raises(SpecError) as caught:
+        checked(folder, asset)
+    (one,) = caught.value.diagnostics
+    said = f"{one.title} {one.help}"
+    assert one.code == code and words in said and one.span is not None, said
+
+
+def test_names_folders_and_files_that_are_not_there(folder):
+    refused(folder, '"025_mug"', "no-asset-index", "there is no assets.toml")
+    refused(folder, '"sets/025_mug"', "no-asset-index", "sets/assets.toml")
+    refused(folder, '"set/025_mag"', "unknown-indexed-asset", "did you mean `025_mug`?")
+    refused(folder, '"set/"', "unknown-indexed-asset", "it has 025_mug, box")
+    refused(folder, "mug", "file-without-quotes", 'asset("025_mug")')
+    refused(folder, '"../set/025_mug"', "outside-folder", "")
+    (folder / "set" / "mug" / "a.obj").unlink()
+    refused(folder, '"set/025_mug"', "cannot-read-import", "set/mug/a.obj")
+
+
+def test_an_index_that_cannot_be_used_says_where(folder):
+    for text, words in (
+        ("[[asset]]\nname = mug", "line 2"),
+        ("", "it has no assets"),
+        ("asset = 3", "asset"),
+        (MUG + "[[asset]]\nfile = 'b.obj'", "asset 2 (line 4): `name`: is missing"),
+        (MUG + MUG, "asset 2 (line 4): a second `mug`; the first is asset 1 (line 1)"),
+        (MUG + "scale = 0", "`scale`: input should be greater than 0"),
+        (MUG + "scale = true", "expected a number"),
+        (MUG + "scale = nan", "`scale`"),
+        (MUG + "category = ''", "`category`"),
+        (MUG + "category = []", "`category`"),
+        (MUG + "up = 'w'", "`up`"),
+        (MUG + "catgory = 'mug'", "did you mean `category`?"),
+        (MUG + "[other]\na = 1", "there are asset"),
+        (MUG.replace("mug.obj", "../mug.obj"), "must lie in the folder of the index"),
+        (MUG.replace("mug.obj", "/etc/passwd"), "must lie in the folder of the index"),
+        (MUG.replace("mug.obj", "c:/mug.obj"), "must lie in the folder of the index"),
+        (MUG.replace('"mug"', '"a/b"'), "names have no"),
+        ("a = " + "[" * 100_000, "it is not TOML"),
+    ):
+        (folder / "assets.toml").write_text(text)
+        refused(folder, '"mug"', "bad-asset-index", words)
+    (folder / "assets.toml").write_bytes(b"\xff\xfe")
+    refused(folder, '"mug"', "bad-asset-index", "UTF-8")
+    with pytest.raises(IndexFileError):
+        read_index(b" " * 16_000_001)
+
+
+def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
+    (folder / "assets.toml").write_text(MUG)
+    for size, words in (
+        (30, "is its file in centimetres? scale = 0.01"),
+        (900, "millimetres? scale = 0.001"),
+        (1e7, ""),
+    ):
+        (folder / "mug.obj").write_bytes(solid(size, size, size))
+        refused(folder, '"mug"', "asset-size", words)
+    (folder / "mug.obj").write_bytes(solid(0.00009, 0.00009, 0.0001))
+    refused(folder, '"mug"', "asset-size", "scale = 1000")
+    (folder / "mug.obj").write_bytes(solid(1, 1, 0))
+    refused(folder, '"mug"', "unusable-shape-file", "no height")
+    with pytest.raises(UrdfError, match="cannot be read here"):
+        fitted(Entry(name="a", file="a.ply"), b"", nothing)
+
+
+def test_pictures_draw_the_mesh_scaled_and_turned(folder):
+    import scenegen
+
+    (folder / "a.spec").write_text(
+        'object box = asset("set/box"), mug = asset("set/025_mug"), plate = asset("set/old", box(8 cm, 8 cm, 8 cm))\n'
+        "task: leftOf(box, plate)"
+    )
+    index = folder / "set" / "assets.toml"
+    index.write_text(index.read_text() + '[[asset]]\nname = "old"\nfile = "old.dae"\n')
+    file = scenegen.sample(scenegen.load(folder / "a.spec"), {}, n=1, seed=2).file()
+    box, mug, old = models_of(file, folder)
+    points = np.concatenate([one.vertices for one in box])
+    assert points.min(axis=0) == pytest.approx((-0.1, -0.15, 0.0), abs=1e-6)
+    assert points.max(axis=0) == pytest.approx((0.1, 0.15, 0.1), abs=1e-6)
+    points = np.concatenate([one.vertices for one in mug])
+    assert points.max(axis=0) - points.min(axis=0) == pytest.approx((0.1, 0.02, 0.05))
+    assert old is None and still_outlines(file, folder) == ("plate",)
+    for text, words in (
+        (index.read_text().replace("roll = 90", "roll = 45"), "its outline is not that"),
+        (index.read_text().replace('"box"', '"bax"'), "has no asset `box`"),
+        ("[", "is not TOML"),
+    ):
+        index.write_text(text)
+        with pytest.raises(DataError, match=words) as caught:
+            models_of(file, folder)
+        assert caught.value.diagnostics[0].code == "unusable-model"

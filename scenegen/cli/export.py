@@ -75,8 +75,8 @@ def export(
     A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf. A file holds all of
     them: as keyframes of one model (.xml), or as worlds (.sdf, .world). Objects stand on a table whose top is z = 0, or
     on what carries them, with mass, friction and convex pieces to collide with; what the spec holds in place cannot be
-    moved. Meshes lie beside the files, as OBJ. With --meshes, things of mesh and urdf have the convex pieces, mass and
-    friction of their files; without it they are prisms over their outlines.
+    moved. Meshes lie beside the files, as OBJ. With --meshes, objects of mesh, urdf and asset have the convex pieces,
+    mass and friction of their files; without it they are prisms over their outlines.
 
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates

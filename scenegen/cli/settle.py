@@ -68,9 +68,9 @@ def settle(
     deep. A scene in which an object moved or turned too far is marked and counted, not left out: the exit status is 0.
 
     Objects are those of `scenegen export`: convex pieces, mass and friction, on an infinite table. What the spec holds
-    in place cannot move. With --meshes, things of mesh and urdf have the convex pieces, mass and friction of their
-    files; without it they are prisms over their outlines. The file appears whole or not at all, and does not depend on
-    --workers.
+    in place cannot move. With --meshes, objects of mesh, urdf and asset have the convex pieces, mass and friction of
+    their files; without it they are prisms over their outlines. The file appears whole or not at all, and does not
+    depend on --workers.
 
     Several files are settled side by side, by --engine; one that fails is reported by its name, the others are settled,
     and the exit status is 1.

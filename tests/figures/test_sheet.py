@@ -8,6 +8,7 @@ from PIL import Image, ImageFont
 
 from scenegen.figures import sheet
 from scenegen.figures.sheet import asked, contact_sheet, thumbnail_size
+from scenegen.scene.count_data import CountData
 from scenegen.scene.data import SceneData
 from tests.render.scenefiles import scene_file
 
@@ -43,12 +44,18 @@ def scene(phi, counts=None):
 
 def test_captions_show_number_and_phi_and_stay_in_their_cell():
     font = ImageFont.load_default(size=sheet.SMALL)
-    lines = sheet._caption(3, scene({"task": 0.12, "safe": 0.31}), [], font, 240)
+    lines = sheet._caption(3, scene({"task": 0.12, "safe": 0.31}), [], [], font, 240)
     assert [[text for text, _ in line] for line in lines] == [["#3", "task 0.12", "safe 0.31"]]
-    lines = sheet._caption(3, scene({"task": 0.12}, {"block": 4}), [], font, 240)
-    assert [[text for text, _ in line] for line in lines] == [["#3", "block[4]", "task 0.12"]]
+    counts = [
+        CountData(name="block", least=2, most=5),
+        CountData(name="mug", least=1, most=2, assets=["red", "w" * 100]),
+    ]
+    lines = sheet._caption(3, scene({"task": 0.12}, {"block": 4, "mug": 1}), counts, [], font, 240)
+    assert [[text for text, _ in line] for line in lines] == [["#3", "block[4]", "mug:red", "task 0.12"]]
+    lines = sheet._caption(3, scene({}, {"block": 4, "mug": 2}), counts, [], font, 240)
+    assert lines[1][0][0].startswith("mug:w") and font.getlength(lines[1][0][0]) <= 240
     many = {f"a_label_whose_name_goes_on_and_on_and_on_{k}": -0.1234 * k for k in range(30)}
-    lines = sheet._caption(1, scene(many), [], font, 240)
+    lines = sheet._caption(1, scene(many), [], [], font, 240)
     assert len(lines) == sheet.CAPTION_LINES
     for line in lines:
         assert font.getlength("   ".join(text for text, _ in line)) <= 240
@@ -66,9 +73,9 @@ def test_a_long_header_keeps_within_the_sheet():
 def test_captions_say_what_overlaps():
     font = ImageFont.load_default(size=sheet.SMALL)
     words = ["mug overlaps plate", "fork overlaps plate"]
-    lines = sheet._caption(2, scene({"task": 0.1}), words, font, 240)
+    lines = sheet._caption(2, scene({"task": 0.1}), [], words, font, 240)
     assert [line for line in lines if line[0][1] == sheet.WARM] == [[(text, sheet.WARM)] for text in words]
-    lines = sheet._caption(2, scene({"task": 0.1}), [*words, *words], font, 240)
+    lines = sheet._caption(2, scene({"task": 0.1}), [], [*words, *words], font, 240)
     assert [text for line in lines[1:] for text, _ in line] == [*words, "4 overlaps in all"]
     # And it is the scenes' own overlaps that a sheet shows: a mug half through a plate costs a line.
     apart, through = ([[(0.5, 0.5, 0.0), (x, 0.5, 0.0)]] for x in (0.9, 0.65))

@@ -51,7 +51,7 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
 def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
     """Raises RequestError where a folder of meshes is given for a format without bodies."""
     if meshes is not None and to not in simulators.SIMULATORS:
-        raise RequestError(OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="add --to mjcf"))
+        raise RequestError(OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf or sdf"))
 
 
 def export(scenes: SceneArrays, out: Path, to: str | None, meshes: Path | None = None) -> tuple[Path, ...]:

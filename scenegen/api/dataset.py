@@ -134,7 +134,7 @@ def make_dataset(
     """n scenes of named specs, in equal shares, as a folder of sets with a card; returns their manifests by name.
 
     Of each spec there are as many scenes of each label that are satisfied as of those that are not, evenly over phi on
-    both sides, with phi of all labels and how rare it is. Jobs that fail are told to `told`, and leave their set
+    both sides, with phi of all labels and how rare it is. Jobs that fail are reported to `told`, and leave their set
     unfinished; `resume` goes on. The bytes follow from the specs, n, `seed` and `shard_size` alone. Raises RequestError
     and OutputError for a place that cannot be written to, and what `engine.many.each` raises.
     """

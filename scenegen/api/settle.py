@@ -18,7 +18,6 @@ from scenegen.api.scenes import evaluate as score
 from scenegen.api.settled import SettledScenes, Summary
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
-from scenegen.export.own_bodies import own_bodies_of
 from scenegen.export.setting import NOTHING, Own, world_of
 from scenegen.export.world import World
 from scenegen.formats.blocks import Block, joined
@@ -125,7 +124,11 @@ def settle_file(
 
 
 def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
-    return NOTHING if meshes is None else own_bodies_of(scenes, as_path("meshes", meshes))
+    if meshes is None:
+        return NOTHING
+    from scenegen.export.own_bodies import own_bodies_of
+
+    return own_bodies_of(scenes, as_path("meshes", meshes))
 
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:

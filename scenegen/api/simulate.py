@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE
-from scenegen.export.own_bodies import own_bodies_of
 from scenegen.export.setting import NOTHING, world_of
 from scenegen.formats.lines import block_of
 from scenegen.needs import need
@@ -44,6 +43,10 @@ def load_pybullet(
     if not isinstance(scene, Scene):
         raise RequestError(NOT_A_SCENE(value=repr(scene)))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
-    own = NOTHING if meshes is None else own_bodies_of(header, as_path("meshes", meshes))
+    own = NOTHING
+    if meshes is not None:
+        from scenegen.export.own_bodies import own_bodies_of
+
+        own = own_bodies_of(header, as_path("meshes", meshes))
     world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
     return load(world, getattr(client, "_client", client), table=table)

@@ -92,7 +92,8 @@ class Spec:
         numbers: dict[str, int] = {}
         for name, given in counts.items():
             if name not in self.counts:
-                raise RequestError(UNKNOWN_COUNT(name=name, known=tuple(self.counts)))
+                each = tuple(one for one in self.counts if one.startswith(f"{name}["))
+                raise RequestError(UNKNOWN_COUNT(name=name, each=each, known=tuple(self.counts)))
             least, most = self.counts[name]
             number = _number_of(name, given, self.assets.get(name, ()))
             if not least <= number <= most:

@@ -78,8 +78,7 @@ def _is_convex(mesh: Mesh) -> bool:
 @lru_cache(maxsize=64)
 def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]:
     need("coacd", "to cut meshes into convex pieces")
-    version = importlib.metadata.version("coacd") if _has_version() else "unknown"
-    name = hashlib.sha256(repr((version, OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
+    name = hashlib.sha256(repr((_version(), OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
     path = _folder() / f"{name}.npz"
     kept = _kept(path)
     if kept is None:
@@ -88,12 +87,11 @@ def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]
     return kept
 
 
-def _has_version() -> bool:
+def _version() -> str:
     try:
-        importlib.metadata.version("coacd")
+        return importlib.metadata.version("coacd")
     except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
+        return "unknown"
 
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
@@ -148,5 +146,9 @@ def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
     with contextlib.suppress(OSError, RuntimeError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(data.getvalue())
-        Path(file.name).replace(path)
+            try:
+                file.write(data.getvalue())
+                file.close()
+                Path(file.name).replace(path)
+            except OSError:
+                Path(file.name).unlink(missing_ok=True)

@@ -156,7 +156,7 @@ class Document:
             except (ValueError, binascii.Error):
                 raise MeshError(f"the data in {item.place} is not in base64") from None
         elif "://" in uri or uri.startswith(("/", "\\", "file:")):
-            raise MeshError(f"{item.place} names {uri[:60]}; a file that it needs lies beside it")
+            raise MeshError(f"{item.place} names {uri[:60]}; only files beside it, or in folders there, are read")
         else:
             data = self.read(unquote(uri))
         self.size += len(data)

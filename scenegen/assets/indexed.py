@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, ValidationError
 
 from scenegen.assets.filenames import ending_of
+from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats
 from scenegen.assets.outline import OutlineError, Shadow
 from scenegen.assets.urdf import GLTF, PLAIN, mesh_points
@@ -26,8 +27,6 @@ MOST_BYTES = 16_000_000  # of an index: a hundred thousand entries
 LARGEST, SMALLEST = 20.0, 0.001  # metres: what is larger or smaller is in another unit than its index says
 USUAL = 2.0  # metres: sizes up to here are what a hint takes a mistaken unit to have meant
 UNITS = ((0.01, "centimetres"), (0.001, "millimetres"))
-LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
-MOST_FRICTION = 100.0
 SHARE = 1e-9  # metres to which offsets are rounded, as outlines are
 
 # Which axis of the file points up -> rows of the rotation that makes it z.

@@ -12,13 +12,12 @@ from scenegen.assets.convex import convex_pieces
 from scenegen.assets.drawn import mesh_surfaces
 from scenegen.assets.elements import Element, ElementsError, elements
 from scenegen.assets.filenames import local_name
+from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats, Mesh, box, disc, joined, revolve
 from scenegen.assets.meshfile import MeshError
 from scenegen.assets.surface import Budget
 from scenegen.assets.urdf_tree import UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 
-MOST_FRICTION = 100.0
-LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
 SIDES, RINGS = 24, 8  # of round shapes
 MOST_PIECES = 1_000
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from scenegen.cli.options import Meshes
+
 
 def export(
     scenes: Annotated[Path, typer.Argument(help="A scenes file.", metavar="SCENES", show_default=False)],
@@ -19,15 +21,7 @@ def export(
             "--to", help="mjcf, sdf, pddl, json, jsonl or parquet; default: by the ending of --out.", show_default=False
         ),
     ] = None,
-    meshes: Annotated[
-        Path | None,
-        typer.Option(
-            "--meshes",
-            help="The folder of the spec's meshes and URDF files: bodies from them.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    meshes: Meshes = None,
     facts: Annotated[
         str | None,
         typer.Option(

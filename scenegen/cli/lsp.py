@@ -28,7 +28,7 @@ def lsp(
       scenegen lsp --root specs
 
     It speaks the Language Server Protocol over standard input and output, and ends when the editor says so. How to set
-    up an editor is told in editors/README.md. Needs the extra `lsp`: pip install "scenegen\\[lsp]".
+    up an editor is in editors/README.md. Needs the extra `lsp`: pip install "scenegen\\[lsp]".
     """
     from scenegen.errors import RequestError
 

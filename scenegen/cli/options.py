@@ -22,6 +22,15 @@ Counts = Annotated[
         show_default=False,
     ),
 ]
+Meshes = Annotated[
+    Path | None,
+    typer.Option(
+        "--meshes",
+        help="The folder of the spec's meshes, assets and URDF files: objects as they are in these.",
+        metavar="DIR",
+        show_default=False,
+    ),
+]
 
 
 def parse_counts(options: list[str] | None) -> dict[str, str]:

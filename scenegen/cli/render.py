@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
+from scenegen.cli.options import Meshes
 from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
 from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
 
@@ -86,16 +87,11 @@ def render(
         str | None,
         typer.Option(
             "--looks",
-            help="random, or a TOML file: draw table, ground, light and camera of each scene anew.",
+            help="random, or a TOML file: draw table, ground, light and camera for each scene.",
             metavar="LOOKS",
         ),
     ] = None,
-    meshes: Annotated[
-        Path | None,
-        typer.Option(
-            "--meshes", help="The folder of the spec's meshes and URDF files: draw them as they are.", metavar="DIR"
-        ),
-    ] = None,
+    meshes: Meshes = None,
     seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
@@ -242,7 +238,6 @@ def draw(
 ) -> None:
     """Draw with a progress bar, and say where the pictures are and how fast they came."""
     from scenegen.cli.output import note, note_others, print_error, progress_bar
-    from scenegen.render.models import still_outlines
 
     started = time.perf_counter()
     with progress_bar() as bar:
@@ -264,8 +259,11 @@ def draw(
         )
     took = time.perf_counter() - started
     _note_unknown(scenes)
-    if meshes is not None and (left := still_outlines(scenes.header, meshes)):
-        note(STILL_OUTLINES(names=left))
+    if meshes is not None:
+        from scenegen.render.models import still_outlines
+
+        if left := still_outlines(scenes.header, meshes):
+            note(STILL_OUTLINES(names=left))
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
     note_others(out, len(scenes), ".png")

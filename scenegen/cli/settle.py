@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.options import Meshes
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.formats.locations import names_set
 
@@ -40,15 +41,7 @@ def settle(
     max_turn: Annotated[
         str, typer.Option("--max-turn", help="By how much an object may turn, about any axis.", metavar="ANGLE")
     ] = "2deg",
-    meshes: Annotated[
-        Path | None,
-        typer.Option(
-            "--meshes",
-            help="The folder of the spec's meshes and URDF files: bodies from them.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    meshes: Meshes = None,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
     ] = None,

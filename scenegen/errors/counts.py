@@ -74,7 +74,12 @@ NUMBERS_NOT_HERE = Kind(
 UNKNOWN_COUNT = Kind(
     "unknown-count",
     "the spec draws no number of `{name}`",
-    help=(NEAREST, "it draws the numbers of {known:list}", "it draws no number of things"),
+    help=(
+        "it draws each of them by itself: {each:list}",
+        NEAREST,
+        "it draws the numbers of {known:list}",
+        "it draws no number of things",
+    ),
 )
 UNKNOWN_PICK = Kind(
     "unknown-pick", "`{object}` cannot be the asset `{name}`", help=(NEAREST, "the spec draws one of {known:list}")

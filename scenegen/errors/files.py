@@ -169,8 +169,8 @@ UNUSABLE_BODY = Kind(
 )
 NO_MODEL = Kind(
     "no-model",
-    "no object of the scenes is from a mesh or URDF file",
-    help='`object mug = mesh("mug.glb")` has one; `urdf` too',
+    "no object of the scenes is from a mesh, an asset of an index or a URDF file",
+    help='`object mug = mesh("mug.glb")` is; `asset` and `urdf` objects are, too',
 )
 NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
 OFF_THE_TABLE = Kind(

@@ -22,19 +22,19 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
     """
-    known: dict[str, OwnBody] = {}
+    known: dict[str, OwnBody | None] = {}
     bodies: dict[str, OwnBody] = {}
     for item in file.objects:
         key = item.shape.model_dump_json()
         try:
-            if not is_read(item.shape, folder):
-                continue
             if key not in known:
-                known[key] = _body(folder, item.shape)
+                known[key] = _body(folder, item.shape) if is_read(item.shape, folder) else None
         except (MeshError, UrdfError) as error:
             raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
-        bodies[item.name] = known[key]
-    if not known:
+        body = known[key]
+        if body is not None:
+            bodies[item.name] = body
+    if not bodies:
         raise DataError(NO_MODEL())
     return bodies
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
 from scenegen.assets.mesh import Floats
-from scenegen.assets.own_body import OwnBody
 from scenegen.assets.palette import RGB, mix, stable
 from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
 from scenegen.assets.support import base_heights
@@ -31,13 +31,16 @@ from scenegen.scene.numbers import member_of
 from scenegen.scene.sizes import check_sizes
 from scenegen.scene.standing import heights_of
 
+if TYPE_CHECKING:
+    from scenegen.assets.own_body import OwnBody
+
 MARGIN = 0.07  # metres of table beyond what is on it
 FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
 LINEN: RGB = (0.97, 0.95, 0.90)  # the colour with which those of regions are mixed
 SHEET = 0.0004  # metres: the thickness of the first region
 WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
 DRAWN = 32  # corners of a round region
-Own = Mapping[str, OwnBody]  # by the objects' names
+Own: TypeAlias = "Mapping[str, OwnBody]"  # by the objects' names
 NOTHING: Own = {}
 LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
 

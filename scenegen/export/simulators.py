@@ -17,8 +17,7 @@ from scenegen.errors import OutputError, RequestError
 from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
 from scenegen.errors.requests import NO_SCENES
-from scenegen.export.own_bodies import own_bodies_of
-from scenegen.export.setting import worlds_of
+from scenegen.export.setting import Own, worlds_of
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable, reported
 from scenegen.formats.folder import scene_name, whole_files
@@ -70,7 +69,11 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block, sources: 
     module: Any = importlib.import_module(SIMULATORS[to])
     if not scenes.count:
         raise RequestError(NO_SCENES())
-    own = {} if sources is None else own_bodies_of(header, sources)
+    own: Own = {}
+    if sources is not None:
+        from scenegen.export.own_bodies import own_bodies_of
+
+        own = own_bodies_of(header, sources)
     together = is_file(out, to)
     if together and header.counts:
         raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))

@@ -218,7 +218,7 @@ def read_manifest(store: Store) -> Manifest:
 
 def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     """The manifest of a set that is there, None if there is none. Before any work: raises RequestError for a set that
-    would be written over, OutputError for a folder with other files, DataError for a manifest that is none."""
+    would be written over, OutputError for a folder with other files, DataError for a manifest that cannot be read."""
     there = store.sizes()
     if MANIFEST not in there:
         odd = sorted(name for name in there if not name.startswith("."))

@@ -34,20 +34,17 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.
     """
-    known: dict[str, Model] = {}
+    known: dict[str, Model | None] = {}
     models: list[Model | None] = []
     for item in file.objects:
         key = item.shape.model_dump_json()
         try:
-            if not is_read(item.shape, folder):
-                models.append(None)
-                continue
             if key not in known:
-                known[key] = _model(folder, item.shape)
+                known[key] = _model(folder, item.shape) if is_read(item.shape, folder) else None
         except (MeshError, UrdfError) as error:
             raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
         models.append(known[key])
-    if not known:
+    if not any(models):
         raise DataError(NO_MODEL())
     return tuple(models)
 

@@ -7,6 +7,7 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PIL import Image
 
@@ -20,12 +21,14 @@ from scenegen.render.camera import USUAL
 from scenegen.render.files import PictureOptions
 from scenegen.render.looks import VIEW
 from scenegen.render.looks_file import read_looks
-from scenegen.render.models import models_of
 from scenegen.render.pool import draw
 from scenegen.render.request import check_renderer, check_request, check_seed, usual_size
 from scenegen.render.rig import cameras_json, drawn_looks, looks_jsonl
 from scenegen.scene.data import SceneFile
 from scenegen.scene.stage import poses_of, stage_of
+
+if TYPE_CHECKING:
+    from scenegen.assets.surface import Surface
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
 LOOKS = "looks.jsonl"
@@ -104,7 +107,7 @@ def render_scenes(
     if not file.scenes:
         raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
-    models = () if meshes is None else models_of(file, meshes)
+    models = () if meshes is None else _models(file, meshes)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)
@@ -129,6 +132,12 @@ def render_scenes(
             put(LOOKS, looks_jsonl(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
+
+
+def _models(file: SceneFile, folder: Path) -> tuple[tuple[Surface, ...] | None, ...]:
+    from scenegen.render.models import models_of
+
+    return models_of(file, folder)
 
 
 def _small(data: bytes, size: tuple[int, int]) -> Image.Image:

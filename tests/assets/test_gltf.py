@@ -129,8 +129,8 @@ REFUSED = {
         document(nodes=[{"children": [k + 1], "scale": [1e8] * 3} for k in range(60)] + [{"mesh": 0}]),
         "beyond all measure",
     ),
-    "an address": (document(texture={"uri": "http://somewhere/x.png"}), "lies beside it"),
-    "a path": (document(texture={"uri": "/etc/passwd"}), "lies beside it"),
+    "an address": (document(texture={"uri": "http://somewhere/x.png"}), "only files beside it"),
+    "a path": (document(texture={"uri": "/etc/passwd"}), "only files beside it"),
     "no base64": (document(texture={"uri": "data:image/png;base64,*"}), "not in base64"),
     "no picture": (document(texture={"uri": inline(b"GIF89a")}), "neither PNG nor JPEG"),
     "no uv": (

@@ -69,7 +69,7 @@ def test_files_that_give_no_body_are_refused(scenes, tmp_path):
     refused("unusable-body", "no such file", meshes=tmp_path / "elsewhere")
     refused("out-of-place", "gives bodies to simulators", to="pddl")
     scenes = scenegen.sample(scenegen.parse("task: leftOf(mug, plate)"), {"task": (0.0, None)}, n=1, seed=1)
-    with pytest.raises(DataError, match="from a mesh or URDF file"):
+    with pytest.raises(DataError, match="from a mesh, an asset"):
         scenegen.settle(scenes, "pybullet", meshes=tmp_path)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from scenegen.lang.core import Apply, Const, Coord, Core, Junction
 from scenegen.lang.fold import Algebra, fold
-from scenegen.lang.least_gap import BATCH, Groups, find_groups, minimum
+from scenegen.lang.least_gap import SEVERAL, Groups, find_groups, minimum
 from scenegen.pose import THETA, along
 from scenegen.primitives import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.primitives.namespace import turning
@@ -63,16 +63,16 @@ def evaluate(
     rows: Sequence[Any],
     namespace: Namespace = MATH,
     check: Callable[[], None] | None = None,
-    needed: Collection[int] | None = None,
+    needed: Collection[int] | Groups | None = None,
 ) -> list[Any]:
     """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
     `check` is called before every node: what it raises breaks off. With `needed`, other nodes than those may lack a
-    value, which is faster in many scenes."""
-    many = namespace is NUMPY and np.ndim(rows[0]) == 1 and len(rows[0]) >= BATCH
+    value, which is faster in many scenes; `find_groups` prepares it for many runs."""
+    many = namespace is NUMPY and np.ndim(rows[0]) == 1 and len(rows[0]) >= SEVERAL
     if namespace is not MATH:
         namespace = turning(namespace, rows[along(THETA)])
     if needed is not None and many:
-        groups = find_groups(core, needed)
+        groups = needed if isinstance(needed, Groups) else find_groups(core, needed)
         if groups.skipped:
             values: list[Any] = []
             return fold(core.nodes, Fewer(namespace, rows, groups, values), before=check, values=values)

@@ -26,7 +26,8 @@ Array = npt.NDArray[np.float64]
 
 FEWEST = 30  # gaps of a minimum, and a dozen for each pair of shapes; fewer are computed as they are, without detours
 DOZEN = 12
-BATCH = 512  # scenes; for fewer, the calls cost more than the numbers
+SEVERAL = 2  # scenes from which on gaps are left out
+BATCH = 2048  # scenes; for fewer, calls cost more than numbers
 BLOCK = 2048  # scenes at a time, so that distances stay in cache
 SLACK = 1e-9  # metres, for rounding
 
@@ -144,8 +145,9 @@ def least(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, An
         _look(group, at, np.stack([rows[row][part] for row in used]), near[:, part])
     near |= ~np.isfinite(reduce(np.add, [rows[row] for row in np.unique(group.rows)]))
     out = np.full(count, math.inf)
+    compute = _compute if count >= BATCH else _compute_few
     for alike in group.alike:
-        _compute(group, alike, rows, turn, near[alike.pairs], out)
+        compute(group, alike, rows, turn, near[alike.pairs], out)
     return out
 
 
@@ -195,6 +197,36 @@ def _compute(
         begin, end = end, end + len(scene)
         value, less = gaps[begin:end], group.less[pair]
         out[scene] = np.minimum(out[scene], value - less if less else value)
+
+
+def _compute_few(
+    group: Group,
+    alike: Alike,
+    rows: Sequence[Any],
+    turn: Callable[[Any], tuple[Any, Any]],
+    near: npt.NDArray[np.bool_],
+    out: Array,
+) -> None:
+    """The same in few scenes: fewer calls, more numbers."""
+    pair, scene = np.nonzero(near)
+    used, at = np.unique(group.rows[:, :, alike.pairs], return_inverse=True)
+    at = at.reshape(2, 3, -1)[:, :, pair]
+    poses = np.stack([rows[row] for row in used])[at, scene]
+    turns = {row: turn(rows[row]) for row in np.unique(group.rows[:, 2, alike.pairs])}
+    namespace = Turning(NUMPY, ())
+    table = np.zeros((2, len(used), len(out)))
+    for place, row in enumerate(used):
+        if row in turns:
+            table[:, place] = turns[row]
+    headings = [poses[side, 2] for side in (0, 1)]
+    for side, heading in enumerate(headings):
+        cosine, sine = table[:, at[side, 2], scene]
+        namespace.know(heading, (cosine, sine))
+    values = PRIMITIVES["gap"].evaluate(
+        namespace, *alike.shapes, *poses[0, :2], headings[0], *poses[1, :2], headings[1]
+    )
+    less = group.less[alike.pairs][pair]
+    np.minimum.at(out, scene, np.where(less == 0.0, values, values - less))
 
 
 def minimum(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]) -> Any:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from scenegen.bounds.effort import per_scene
+from scenegen.bounds.effort import Effort, per_scene
+from scenegen.bounds.prune import box_cover
 from scenegen.lang.check import check_text
 from scenegen.sampling import auto
 from scenegen.sampling.problem import PLAN, Budget, make_problem
-from scenegen.sampling.rejection import draw as module
-from scenegen.sampling.rejection.draw import candidates, draw_kept, work_each
+from scenegen.sampling.rejection import stages as module
+from scenegen.sampling.rejection.draw import draw_kept, make_stages
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -17,7 +18,7 @@ object box[{many}] = box(8 cm, 6 cm, 6 cm)
 def nextTo(a, b, e = 10 cm) = fullyRightOf(a, b) & gap(a, b) <= e & alignedY(a, b, 5 cm)
 require noOverlap() & insideWorkspace()
 """
-COUNT = 8_192
+COUNT = 16_384
 
 
 def planned(task, wanted, n=100, many=5):
@@ -25,13 +26,17 @@ def planned(task, wanted, n=100, many=5):
     return make_problem(spec, SampleRequest(wanted, n=n, seed=4))
 
 
+def whole_box(problem):
+    return box_cover(problem.core, problem.lowest, problem.highest, {}, (0, PLAN), problem.tape, Effort())
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("task", "wanted"),
     [
-        ("task: nextTo(box[2], box[1])\n", {"task": Range(-0.05, None)}),
+        ("task: nextTo(box[2], box[1]) & facing(box[3], box[1], 40 deg)\n", {"task": Range(-0.2, None)}),
         (
-            "task: x(box[1]) >= 0.2\nsafe: nextTo(box[3], box[1])\n",
+            "task: x(box[1]) >= 0.2\nsafe: facing(box[3], box[1], 20 deg) | leftOf(box[2], box[3])\n",
             {"task": Range(None, 0.3), "safe": Range(-0.2, 0.0)},
         ),
         ("task: (leftOf(box[1], box[2]) | nextTo(box[2], box[1])) & !closeTo(box[1], box[3], 0.2)\n", {}),
@@ -39,38 +44,53 @@ def planned(task, wanted, n=100, many=5):
 )
 def test_the_same_scenes_to_the_bit(task, wanted, monkeypatch):
     problem = planned(task, wanted)
-    cover = make_trial(problem, Budget()).cover
+    cover = whole_box(problem)
 
-    def drawn():
-        return draw_kept(problem, cover, COUNT, np.random.default_rng(7))
+    def drawn(stages):
+        return draw_kept(problem, cover, COUNT, np.random.default_rng(7), stages=stages)
 
-    staged = drawn()
-    monkeypatch.setattr(module, "CHEAP", 0.0)
-    for one, other in zip(staged, drawn(), strict=True):
+    stages = make_stages(problem, cover)
+    monkeypatch.setattr(module, "FEW", 0)
+    whole, staged = drawn(None), drawn(stages)
+    assert stages.stages
+    for one, other in zip(whole, staged, strict=True):
         assert one.tobytes() == other.tobytes()
     assert len(staged[2]) > 20
 
 
 @pytest.mark.long
-def test_the_work_of_a_candidate_counts_what_is_scored():
-    problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)})
-    cover = make_trial(problem, Budget()).cover
-    whole = per_scene(problem.core.nodes)[0]
-    first = module._cheap_label(problem)
-    assert first is not None and first.label == list(problem.core.labels).index("task")
-    rng = np.random.default_rng(np.random.SeedSequence([4, PLAN]))
-    _, phi, usable = candidates(problem, cover, COUNT, rng)
-    passed = np.mean(usable & (phi[first.label] >= 0.0))
-    assert work_each(problem, cover, rng) == pytest.approx(first.work + passed * (whole - first.work), rel=0.1)
-    assert first.work < work_each(problem, cover, rng) < whole
+def test_conditions_are_those_of_the_range():
+    """A conjunction is met where each argument is, a disjunction is missed where each is: else a label stays whole."""
+    task = "task: (leftOf(box[1], box[2]) | nextTo(box[2], box[1])) & !closeTo(box[1], box[3], 0.2)\n"
+    both = planned(task, {"task": Range(0.0, 0.1)})
+    either = planned("task: leftOf(box[1], box[2]) | closeTo(box[1], box[3])\n", {"task": Range(0.0, None)})
+    missed = planned("task: leftOf(box[1], box[2]) | closeTo(box[1], box[3])\n", {"task": Range(None, -0.1)})
+
+    def of_task(problem):
+        own = module._arguments(problem.core, problem.core.labels["require"], "min")
+        return [one for one in module._conditions(problem) if one.node not in own]
+
+    assert [one.low for one in of_task(both)] == [0.0, 0.0, -np.inf]
+    assert [one.node for one in of_task(either)] == [either.core.labels["task"]]
+    assert len(of_task(missed)) == 2
+    assert {one.high for one in of_task(missed)} == {-0.1}
+
+
+@pytest.mark.long
+def test_the_cheap_and_rare_comes_first():
+    task = "task: nextTo(box[2], box[1]) & facing(box[3], box[1], 10 deg)\n"
+    problem = planned(task, {"task": Range(0.0, None)}, many=8)
+    stages = make_stages(problem, whole_box(problem))
+    first = problem.core.nodes[stages.stages[0].conditions[0].node]
+    assert first.text.startswith(("facing(", "alignedY("))
+    assert stages.work < 0.2 * per_scene(problem.core.nodes)[0]
 
 
 def test_nothing_comes_first_where_nothing_is_cheap():
     alone = check_text("task: leftOf(mug, plate) & !closeTo(mug, plate, 0.25)\n")
     problem = make_problem(alone, SampleRequest({"task": Range(0.0, None)}, n=100))
-    assert module._cheap_label(problem) is None
     cover = make_trial(problem, Budget()).cover
-    assert work_each(problem, cover, np.random.default_rng(0)) == per_scene(problem.core.nodes)[0]
+    assert make_stages(problem, cover).stages == ()
 
 
 @pytest.mark.long
@@ -79,5 +99,6 @@ def test_many_scenes_are_worth_rejecting_where_few_are_grown():
     task = "task: nextTo(box[2], box[1]) & facing(box[3], box[1], 20 deg)\n"
     many = auto.choose(planned(task, {"task": Range(0.0, None)}, n=20_000, many=8), Budget())
     assert many.method == "rejection"
-    rare = task.rstrip() + " & nextTo(box[5], box[4]) & facing(box[6], box[4], 20 deg) & nextTo(box[8], box[7])\n"
+    rare = task.rstrip() + " & nextTo(box[5], box[4]) & facing(box[6], box[4], 20 deg) & nextTo(box[8], box[7])"
+    rare += " & facing(box[8], box[4], 20 deg) & facing(box[5], box[7], 20 deg)\n"
     assert auto.choose(planned(rare, {"task": Range(0.0, None)}, n=20_000, many=8), Budget()).method == "growth"

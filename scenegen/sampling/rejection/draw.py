@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import Effort, per_scene, scoring
+from scenegen.bounds.effort import Effort, per_scene
 from scenegen.bounds.prune import Cover
 from scenegen.lang.interpret import evaluate
-from scenegen.lang.least_gap import find_groups
+from scenegen.lang.least_gap import Groups
 from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.primitives import NUMPY
 from scenegen.sampling.problem import PLAN, Problem
+from scenegen.sampling.rejection.stages import Stages
+from scenegen.sampling.rejection.stages import make_stages as stages_for
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -26,8 +27,7 @@ CHUNK = 16_384  # maximum number of candidates drawn and scored at a time: inter
 WORK = 1 << 26  # candidates times nodes of one exploration
 PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
 EXPLORE = 4  # chunks drawn from the common cover to see which cells they hit
-CHEAP = 0.3  # share of the work of scoring; less than that is done before the rest
-GUESS = 2048  # candidates that show how many are scored no further than that
+PILOT = 512  # candidates that show which conditions are best checked first
 ENOUGH = 16  # hits after which a cell's rate is known well enough
 
 
@@ -54,11 +54,14 @@ def explore(
     """Hits of each cell, (C,), in a few chunks of candidates, and how many there were; with `cell`, as soon as that one
     is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
-    tried = 0
+    tried, stages = 0, None
     for chunk in range(most):
         for count in chunks(problem, affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
-            effort.spend(scoring(problem.core.nodes, count))
-            _, _, cells = draw_kept(problem, cover, count, rng, check=effort.check)
+            if stages is None and tried:
+                stages = make_stages(problem, cover)
+            each, calls = per_scene(problem.core.nodes)
+            effort.spend(calls + count * (each if stages is None else min(each, stages.work)))
+            _, _, cells = draw_kept(problem, cover, count, rng, check=effort.check, stages=stages)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count
         if cell is not None and hits[cell] >= ENOUGH:
@@ -73,16 +76,17 @@ def draw_kept(
     rng: np.random.Generator,
     room: Array | None = None,
     check: Callable[[], None] | None = None,
+    stages: Stages | None = None,
 ) -> tuple[Array, Array, Index]:
     """The accepted ones of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is a
-    buffer for the draws, (3N, CHUNK); `check` may interrupt, see `evaluate`."""
+    buffer for the draws, (3N, CHUNK); `check` may interrupt, see `evaluate`; `stages` save work."""
     rows, spans, usable = _drawn(problem, cover, count, rng, room)
-    first = _cheap_label(problem)
-    if first is not None:
-        passed = np.flatnonzero(usable & _in_range(problem, first.label, first.values(problem, rows, check)))
-        spans = [slice(*np.searchsorted(passed, (span.start, span.stop))) for span in spans]
-        rows, usable = rows.take(passed, axis=1), np.ones(len(passed), dtype=bool)
-    phi = _scored(problem, cover, rows, spans, usable, check)
+    if stages is not None:
+        rows, at = stages.survivors(problem.core, rows, usable, check)
+        if at is not None:
+            spans = [slice(*np.searchsorted(at, (span.start, span.stop))) for span in spans]
+            usable = np.ones(len(at), dtype=bool)
+    phi = _scored(problem, cover, rows, spans, usable, check, None if stages is None else stages.full)
     for label, value in enumerate(phi):
         usable &= _in_range(problem, label, value)
     # Candidates come part by part: without shuffling, a piece that is cut off would lack the last parts.
@@ -114,11 +118,11 @@ def _scored(
     spans: Sequence[slice],
     usable: Bool,
     check: Callable[[], None] | None = None,
+    full: Groups | None = None,
 ) -> Array:
     """phi (L, B); and `usable` loses those that are not scenes of their part."""
     labels = problem.core.labels.values()
-    needed = {*labels, *(node for part in cover.parts for node, _, _ in part.apart)}
-    values = evaluate(problem.core, list(rows), NUMPY, check, needed)
+    values = evaluate(problem.core, list(rows), NUMPY, check, _needed(problem, cover) if full is None else full)
     for part, span in zip(cover.parts, spans, strict=True):
         if part.apart:
             mine = part.owns(values, span)
@@ -130,46 +134,22 @@ def _scored(
     return phi
 
 
+def _needed(problem: Problem, cover: Cover) -> set[int]:
+    """The nodes whose values scoring reads."""
+    return {*problem.core.labels.values(), *(node for part in cover.parts for node, _, _ in part.apart)}
+
+
 def _in_range(problem: Problem, label: int, value: Array) -> Bool:
     low, high = problem.cells.low[label], problem.cells.high[label]
     held: Bool = np.asarray((value >= low) & (value <= high) if low > -math.inf else value <= high)
     return held if low > -math.inf or high < math.inf else np.ones(np.shape(value), dtype=bool)
 
 
-@dataclass(frozen=True, slots=True)
-class _Cheap:
-    """A label that is looked at before all others; `work` is that of scoring it."""
-
-    work: float
-    label: int
-    node: int
-
-    def values(self, problem: Problem, rows: Array, check: Callable[[], None] | None = None) -> Array:
-        found: Array = evaluate(problem.core, list(rows), NUMPY, check, (self.node,))[self.node]
-        return found
-
-
-def _cheap_label(problem: Problem) -> _Cheap | None:
-    """The label that costs much less than all of them and has a range: most candidates need not be scored any further
-    than that."""
-    nodes, found = problem.core.nodes, []
-    for label, node in enumerate(problem.core.labels.values()):
-        if problem.cells.low[label] > -math.inf or problem.cells.high[label] < math.inf:
-            skipped = find_groups(problem.core, (node,)).skipped
-            work = per_scene(one for index, one in enumerate(nodes) if index not in skipped)[0]
-            found.append(_Cheap(work, label, node))
-    best = min(found, key=lambda one: one.work, default=None)
-    return best if best is not None and best.work <= CHEAP * per_scene(nodes)[0] else None
-
-
-def work_each(problem: Problem, cover: Cover, rng: np.random.Generator) -> float:
-    """The work of a candidate on average; see scenegen.bounds.effort."""
-    whole, first = per_scene(problem.core.nodes)[0], _cheap_label(problem)
-    if first is None:
-        return whole
-    rows, _, usable = _drawn(problem, cover, affordable(problem, GUESS), rng)
-    passed = float(np.mean(usable & _in_range(problem, first.label, first.values(problem, rows))))
-    return first.work + passed * (whole - first.work)
+def make_stages(problem: Problem, cover: Cover) -> Stages:
+    """What is scored first of candidates from a cover."""
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 3]))
+    rows, _, usable = _drawn(problem, cover, affordable(problem, PILOT), rng)
+    return stages_for(problem, rows, usable, _needed(problem, cover))
 
 
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:

@@ -24,6 +24,7 @@ from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossib
 from scenegen.sampling.rejection.draw import (
     CHUNK,
     PIECE,
+    PILOT,
     Array,
     Bool,
     Index,
@@ -31,10 +32,11 @@ from scenegen.sampling.rejection.draw import (
     chunks,
     draw_kept,
     explore,
+    make_stages,
     misses,
     within,
-    work_each,
 )
+from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
 
@@ -42,16 +44,19 @@ SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
 LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A cover and the cells whose scenes are taken from it, (C,) booleans; `candidates` are drawn for each piece."""
+    """A cover and the cells whose scenes are taken from it, (C,) booleans; `candidates` are drawn for each piece, and
+    scored in `stages`."""
 
     cover: Cover
     cells: Bool
     candidates: int
+    stages: Stages | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +80,8 @@ class Rejection(Plan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("rejection", self.sources, self.reachable, self.ruled_out, self.explored, self.draws)
+        drawn = [(source.cover, source.cells, source.candidates) for source in self.sources]
+        return digest("rejection", drawn, self.reachable, self.ruled_out, self.explored, self.draws)
 
     @property
     def reached(self) -> tuple[int, ...]:
@@ -113,7 +119,9 @@ class Rejection(Plan):
         room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
         for which, source in enumerate(self.sources):
             for count in chunks(self.problem, source.candidates):
-                kept, values, cells = draw_kept(self.problem, source.cover, count, rng, room, self.stop.check)
+                kept, values, cells = draw_kept(
+                    self.problem, source.cover, count, rng, room, self.stop.check, source.stages
+                )
                 mine = np.flatnonzero(source.cells[cells])
                 hits[which] += len(mine) if which else len(cells)
                 if len(mine) < len(cells):
@@ -208,8 +216,8 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
 
 def work_of(plan: Rejection) -> float:
     """The work of what the request will need; see scenegen.bounds.effort."""
-    rng = np.random.default_rng(np.random.SeedSequence([plan.problem.request.seed, PLAN, 0, 3]))
-    return plan.expected * work_each(plan.problem, plan.sources[0].cover, rng)
+    stages = make_stages(plan.problem, plan.sources[0].cover)
+    return plan.expected * stages.work
 
 
 def _alone(
@@ -219,7 +227,7 @@ def _alone(
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
-    source = Source(trial.cover, everywhere, _size(problem, need))
+    source = _source(problem, trial.cover, everywhere, _size(problem, need), need)
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
@@ -249,12 +257,17 @@ def _balance(
     parts = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
-    sources = [Source(cover, served, parts[0])]
-    for (cell, mine, _), candidates in zip(own, parts[1:], strict=True):
+    sources = [_source(problem, cover, served, parts[0], need[0])]
+    for (cell, mine, _), candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
         only[cell] = True
-        sources.append(Source(mine, only, candidates))
+        sources.append(_source(problem, mine, only, candidates, all_))
     return tuple(sources), float(sum(need))
+
+
+def _source(problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float) -> Source:
+    """`need` is how many candidates the request takes in all: for a few, stages cost more than they save."""
+    return Source(cover, cells, candidates, make_stages(problem, cover) if need >= STAGED * PILOT else None)
 
 
 def _size(problem: Problem, need: float) -> int:

@@ -72,7 +72,8 @@ def write_worlds(
 ) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
-    `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies (`own_bodies_of`).
+    `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
+    (`own_bodies_of`).
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """

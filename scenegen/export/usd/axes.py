@@ -22,7 +22,8 @@ def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
         xx, yy, zz = np.diag(moments).tolist()
         return (xx, yy, zz), STILL
     values, vectors = np.linalg.eigh(moments)
-    best, closest, order = -math.inf, np.eye(3), (0, 1, 2)
+    best, closest = -math.inf, np.eye(3)
+    order: tuple[int, ...] = (0, 1, 2)
     for tried in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             turn = vectors[:, tried] * np.array(signs)

@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scenegen.export.usd.form import body_file
-from scenegen.export.usd.scene import ROOT, Scene
+from scenegen.export.usd.scene import Scene
 from scenegen.export.world import World
 from scenegen.export.xml import check_room
 
 ENDING = ".usda"
-KEY, KEY_EACH = 6_000, 2_500  # bytes of memory for a variant, and for each object in it
+KEY, KEY_EACH = 3_000, 1_500  # bytes of memory for a variant, and for each object in it
 SET = "scene"
 
 
@@ -43,6 +43,3 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         yield scene.all_in_one(SET)
         return
     yield from scene.each()
-
-
-__all__ = ["ENDING", "ROOT", "files", "meshes"]

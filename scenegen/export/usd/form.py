@@ -23,8 +23,8 @@ def body_file(body: Body) -> bytes:
     moments, axes = principal(body.moments)
     stage.rigid(root, body.mass, body.form.inertia.center.tolist(), moments, axes)
     place = materials(stage, root)
-    stage.contact(f"{place}/{CONTACT}", body.friction)
-    stage.bind(root, f"{place}/{CONTACT}", "physics")
+    contact = f"{place}/{CONTACT}"
+    stage.contact(contact, body.friction)
     stage.xform(f"{root}/visuals")
     for number, (mesh, color) in enumerate(zip(body.form.parts, body.colors, strict=True), start=1):
         path, name = part(root, number)
@@ -38,5 +38,5 @@ def body_file(body: Body) -> bytes:
             stage.mesh(path, piece.mesh)
         else:
             stage.box(path, *piece.box)
-        stage.collider(path, hull=piece.box is None)
+        stage.collider(path, contact, hull=piece.box is None)
     return stage.finished().text()

@@ -35,7 +35,11 @@ def materials(stage: Stage, root: str) -> str:
 def material(stage: Stage, root: str, name: str, look: Look) -> None:
     """A material below `root`, for `cover`."""
     path = f"{root}/{MATERIALS}/{name}"
-    values = {"diffuseColor": look.color, "roughness": look.roughness, "metallic": look.metallic}
+    values: dict[str, float | RGB] = {
+        "diffuseColor": look.color,
+        "roughness": look.roughness,
+        "metallic": look.metallic,
+    }
     stage.material(path, SHADER)
     stage.inputs(f"{path}/{SHADER}", values)
 

@@ -87,12 +87,11 @@ class Scene:
         stage.xform(path, "component")
         contact = f"{materials(stage, path)}/{CONTACT}"
         stage.contact(contact, SLIPPERY, LARGER)
-        stage.bind(path, contact, "physics")
         material(stage, path, "wood", Look(WOOD))
         for number, (center, sizes) in enumerate(self.world.slabs()):
             slab = f"{path}/leg_{number}" if number else f"{path}/top"
             stage.box(slab, center, sizes)
-            stage.collider(slab, hull=False)
+            stage.collider(slab, contact, hull=False)
             cover(stage, path, slab, "wood", WOOD)
         for number, patch in enumerate(self.world.patches, start=1):
             name, mesh = f"region_{number}", patch.mesh()
@@ -101,7 +100,7 @@ class Scene:
             material(stage, path, name, Look(patch.color))
             cover(stage, path, region, name, patch.color)
             if patch.solid:
-                stage.collider(region, hull=True)
+                stage.collider(region, contact, hull=True)
 
 
 def _environment(stage: Stage, world: World) -> None:
@@ -113,9 +112,8 @@ def _environment(stage: Stage, world: World) -> None:
     floor = f"{AROUND}/floor"
     x0, y0, x1, y1 = world.table
     stage.box(floor, ((x0 + x1) / 2.0, (y0 + y1) / 2.0, -TALL - DEEP / 2.0), (WIDE, WIDE, DEEP))
-    stage.collider(floor, hull=False)
     contact = f"{materials(stage, AROUND)}/{CONTACT}"
     stage.contact(contact, SLIPPERY, LARGER)
-    stage.bind(floor, contact, "physics")
+    stage.collider(floor, contact, hull=False)
     material(stage, AROUND, "stone", Look(STONE))
     cover(stage, AROUND, floor, "stone", STONE)

@@ -151,8 +151,10 @@ class Stage:
         prim.RemoveAPI(UsdPhysics.RigidBodyAPI)
         prim.RemoveAPI(UsdPhysics.MassAPI)
 
-    def collider(self, path: str, *, hull: bool) -> None:
-        """Let a prim collide: a box as it is, or the convex hull of a mesh."""
+    def collider(self, path: str, contact: str, *, hull: bool) -> None:
+        """Let a prim collide: a box as it is, or the convex hull of a mesh. `contact` is its material, see `contact`;
+        not all programs would find that of a frame above."""
+        self.bind(path, contact, "physics")
         prim = self._prim(path)
         UsdPhysics.CollisionAPI.Apply(prim)
         if hull:

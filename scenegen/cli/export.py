@@ -74,7 +74,7 @@ def export(
     .usd and .usdc are binary). Objects stand on a table whose top is z = 0, or on what carries them, with mass,
     friction and convex pieces to collide with; what the spec holds in place cannot be moved. Meshes lie beside the
     files, as OBJ or USD. With --meshes, objects of mesh, urdf and asset have the convex pieces, mass and friction of
-    their files; without it they are prisms over their outlines. USD needs usd-core: pip install "scenegen[usd]".
+    their files; without it they are prisms over their outlines. USD needs usd-core: pip install "scenegen\\[usd]".
 
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates

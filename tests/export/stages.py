@@ -1,5 +1,7 @@
 """USD stages for tests: opened by USD's own library, with its rules and its reader of physics."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,16 @@ def frame(prim):
     return np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim)).T
 
 
+def poses(stage, names):
+    """x, y, z, theta of objects that stand upright."""
+    found = []
+    for name in names:
+        turn = frame(things(stage)[name])
+        np.testing.assert_allclose(turn[2], [0, 0, 1, turn[2, 3]], atol=1e-15)
+        found.append([*turn[:3, 3], math.atan2(turn[1, 0], turn[0, 0]) % math.tau])
+    return np.array(found)
+
+
 def corners(prim):
     """(V, 3): the points of a mesh, or the corners of a cube, in the world's frame."""
     if prim.IsA(UsdGeom.Cube):
@@ -61,18 +73,22 @@ def friction(stage, material):
     return made.GetStaticFrictionAttr().Get(), made.GetDynamicFrictionAttr().Get()
 
 
-def inertia(prim):
-    """Mass, centre of mass (3,) and the moments (3, 3) about it, along the prim's axes."""
-    made = UsdPhysics.MassAPI(prim)
-    axes = made.GetPrincipalAxesAttr().Get()
-    w, (x, y, z) = axes.GetReal(), axes.GetImaginary()
-    turn = np.array(
+def rotation(w, x, y, z):
+    """(3, 3), of a quaternion."""
+    return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
             [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def inertia(prim):
+    """Mass, centre of mass (3,) and the moments (3, 3) about it, along the prim's axes."""
+    made = UsdPhysics.MassAPI(prim)
+    axes = made.GetPrincipalAxesAttr().Get()
+    turn = rotation(axes.GetReal(), *axes.GetImaginary())
     moments = turn @ np.diag(made.GetDiagonalInertiaAttr().Get()) @ turn.T
     return made.GetMassAttr().Get(), np.array(made.GetCenterOfMassAttr().Get()), moments
 

@@ -139,7 +139,7 @@ def test_by_the_rules_of_usd(make, tmp_path):
         ("meshes/box.usda", "meshes/lost.usda"),
         ('["MaterialBindingAPI", "PhysicsCollisionAPI"]', '["PhysicsCollisionAPI"]'),
         ("float inputs:roughness = 0.6", "bool inputs:roughness = 1"),
-        ('kind = "assembly"', 'prepend apiSchemas = ["PhysicsRigidBodyAPI"]'),
+        ('"PhysxMaterialAPI"', '"PhysicsRigidBodyAPI"'),
     ],
 )
 def test_the_rules_can_be_broken(old, new, tmp_path):

@@ -1,5 +1,6 @@
 """Packages that only a part of the work needs: torch for models and gradients, pybullet for pictures and settling,
-mujoco for settling, CoACD for convex pieces of meshes, PyAV for MP4 files."""
+mujoco for settling, CoACD for convex pieces of meshes, PyAV for MP4 files, pxr for
+USD."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ INSTALL = {
     "av": 'pip install "scenegen[video]"',
     "coacd": 'pip install "scenegen[meshes]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
+    "pxr": 'pip install "scenegen[usd]"',
     "pyarrow": 'pip install "scenegen[parquet]"',
     "pybullet": "pip install pybullet",
     "torch": "pip install torch, or its much smaller CPU build: "

@@ -51,7 +51,9 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
 def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
     """Raises RequestError where a folder of meshes is given for a format without bodies."""
     if meshes is not None and to not in simulators.SIMULATORS:
-        raise RequestError(OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf or sdf"))
+        raise RequestError(
+            OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf, sdf or usd")
+        )
 
 
 def export(scenes: SceneArrays, out: Path, to: str | None, meshes: Path | None = None) -> tuple[Path, ...]:
@@ -61,7 +63,7 @@ def export(scenes: SceneArrays, out: Path, to: str | None, meshes: Path | None =
     check_meshes(to, meshes)
     if to in simulators.SIMULATORS:
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
-        return simulators.write_worlds(out, to, scenes.header, whole, meshes)
+        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes)
     if to == PLANNERS:
         from scenegen.api.problems import of_scenes
 
@@ -80,7 +82,8 @@ def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None 
     reading = table.read_scenes(source)
     if to in simulators.SIMULATORS:
         scenes = reading.whole()
-        return scenes.count, simulators.write_worlds(out, to, reading.header, scenes, meshes)
+        files = simulators.write_worlds(out, to, reading.header, scenes, reading.labels, meshes)
+        return scenes.count, files
     counts: list[int] = []
     table.write_scenes(out, reading.header, reading.labels, _counted(reading.blocks, counts))
     return sum(counts), (out,)

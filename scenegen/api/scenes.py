@@ -116,14 +116,14 @@ class SceneSet(SceneArrays):
         return notebook.page(self, self._sheet)
 
     def export(self, out: str | Path, to: str | None = None, *, meshes: str | Path | None = None) -> tuple[Path, ...]:
-        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo) or "sdf" (Gazebo); for planners: "pddl" (see
-        `export_problems`); or in a format of scene files.
+        """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo), "sdf" (Gazebo) or "usd" (Isaac Sim; it needs
+        usd-core); for planners: "pddl" (see `export_problems`); or in a format of scene files.
 
-        A file with the ending .xml, .sdf or .world holds all scenes, as keyframes or as worlds; any other `out` is a
-        folder with a file for each, in scene order. Meshes lie beside the files, which name them relatively. With
-        `meshes`, the folder that the spec was in, objects with a mesh or URDF file have convex pieces, mass and
-        friction from it, instead of a prism over their outline. Returns the paths of the scenes' files. Raises
-        RequestError, DataError, OutputError.
+        A file with the ending .xml, .sdf, .world, .usd, .usda or .usdc holds all scenes, as keyframes, as worlds or as
+        variants; any other `out` is a folder with a file for each, in scene order. Meshes lie beside the files, which
+        name them relatively. With `meshes`, the folder that the spec was in, objects with a mesh or URDF file have
+        convex pieces, mass and friction from it, instead of a prism over their outline. Returns the paths of the
+        scenes' files. Raises RequestError, DataError, OutputError.
         """
         from scenegen.api import export
 

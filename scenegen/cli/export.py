@@ -18,7 +18,9 @@ def export(
     to: Annotated[
         str | None,
         typer.Option(
-            "--to", help="mjcf, sdf, pddl, json, jsonl or parquet; default: by the ending of --out.", show_default=False
+            "--to",
+            help="mjcf, sdf, usd, pddl, json, jsonl or parquet; default: by the ending of --out.",
+            show_default=False,
         ),
     ] = None,
     meshes: Meshes = None,
@@ -55,22 +57,24 @@ def export(
         typer.Option("--domain", help="pddl: the domain of that problem.", metavar="DOMAIN", show_default=False),
     ] = None,
 ) -> None:
-    """Write scenes for MuJoCo (mjcf) and Gazebo (sdf), for planners (pddl), or in another format of scene files (json,
-    jsonl, parquet).
+    """Write scenes for MuJoCo (mjcf), Gazebo (sdf) and Isaac Sim (usd), for planners (pddl), or in another format of
+    scene files (json, jsonl, parquet).
 
     \b
       scenegen export scenes.json --to mjcf --out worlds
       scenegen export scenes.json --to sdf --out worlds
+      scenegen export scenes.json --to usd --out stages
       scenegen export scenes.json --out all.xml
       scenegen export scenes.json --to pddl --out problems
       scenegen export starts.json --to pddl --out problems --problem task.bddl
       scenegen export scenes.json --out scenes.parquet
 
-    A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf. A file holds all of
-    them: as keyframes of one model (.xml), or as worlds (.sdf, .world). Objects stand on a table whose top is z = 0, or
-    on what carries them, with mass, friction and convex pieces to collide with; what the spec holds in place cannot be
-    moved. Meshes lie beside the files, as OBJ. With --meshes, objects of mesh, urdf and asset have the convex pieces,
-    mass and friction of their files; without it they are prisms over their outlines.
+    A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf, scene_0001.usda. A file
+    holds all of them: as keyframes of one model (.xml), as worlds (.sdf, .world), or as variants of one stage (.usda;
+    .usd and .usdc are binary). Objects stand on a table whose top is z = 0, or on what carries them, with mass,
+    friction and convex pieces to collide with; what the spec holds in place cannot be moved. Meshes lie beside the
+    files, as OBJ or USD. With --meshes, objects of mesh, urdf and asset have the convex pieces, mass and friction of
+    their files; without it they are prisms over their outlines. USD needs usd-core: pip install "scenegen\\[usd]".
 
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates

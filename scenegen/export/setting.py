@@ -17,7 +17,7 @@ from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
 from scenegen.export.inertia import inertia
-from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, World, piece_of
+from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, Record, World, piece_of
 from scenegen.export.xml import check_names, printable
 from scenegen.formats.blocks import Block, counts_in
 from scenegen.lang.check import check_text
@@ -60,6 +60,23 @@ def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[
         world = world_of(member, Block(rows, scenes.phi[:, mine]), own)
         bodies = tuple(whole[one.name] for one in member.objects)  # of the same colours in all scenes
         yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
+
+
+def recorded(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
+    """A world of `worlds_of` with what the file says of its scenes; `labels` are those of the block's phi."""
+    mine = np.array(world.scenes) - 1
+    phi = dict(zip(labels, scenes.phi[:, mine], strict=True))
+    counts: dict[str, int] = {}
+    assets: dict[str, str] = {}
+    if header.counts:
+        numbers = counts_in(header, scenes.rows[:, mine[:1]])[:, 0].tolist()
+        for one, number in zip(header.counts, numbers, strict=True):
+            if one.assets:
+                assets[one.name] = one.assets[number - 1]
+            else:
+                counts[one.name] = number
+    everything = tuple(one.name for one in header.objects)
+    return replace(world, record=Record(header.spec.source, phi, counts, assets, everything))
 
 
 def _bodies(header: SceneFile, own: Own) -> tuple[Body, ...]:

@@ -4,12 +4,13 @@
     meshes(world)                        (name, bytes) of the mesh files that they need
     files(world, folder, together=...)   their bytes: one with all scenes in it, or one for each scene
 
-These are written, never read: they do not store the spec, the request or phi, which are in scene files.
+These are written, never read: they store no request, and only USD has the spec and phi, which are in scene files.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,21 @@ from scenegen.errors import OutputError, RequestError
 from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
 from scenegen.errors.requests import NO_SCENES
-from scenegen.export.setting import Own, worlds_of
+from scenegen.export.setting import Own, recorded, worlds_of
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable, reported
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.registry import ENDINGS, FORMATS
+from scenegen.needs import need
 from scenegen.scene.data import SceneFile
 
 SIMULATORS: dict[str, str] = {
     "mjcf": "scenegen.export.mjcf",
     "sdf": "scenegen.export.sdf",
+    "usd": "scenegen.export.usd.files",
 }
+NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
+CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
 MESHES = "meshes"
 
 
@@ -49,7 +54,10 @@ def _places(to: str) -> str:
 
 
 def check_out(out: Path, to: str, *inputs: Path) -> None:
-    """Refuse, before any work is done, an `out` that cannot be written to. Raises RequestError, OutputError."""
+    """Refuse, before any work is done, an `out` that cannot be written to, and a format whose library is missing.
+    Raises RequestError, OutputError."""
+    if to in NEEDS:
+        need(NEEDS[to], f"to write {to.upper()}")
     if is_file(out, to):
         check_writable(out, *inputs)
         return
@@ -59,10 +67,13 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
     check_folder(out)
 
 
-def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block, sources: Path | None = None) -> tuple[Path, ...]:
+def write_worlds(
+    out: Path, to: str, header: SceneFile, scenes: Block, labels: Sequence[str], sources: Path | None = None
+) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
-    `sources` is the folder whose files give objects of one's own their bodies (`own_bodies_of`).
+    `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
+    (`own_bodies_of`).
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
@@ -81,7 +92,8 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block, sources: 
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         put_already = set[str]()
-        for world in worlds_of(header, scenes, own):
+        for bare in worlds_of(header, scenes, own):
+            world = recorded(bare, header, scenes, labels)
             for name, data in module.meshes(world):
                 if name not in put_already:  # worlds share forms
                     put_already.add(name)
@@ -89,6 +101,12 @@ def write_worlds(out: Path, to: str, header: SceneFile, scenes: Block, sources: 
             numbers = world.scenes[:1] if together else world.scenes
             for number, data in zip(numbers, module.files(world, meshes, together=together), strict=True):
                 name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
-                put(name, data)
+                put(name, _crate(data) if together and out.suffix.lower() in CRATES else data)
                 written[number] = folder / name
     return tuple(path for _, path in sorted(written.items()))
+
+
+def _crate(text: bytes) -> bytes:
+    from scenegen.export.usd.stage import crate
+
+    return crate(text)

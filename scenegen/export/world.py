@@ -82,9 +82,23 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """What a scene file says of a world's scenes beside poses: the text of their `spec`, `phi` (scenes,) by label, the
+    numbers of things and the assets of categories, which all its scenes share, and the names of `everything` that its
+    scenes can have."""
+
+    spec: str
+    phi: dict[str, Floats]
+    counts: dict[str, int]
+    assets: dict[str, str]
+    everything: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class World:
     """`table` is (x lowest, y lowest, x highest, y highest); `poses` (scenes, bodies, 4) are x, y, z and theta of the
     bodies' frames, z from the objects below them. `numbers` are the scenes' in their file, where not all of it is here.
+    `record` is for formats that hold it.
     """
 
     title: str
@@ -93,6 +107,7 @@ class World:
     table: tuple[float, float, float, float]
     poses: Floats
     numbers: tuple[int, ...] = ()
+    record: Record | None = None
 
     @property
     def scenes(self) -> tuple[int, ...]:

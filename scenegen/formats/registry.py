@@ -33,6 +33,9 @@ ENDINGS: dict[str, str] = {
     ".xml": "mjcf",
     ".sdf": "sdf",
     ".world": "sdf",
+    ".usd": "usd",
+    ".usda": "usd",
+    ".usdc": "usd",
     ".pddl": "pddl",
 }
 

@@ -144,7 +144,7 @@ def test_an_unknown_model_is_refused_before_anything_is_loaded(here):
 
 def test_a_format_that_is_not_there(refused, scenegen, here):
     assert scenegen("sample", "good.spec", "-n", "1", "--out", "s.json").status == 0
-    said = refused("export", "s.json", "--to", "usd", "--out", "worlds")
+    said = refused("export", "s.json", "--to", "gltf", "--out", "worlds")
     assert "the formats are `mjcf`, `sdf`" in said and "did you mean" not in said
 
 

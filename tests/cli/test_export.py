@@ -55,6 +55,20 @@ def test_pybullet_loads_what_is_written(scenegen, here, scenes):
     assert len(loaded) == 4  # floor, table, mug, plate
 
 
+@pytest.mark.long
+def test_usd_opens_what_is_written(scenegen, here, scenes):
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is not installed (pip install 'scenegen[usd]')")
+    done = scenegen("export", "s.json", "--to", "usd", "--out", "stages")
+    assert (done.status, done.out, done.err) == (0, "", "3 scenes in stages: scene_0001.usda to scene_0003.usda\n")
+    assert files(here / "stages") == ["meshes", "scene_0001.usda", "scene_0002.usda", "scene_0003.usda"]
+    stage = usd.Stage.Open(str(here / "stages" / "scene_0002.usda"))
+    assert stage.GetPrimAtPath("/Scene/mug").GetAttribute("physics:mass").Get() > 0.0
+    done = scenegen("export", "s.json", "--out", "all.usdc")
+    assert (done.status, done.err) == (0, "3 scenes in all.usdc\n")
+    stage = usd.Stage.Open(str(here / "all.usdc"))
+    assert len(stage.GetDefaultPrim().GetVariantSet("scene").GetVariantNames()) == 3
+
+
 def test_what_is_refused(refused, scenes, here, golden):
     said = [
         refused("export", "s.json", "--out", "worlds"),
@@ -80,7 +94,7 @@ def test_no_scenes(refused, scenes, here):
 def test_only_what_is_asked_for_is_loaded(scenes):
     program = (
         "import sys; from scenegen.cli.app import run; status = run(['export', 's.json', '--out', 'all.xml']);"
-        "print(status, *sorted({'torch', 'pybullet', 'pyarrow', 'pandas', 'mujoco', 'PIL'} & set(sys.modules)))"
+        "print(status, *sorted({'torch', 'pybullet', 'pyarrow', 'pandas', 'mujoco', 'PIL', 'pxr'} & set(sys.modules)))"
     )
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=scenes.parent, capture_output=True, text=True, timeout=60)

@@ -13,6 +13,7 @@ from scenegen.export.simulators import SIMULATORS
 from scenegen.formats import folder as folders
 from scenegen.formats.registry import ENDINGS, FORMATS
 from scenegen.scene.data import CircleFootprint, PolygonFootprint
+from tests.export.stages import opened, things
 from tests.export.worlds import crates, scenes_of
 
 PAIR = "object mug, plate\ntask: leftOf(mug, plate)"
@@ -20,12 +21,20 @@ PLACES = {"mug": (0.2, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
 FILES = {
     "mjcf": "all.xml",
     "sdf": "all.sdf",
+    "usd": "all.usda",
 }
-# the element of an object
+# the element of an object, in XML
 TAGS = {
     "mjcf": "body",
     "sdf": "model",
 }
+
+
+def names_in(to, path):
+    """The objects' names, among others."""
+    if to in TAGS:
+        return [element.get("name") for element in ElementTree.parse(path).getroot().iter(TAGS[to])]
+    return list(things(opened(path)))
 
 
 def renamed(scenes, name, title="A title."):
@@ -51,7 +60,7 @@ def test_the_same_bytes_again(to, tmp_path):
     for name in ("one", "two"):
         crates().export(tmp_path / name, to)
         made.append({str(p.relative_to(tmp_path / name)): p.read_bytes() for p in (tmp_path / name).rglob("*.*")})
-    assert made[0] == made[1] and len(made[0]) >= 6
+    assert made[0] == made[1] and len(made[0]) >= 4
 
 
 @pytest.mark.long
@@ -64,11 +73,11 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
     if there:
         scenes.export(out, to)
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
-    write, count = folders._write, [0]
+    write, count, last = folders._write, [0], 3 if to == "usd" else 7  # it has few files
 
     def failing(path, data):
         count[0] += 1
-        if count[0] == 7:
+        if count[0] == last:
             raise KeyboardInterrupt
         write(path, data)
 
@@ -84,8 +93,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
 def test_names_of_any_kind(to, name, tmp_path):
     scenes = renamed(scenes_of(PAIR, PLACES), name, "A title\x00 \x1b with <odd> letters")
     (path,) = scenes.export(tmp_path / FILES[to])
-    root = ElementTree.parse(path).getroot()
-    assert [element.get("name") for element in root.iter(TAGS[to])].count(name) == 1
+    assert names_in(to, path).count(name) == 1
     if to == "mjcf":
         import mujoco
 

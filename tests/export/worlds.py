@@ -7,6 +7,7 @@ import numpy as np
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.assets import ASSETS
+from scenegen.export.setting import world_of
 from scenegen.lang.check import check_text
 from scenegen.scene.data import RequestData
 
@@ -63,3 +64,9 @@ task: leftOf(crate[1], crate[2])
     on = {"crate[1]": (0.25, 0.125, 0.0), "crate[2]": (0.375, 0.375, 0.0)}
     off = {"crate[1]": (0.125, 0.375, 0.0), "crate[2]": (0.375, 0.375, 0.0)}
     return scenes_of(text, on | base, off | base)
+
+
+def world(scenes):
+    """What simulators get of them."""
+    (block,) = scenes.blocks()
+    return world_of(scenes.header, block)

@@ -68,6 +68,29 @@ def test_isaac_lab(layouts, expected):
         assert scene[name].speeds.shape == (5, 6) and not scene[name].speeds.any()
 
 
+def test_isaac_lab_with_usd(tmp_path, monkeypatch):
+    """Each object that can be moved is where the scene has it; what is held in place is none."""
+    pytest.importorskip("pxr", reason="usd-core is not installed (pip install 'scenegen[usd]')")
+    assets, sim = ModuleType("isaaclab.assets"), ModuleType("isaaclab.sim")
+    sim.UsdFileCfg = assets.AssetBaseCfg = SimpleNamespace
+
+    class RigidObjectCfg(SimpleNamespace):
+        InitialStateCfg = SimpleNamespace
+
+    assets.RigidObjectCfg = RigidObjectCfg
+    for module in (ModuleType("isaaclab"), assets, sim):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    spec = scenegen.parse("object tray at (0.5, 0.5), block[2], mug\nrequire noOverlap()\ntask: leftOf(mug, block[1])")
+    scenes = scenegen.sample(spec, n=1, seed=1)
+    (path,) = scenes.export(tmp_path / "stages", "usd")
+    found = recipe("usd_scene")(str(path))
+    assert found.pop("table").spawn.usd_path == str(path)
+    assert list(found) == ["block_1", "block_2", "mug"]
+    for cfg, pose in zip(found.values(), scenes.poses7()[0, 1:], strict=True):
+        assert (*cfg.init_state.pos, *cfg.init_state.rot) == pytest.approx(tuple(pose), abs=1e-9)
+    assert found["mug"].prim_path == "{ENV_REGEX_NS}/Scene/mug" and found["mug"].spawn is None
+
+
 def test_mujoco_playground(expected):
     jax = pytest.importorskip("jax")
     pool = jax.numpy.asarray(expected.poses.numpy())

@@ -113,6 +113,28 @@ def test_without_pybullet(tmp_path):
     assert left == {"my.spec", "s.json", "s.jsonl", "s.parquet", "s.sdf", "s_meshes", "top", "worlds"}
 
 
+@pytest.mark.long
+def test_without_usd(tmp_path):
+    pytest.importorskip("pxr")
+    made = "sample my.spec -n 2 --out s.json"
+    commands = [
+        "export s.json --to usd --out stages",
+        "export s.json --out all.usda",
+        "export s.json --to mjcf --out w",
+    ]
+    (_, *refused, other) = run(tmp_path, "pxr", [made, *commands])
+    for status, said in refused:
+        assert (status, said.splitlines()) == (
+            1,
+            [
+                "error[not-installed]: pxr is needed to write USD, and is not installed",
+                ' = help: pip install "scenegen[usd]"',
+            ],
+        )
+    assert other[0] == 0
+    assert {path.name for path in (tmp_path / "work").iterdir()} == {"my.spec", "s.json", "w"}
+
+
 FROM_PYTHON = """
 import sys
 import gymnasium

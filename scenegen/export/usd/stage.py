@@ -1,0 +1,275 @@
+"""The border to OpenUSD: its Python library has no types, and only this module uses it.
+
+A `Stage` is one file while it is written. Paths are those of prims, as `/Scene/mug`. Metres, kilograms, radians; z is
+up.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
+
+from scenegen.assets.mesh import Floats, Mesh
+from scenegen.assets.palette import RGB
+from scenegen.export.usd.axes import Quaternion
+
+Triple = Sequence[float]
+KEPT = "scenegen"  # the key of what we say in a prim's customData
+CORNERS = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]  # of a cube of size 1
+
+
+class Stage:
+    """A layer in memory, with a default prim. Nothing that it refers to is opened."""
+
+    def __init__(self, root: str, kind: str, text: str = "") -> None:
+        self._layer: Any = Sdf.Layer.CreateAnonymous(".usda")
+        self._stage: Any = Usd.Stage.Open(self._layer)
+        self._files: dict[str, str] = {}
+        UsdGeom.SetStageUpAxis(self._stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(self._stage, 1.0)
+        UsdPhysics.SetStageKilogramsPerUnit(self._stage, 1.0)
+        self.xform(root, kind)
+        self._stage.SetDefaultPrim(self._prim(root))
+        if text:
+            self._layer.documentation = text
+
+    def _prim(self, path: str) -> Any:
+        return self._stage.OverridePrim(path)
+
+    # what is drawn
+
+    def xform(self, path: str, kind: str = "") -> None:
+        """A frame for what is below it."""
+        prim = UsdGeom.Xform.Define(self._stage, path).GetPrim()
+        if kind:
+            Usd.ModelAPI(prim).SetKind(kind)
+
+    def mesh(self, path: str, mesh: Mesh, normals: Floats | None = None) -> None:
+        """Triangles; `normals` (3F, 3) are those of their corners."""
+        made = UsdGeom.Mesh.Define(self._stage, path)
+        points = _vectors(mesh.vertices)
+        made.CreatePointsAttr(points)
+        made.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
+        made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
+        made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        made.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+        if normals is not None:
+            made.CreateNormalsAttr(_vectors(normals.round(6)))
+            made.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
+
+    def box(self, path: str, center: Triple, sizes: Triple) -> None:
+        """A box along the axes of what it is in."""
+        made = UsdGeom.Cube.Define(self._stage, path)
+        made.CreateSizeAttr(1.0)
+        made.CreateExtentAttr(_vectors(np.array(CORNERS)))
+        made.AddTranslateOp().Set(Gf.Vec3d(*_short(center)))
+        made.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*_short(sizes)))
+
+    def tint(self, path: str, color: RGB) -> None:
+        """The colour in which programs without materials draw a mesh or box."""
+        primvar = UsdGeom.PrimvarsAPI(self._prim(path)).CreatePrimvar(
+            "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant
+        )
+        primvar.Set(_vectors(np.array([color])))
+
+    def material(self, path: str, shader: str) -> None:
+        """A material whose surface is that of UsdPreviewSurface, the prim `shader` below it; see `inputs`."""
+        made = UsdShade.Material.Define(self._stage, path)
+        surface = UsdShade.Shader.Define(self._stage, f"{path}/{shader}")
+        surface.CreateIdAttr("UsdPreviewSurface")
+        made.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+
+    def inputs(self, shader: str, values: Mapping[str, float | RGB]) -> None:
+        """Numbers and colours that a shader takes, here or in a file that is referred to."""
+        types = Sdf.ValueTypeNames
+        for name, value in values.items():
+            kind, given = (types.Float, value) if isinstance(value, float) else (types.Color3f, Gf.Vec3f(*value))
+            self._prim(shader).CreateAttribute(f"inputs:{name}", kind, custom=False).Set(given)
+
+    def bind(self, path: str, material: str, purpose: str = "") -> None:
+        """Give a prim, and what is below it, a material; the purpose `physics` is for contacts."""
+        binding = UsdShade.MaterialBindingAPI.Apply(self._prim(path))
+        made = UsdShade.Material(self._stage.GetPrimAtPath(material))
+        binding.Bind(made, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose)
+
+    def scope(self, path: str) -> None:
+        """A place for materials."""
+        UsdGeom.Scope.Define(self._stage, path)
+
+    def guide(self, path: str) -> None:
+        """A frame of things that are not drawn, unless somebody asks for guides."""
+        UsdGeom.Xform.Define(self._stage, path).CreatePurposeAttr(UsdGeom.Tokens.guide)
+
+    def light(self, path: str, *, intensity: float, angle: float, turns: Triple) -> None:
+        """A light from far away: as bright as `intensity`, `angle` degrees wide; it shines down, turned about x, y and
+        z, in this order, by degrees."""
+        made = UsdLux.DistantLight.Define(self._stage, path)
+        made.CreateIntensityAttr(intensity)
+        made.CreateAngleAttr(angle)
+        made.AddRotateXYZOp().Set(Gf.Vec3f(*turns))
+
+    def camera(self, path: str, *, at: Triple, turn: float, lens: tuple[float, float, float]) -> None:
+        """A camera that looks down, turned about x by degrees. `lens` is the focal length, and the width and height of
+        the picture behind it, in millimetres."""
+        made = UsdGeom.Camera.Define(self._stage, path)
+        focal, wide, high = lens
+        made.CreateFocalLengthAttr(focal)
+        made.CreateHorizontalApertureAttr(wide)
+        made.CreateVerticalApertureAttr(high)
+        made.CreateClippingRangeAttr(Gf.Vec2f(0.01, 1000.0))
+        made.AddTranslateOp().Set(Gf.Vec3d(*_short(at)))
+        if turn:
+            made.AddRotateXOp().Set(turn)
+
+    # what is simulated
+
+    def gravity(self, path: str, magnitude: float) -> None:
+        """The physics of the stage: gravity downwards, in m/s^2."""
+        made = UsdPhysics.Scene.Define(self._stage, path)
+        made.CreateGravityDirectionAttr(Gf.Vec3f(0.0, 0.0, -1.0))
+        made.CreateGravityMagnitudeAttr(magnitude)
+
+    def rigid(self, path: str, mass: float, center: Triple, moments: Triple, axes: Quaternion) -> None:
+        """Make a frame a body that moves, of kilograms; the principal moments, in kg m^2, are about its centre of mass
+        and the axes that `axes` turns."""
+        prim = self._prim(path)
+        UsdPhysics.RigidBodyAPI.Apply(prim)
+        made = UsdPhysics.MassAPI.Apply(prim)
+        made.CreateMassAttr(mass)
+        made.CreateCenterOfMassAttr(Gf.Vec3f(*_clean(center)))
+        made.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
+        made.CreatePrincipalAxesAttr(Gf.Quatf(*_clean(axes)))
+
+    def held(self, path: str) -> None:
+        """Undo `rigid` for a prim that refers to a body: what collides there cannot be moved."""
+        prim = self._prim(path)
+        prim.RemoveAPI(UsdPhysics.RigidBodyAPI)
+        prim.RemoveAPI(UsdPhysics.MassAPI)
+
+    def collider(self, path: str, contact: str, *, hull: bool) -> None:
+        """Let a prim collide: a box as it is, or the convex hull of a mesh. `contact` is its material, see `contact`;
+        not all programs would find that of a frame above."""
+        self.bind(path, contact, "physics")
+        prim = self._prim(path)
+        UsdPhysics.CollisionAPI.Apply(prim)
+        if hull:
+            UsdPhysics.MeshCollisionAPI.Apply(prim).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+
+    def contact(self, path: str, friction: float, combine: str = "") -> None:
+        """A material for contacts. `combine` is how PhysX makes one coefficient from those of two bodies; other
+        programs ignore it. Without it, PhysX takes the mean."""
+        prim = UsdShade.Material.Define(self._stage, path).GetPrim()
+        made = UsdPhysics.MaterialAPI.Apply(prim)
+        made.CreateStaticFrictionAttr(friction)
+        made.CreateDynamicFrictionAttr(friction)
+        made.CreateRestitutionAttr(0.0)
+        if combine:
+            prim.AddAppliedSchema("PhysxMaterialAPI")  # a schema of PhysX, which USD does not have
+            name, kind = "physxMaterial:frictionCombineMode", Sdf.ValueTypeNames.Token
+            prim.CreateAttribute(name, kind, custom=False, variability=Sdf.VariabilityUniform).Set(combine)
+
+    # what refers to other files, and changes from scene to scene
+
+    def refer(self, path: str, file: str) -> None:
+        """A frame that takes all from the default prim of another file, and has a place: see `placed`."""
+        made = UsdGeom.Xform.Define(self._stage, path)
+        made.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
+        made.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+        self._files[path] = file
+
+    def known_as(self, path: str, name: str) -> None:
+        """The name of an object that a prim is; programs show it where it is not the prim's."""
+        prim = self._prim(path)
+        prim.SetCustomData({KEPT: {"name": name}})
+        if prim.GetName() != name:
+            prim.SetDisplayName(name)
+
+    def finished(self) -> Layer:
+        """The layer with its references. The stage is closed: it would look for the files."""
+        del self._stage
+        for path, file in self._files.items():
+            self._layer.GetPrimAtPath(path).referenceList.Prepend(Sdf.Reference(file))
+        return Layer(self._layer)
+
+
+class Layer:
+    """A layer that is complete but for what differs between scenes."""
+
+    def __init__(self, layer: Any) -> None:
+        self._layer = layer
+
+    def place(self, path: str, at: Triple, turn: Quaternion) -> None:
+        """Where a frame made by `Stage.refer` is."""
+        self._place(self._layer.GetPrimAtPath(path), at, turn)
+
+    def say(self, path: str, facts: Mapping[str, Any]) -> None:
+        """What is known of a prim, in its customData; replaces what was said before."""
+        self._layer.GetPrimAtPath(path).SetInfo("customData", {KEPT: dict(facts)})
+
+    def variants(self, path: str, name: str) -> None:
+        """A set of variants of a prim, which `variant` fills; the first is shown."""
+        prim = self._layer.GetPrimAtPath(path)
+        Sdf.VariantSetSpec(prim, name)
+        prim.variantSetNameList.Prepend(name)
+
+    def variant(
+        self,
+        path: str,
+        among: str,
+        name: str,
+        facts: Mapping[str, Any],
+        places: Mapping[str, tuple[Triple, Quaternion]],
+    ) -> None:
+        """One of the variants: the places of frames below, by their names, and what is known of it."""
+        prim = self._layer.GetPrimAtPath(path)
+        with Sdf.ChangeBlock():
+            made = Sdf.VariantSpec(prim.variantSets[among], name).primSpec
+            made.SetInfo("customData", {KEPT: dict(facts)})
+            for child, (at, turn) in places.items():
+                self._place(Sdf.PrimSpec(made, child, Sdf.SpecifierOver), at, turn)
+        if among not in prim.variantSelections:
+            prim.variantSelections[among] = name
+
+    def text(self) -> bytes:
+        """As a .usda file."""
+        data: str = self._layer.ExportToString()
+        return data.encode()
+
+    def _place(self, spec: Any, at: Triple, turn: Quaternion) -> None:
+        values = (
+            ("xformOp:translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*_clean(at))),
+            ("xformOp:orient", Sdf.ValueTypeNames.Quatd, Gf.Quatd(*_clean(turn))),
+        )
+        for name, kind, value in values:
+            found = spec.attributes.get(name) or Sdf.AttributeSpec(spec, name, kind)
+            found.default = value
+
+
+def crate(text: bytes) -> bytes:
+    """The binary form (.usdc) of a .usda file."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(text.decode())
+    with tempfile.TemporaryDirectory() as folder:  # the library writes crates to files only
+        path = Path(folder) / "scene.usdc"
+        layer.Export(str(path))
+        return path.read_bytes()
+
+
+def _clean(values: Triple) -> list[float]:
+    """Without negative zeros."""
+    return [value + 0.0 for value in values]
+
+
+def _short(values: Triple) -> list[float]:
+    """With nine digits, enough for boxes."""
+    return [float(f"{value + 0.0:.9g}") for value in values]
+
+
+def _vectors(rows: Floats) -> Any:
+    """(n, 3) in single precision, as USD has points, normals and colours."""
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(rows + 0.0, dtype=np.float32))

@@ -76,6 +76,14 @@ def test_conditions_are_those_of_the_range():
     assert {one.high for one in of_task(missed)} == {-0.1}
 
 
+def test_conditions_that_are_the_same_for_all_scenes():
+    spec = check_text("object a = box(4 cm, 4 cm, 4 cm), b\ntask: height(a) <= 5 cm & facing(a, b, 5 deg)\n")
+    problem = make_problem(spec, SampleRequest({"task": Range(0.0, None)}, n=100))
+    stages = make_stages(problem, whole_box(problem))
+    assert [len(stage.conditions) for stage in stages.stages] in ([], [1])
+    assert len(draw_kept(problem, whole_box(problem), COUNT, np.random.default_rng(0), stages=stages)[2])
+
+
 @pytest.mark.long
 def test_the_cheap_and_rare_comes_first():
     task = "task: nextTo(box[2], box[1]) & facing(box[3], box[1], 10 deg)\n"

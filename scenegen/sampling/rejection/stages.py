@@ -44,7 +44,7 @@ class Condition:
     high: float
 
     def holds(self, values: Sequence[Array]) -> Bool:
-        """(B,), of the values (B,) of all nodes."""
+        """(B,), of the values of all nodes, (B,) each or () where they are the same for all."""
         value = values[self.node]
         return np.asarray(value >= self.low if self.low > -math.inf else value <= self.high)
 
@@ -97,8 +97,8 @@ def make_stages(problem: Problem, rows: Array, usable: Bool, needed: Collection[
     if len(found) * len(core.nodes) > MOST or not usable.any():
         return unstaged
     values = evaluate(core, list(rows[:, usable]), NUMPY, None, [one.node for one in found])
-    holds = {one: one.holds(values) for one in found}
     alive = np.ones(int(usable.sum()), dtype=bool)
+    holds = {one: np.broadcast_to(one.holds(values), alive.shape) for one in found}
     stages: list[list[Condition]] = []
     share, work, known = 1.0, 0.0, set[int]()
     while found and alive.any():

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from scenegen.api.scenes import SceneSet
 from scenegen.api.scenes import evaluate as score
+from scenegen.api.settle_numbers import settle_by_numbers
 from scenegen.api.settled import SettledScenes, Summary
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
@@ -33,7 +34,6 @@ from scenegen.physics.rest import ROUND, Rested, Resting, check_simulator, versi
 from scenegen.pose import as_poses, row_count
 from scenegen.scene.data import SceneFile
 from scenegen.scene.settled import SettledHeader, SimulatorData
-from scenegen.training.datasets.arrange import refuse_numbers
 from scenegen.validation import as_path, as_seconds
 
 Array = npt.NDArray[np.float64]
@@ -61,9 +61,11 @@ def settle(
 
     Objects collide with their own convex pieces, on an infinite table with the spec's boards; those that the spec holds
     in place cannot move. With `meshes`, the folder that the spec was in, objects with a mesh or URDF file have convex
-    pieces, mass and friction from it, instead of a prism over their outline. The results do not depend on `workers`, by
-    default one per core. Raises RequestError where the simulator is not installed, for no scenes, and for limits that
-    are not positive numbers, DataError for scenes that cannot be simulated.
+    pieces, mass and friction from it, instead of a prism over their outline. Where scenes differ in how many things
+    there are, objects that are not there are NaN. The results do not depend on `workers`, by default one per core.
+
+    Raises RequestError where the simulator is not installed, for no scenes, and for limits that are not positive
+    numbers, DataError for scenes that cannot be simulated.
     """
     if not isinstance(scenes, SceneSet):
         raise RequestError(WRONG_VALUE(argument="scenes", value=repr(scenes), wanted="a SceneSet"))
@@ -133,7 +135,6 @@ def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
     check_simulator(simulator)
-    refuse_numbers(scenes, "settling")
     spec = check_text(scenes.spec.source, "the spec of the scenes")
     return SettledHeader(
         spec=scenes.spec,
@@ -154,8 +155,27 @@ def _limit(name: str, value: object, wanted: str) -> float:
 def _blocks(
     scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], own: Own, workers: int | None
 ) -> Iterator[SettledBlock]:
-    """What becomes of the scenes of some blocks, a few at a time, in their order."""
+    """What becomes of the scenes of some blocks, some at a time, in their order."""
     spec = check_text(scenes.spec.source, "the spec of the scenes")
+    if not scenes.counts:
+        yield from _same_objects(spec, scenes, header, blocks, own, workers)
+        return
+
+    def settle_some(member: CheckedSpec, file: SceneFile, mine: SettledHeader, block: Block) -> Iterator[SettledBlock]:
+        return _same_objects(member, file, mine, [block], own, workers)
+
+    yield from settle_by_numbers(spec, scenes, header, blocks, settle_some)
+
+
+def _same_objects(
+    spec: CheckedSpec,
+    scenes: SceneFile,
+    header: SettledHeader,
+    blocks: Iterable[Block],
+    own: Own,
+    workers: int | None,
+) -> Iterator[SettledBlock]:
+    """The same of scenes of the same objects, a few at a time."""
     placed = row_count(len(header.objects))
     bare = world_of(scenes, joined([], placed + len(scenes.choosers), 0), own)
     # of rounds that are being simulated: poses (m, N, 3), and on which of its surfaces each chooser stands, (m, M)

@@ -26,8 +26,8 @@ class SettledScenes:
     and `turn` (n, N) the angle by which the object turned, about any axis, in degrees; `moved` (n, N) says which
     objects moved farther than allowed. `phi` has by label the values (n,) at the settled poses, each object read as x,
     y and the heading of the nearest upright attitude. `contacts` are by scene the pairs of objects that touched before,
-    None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged. `header` says
-    the rest.
+    None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged, and for
+    objects that are not there. `header` says the rest.
     """
 
     poses: Array
@@ -86,11 +86,12 @@ class Summary:
 
     def add(self, block: SettledBlock) -> None:
         """Count a block's scenes."""
-        far = block.moved.any(axis=1)
+        far = np.asarray(block.moved.any(axis=1))
         self.scenes += block.count
         self.far += int(far.sum())
-        self.shift = max(self.shift, float(block.shift[~far].max(initial=0.0)))
-        self.turn = max(self.turn, float(block.turn[~far].max(initial=0.0)))
+        still = block.present & ~far[:, None]
+        self.shift = max(self.shift, float(block.shift[still].max(initial=0.0)))
+        self.turn = max(self.turn, float(block.turn[still].max(initial=0.0)))
         self.depth = max(self.depth, float(block.deepest.max(initial=0.0)))
         self.moved = block.moved.sum(axis=0) + (0 if self.moved is None else self.moved)
 

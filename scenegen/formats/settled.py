@@ -64,11 +64,13 @@ def _lines(header: SettledHeader, blocks: Iterable[SettledBlock]) -> Iterator[st
 
 def _scene(header: SettledHeader, block: SettledBlock, index: int, number: int) -> dict[str, Any]:
     """One scene as plain data; `number` counts from 1, as the scenes of the plan do."""
+    there = block.present[index].tolist()
     moved = [name for name, far in zip(header.objects, block.moved[index].tolist(), strict=True) if far]
     rows = np.concatenate([block.poses[index], MM * block.shift[index, :, None], block.turn[index, :, None]], axis=1)
     objects = {
         name: dict(zip((*POSE, "shift_mm", "turn_deg"), map(_number, row), strict=True))
-        for name, row in zip(header.objects, rows.tolist(), strict=True)
+        for name, row, here in zip(header.objects, rows.tolist(), there, strict=True)
+        if here
     }
     return {
         "scene": number,

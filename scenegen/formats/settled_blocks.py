@@ -20,7 +20,8 @@ class SettledBlock:
     """m scenes of N objects. `poses` (m, N, 7) are place (metres) and quaternion, w first; `shift` (m, N) in metres and
     `turn` (m, N) in degrees are against the plan; `moved` (m, N) says which objects moved too far; `phi` (L, m) is that
     of the settled scene; `contacts` are by scene the pairs that touched before, None for the table, and how deep in
-    metres. NaN, from a simulation that diverged, is written as null."""
+    metres. NaN, from a simulation that diverged, is written as null. Objects that are not there are NaN and have not
+    moved."""
 
     poses: Array
     shift: Array
@@ -32,6 +33,11 @@ class SettledBlock:
     @property
     def count(self) -> int:
         return len(self.poses)
+
+    @property
+    def present(self) -> npt.NDArray[np.bool_]:
+        """(m, N): which objects are there."""
+        return np.asarray(self.moved | ~np.isnan(self.poses).any(axis=2))
 
     @property
     def deepest(self) -> Array:

@@ -47,7 +47,8 @@ BUILT = ("cabinet",)  # objects of the library that are made to order
 SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
 FILES = ("urdf", "mesh", "asset")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
-SHOWN = 8  # relations that a help line names
+SHOWN = 8  # relations that a help line names, and arguments that it repeats
+LIST = ("items",)  # the parameters of a relation that takes one list
 AREAS = ("rect", "circle", "polygon")  # what a region can be
 
 
@@ -226,7 +227,12 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
     if count > len(signature.parameters):
         extra = node.arguments[len(signature.parameters)]
         span = Span(source, extra.start, node.arguments[-1].end)
-        return WRONG_NUMBER_OF_ARGUMENTS(span, **_arity(signature, count), label="too many")
+        facts = _arity(signature, count)
+        if signature.parameters == LIST and all(one.name is None for one in node.arguments):
+            items = [print_expr(one.value) for one in node.arguments[:SHOWN]]
+            items += ["..."] * (count > SHOWN)
+            facts["usage"] = f"{signature.name}([{', '.join(items)}])"
+        return WRONG_NUMBER_OF_ARGUMENTS(span, **facts, label="too many")
     known: frozenset[str] | None = None  # the parameters, once an argument has a name
     for position, argument in enumerate(node.arguments):
         if argument.name is None:

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from scenegen.errors import DataError, RequestError
+from scenegen.looks.read import read_looks
 from scenegen.render import render_scenes
-from scenegen.render.looks_file import read_looks
 from scenegen.scene.stage import stage_of
 
 from .scenefiles import scene_file

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from scenegen.assets.palette import RGB
 from scenegen.looks.camera import Floats
 
 PLAIN, WOOD = "plain", "wood"
@@ -54,6 +55,12 @@ def image_of(name: str, files: Mapping[str, bytes]) -> Pixels:
     return np.asarray(made)
 
 
+def mean_of(image: Pixels) -> RGB:
+    """The mean of its pixels, from 0 to 1."""
+    red, green, blue = (image.reshape(-1, 3).mean(axis=0) / 255.0).tolist()
+    return red, green, blue
+
+
 class Textures:
     """The textures of some looks; `files` are those of pictures, by name."""
 
@@ -80,6 +87,13 @@ class Textures:
             share = (wanted[here] - level)[:, None]
             result[here] = (1.0 - share) * finer + share * coarser
         return result
+
+    def mean(self, name: str) -> RGB:
+        """What it does to a surface's colour, seen from afar."""
+        if name in (PLAIN, WOOD):
+            return 1.0, 1.0, 1.0
+        red, green, blue = self._levels(name)[0].reshape(-1, 3).mean(axis=0).tolist()
+        return red, green, blue
 
     def _levels(self, name: str) -> list[Level]:
         """The texture, and ever smaller ones, each of means of four pixels."""

@@ -91,7 +91,8 @@ class Lighting:
             name, size = look.table_texture, look.table_texture_size
             bare_wood[top] = textures.shares(name, size, x[top], y[top], np.maximum(*sizes)[top])
         cloths = cover(stage, x, y, bare_wood, WOOD if look is None else look.table)
-        tint = np.where(top[..., None], cloths, 1.0)
+        edges = (1.0, 1.0, 1.0) if look is None else textures.mean(look.table_texture)
+        tint = np.where(top[..., None], cloths, edges)
 
         # Of four raw pixels, the upper right one is sampled in the middle of the four.
         self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))

@@ -109,28 +109,14 @@ def _dressing(file: SceneFile, looks: str | Path, seed: int) -> Dressing:
     return Dressing(drawn, cameras, stage, given.files, seed)
 
 
-def convert(
-    source: Path,
-    out: Path,
-    to: str | None = None,
-    meshes: Path | None = None,
-    looks: str | Path | None = None,
-    seed: int = 0,
-) -> tuple[int, tuple[Path, ...]]:
-    """A scene file in another format: how many scenes, and the files that were written, meshes and textures not
-    counted.
+def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None = None) -> tuple[int, tuple[Path, ...]]:
+    """A scene file in another format: how many scenes, and the files that were written, meshes not counted.
 
     Scene files go through memory in blocks. Raises RequestError, DataError, OutputError.
     """
     to = chosen(to, out)
     check_export(out, to, source)
     check_meshes(to, meshes)
-    check_looks(out, to, looks)
-    if looks is not None:
-        from scenegen.api.scenes import read_scenes
-
-        found = read_scenes(source)
-        return len(found), export(found, out, to, meshes, looks, seed)
     reading = table.read_scenes(source)
     if to in simulators.SIMULATORS:
         scenes = reading.whole()

@@ -118,7 +118,13 @@ def export(
         raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
     check_meshes(chosen(to, out), meshes, "--meshes")
     check_looks(out, chosen(to, out), looks, "--looks")
-    count, files = convert(scenes, out, to, meshes, looks, seed)
+    if looks is None:
+        count, files = convert(scenes, out, to, meshes)
+    else:
+        from scenegen.api.scenes import read_scenes
+
+        found = read_scenes(scenes)
+        count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
     if files != (out,):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 import numpy as np
-from PIL import Image
 
 from scenegen.assets.palette import RGB
 from scenegen.looks.camera import Camera
@@ -150,6 +149,8 @@ def _file_names(textures: Sequence[str]) -> dict[str, str]:
 
 
 def _png(image: Pixels) -> bytes:
+    from PIL import Image
+
     out = io.BytesIO()
     Image.fromarray(image).save(out, format="PNG")
     return out.getvalue()

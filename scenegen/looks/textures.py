@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from scenegen.assets.palette import RGB
 from scenegen.looks.camera import Floats
@@ -31,6 +30,8 @@ Level = npt.NDArray[np.float32]  # (h, w, 3), from 0 to 1
 
 def checked(data: bytes) -> bytes:
     """A PNG or JPEG file that can be decoded. Raises ValueError."""
+    from PIL import Image  # loaded only where there are textures
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -47,6 +48,8 @@ def image_of(name: str, files: Mapping[str, bytes]) -> Pixels:
     """(h, w, 3): a pattern, or the picture of a file that `checked` has passed, with its upper row first."""
     if name in PATTERNS:
         return _pattern(name)
+    from PIL import Image
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with Image.open(io.BytesIO(files[name]), formats=("PNG", "JPEG")) as image:
@@ -96,17 +99,24 @@ class Textures:
         return red, green, blue
 
     def _levels(self, name: str) -> list[Level]:
-        """The texture, and ever smaller ones, each of means of four pixels."""
+        """The texture, and ever smaller ones, down to a single pixel."""
         if name not in self._pyramids:
             while len(self._pyramids) >= CACHED:
                 del self._pyramids[next(iter(self._pyramids))]
             levels = [image_of(name, self.files).astype(np.float32) / np.float32(255.0)]
-            while min(levels[-1].shape[:2]) > 1:
-                last = levels[-1]
-                last = last[: last.shape[0] // 2 * 2, : last.shape[1] // 2 * 2]
-                levels.append((last[::2, ::2] + last[1::2, ::2] + last[::2, 1::2] + last[1::2, 1::2]) / np.float32(4.0))
+            while max(levels[-1].shape[:2]) > 1:
+                levels.append(_halved(_halved(levels[-1], 0), 1))
             self._pyramids[name] = levels
         return self._pyramids[name]
+
+
+def _halved(image: Level, axis: int) -> Level:
+    """Means of two pixels each along an axis, if there are two."""
+    half = image.shape[axis] // 2
+    if not half:
+        return image
+    first, second = (np.take(image, np.arange(half) * 2 + k, axis=axis) for k in (0, 1))
+    return np.asarray((first + second) / np.float32(2.0), dtype=np.float32)
 
 
 def _bilinear(image: Level, u: Floats, v: Floats) -> Floats:

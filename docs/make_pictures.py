@@ -130,6 +130,13 @@ def views(folder: Path) -> None:
     small("views.png", side_by_side(list(drawn.pictures), 2))
 
 
+def looks(folder: Path) -> None:
+    """Twelve scenes in twelve rooms."""
+    scenes = scenegen.sample(scenegen.load(SPECS / "breakfast.spec"), phi={"task": (-0.2, 0.05)}, n=12, seed=3)
+    drawn = scenes.render(folder / "looks", looks="random", seed=2, size=(296, 222))
+    small("looks.png", side_by_side(list(drawn.pictures), 4), smooth=True)
+
+
 SHELF = """workspace [0, 0.8] x [0, 0.5]
 object shelfunit at (0.4, 0.3, SOUTH), pot on shelfunit.shelf[1], cup[2] on shelfunit.shelf[1]
 object can[3] on shelfunit.shelf[2], jar[2] on shelfunit.shelf[2]
@@ -170,7 +177,7 @@ def assets(folder: Path) -> None:
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, growth, setting, views, heights, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, assets)}
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import RequestError
 from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
-from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
+from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.export import simulators
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import Block, joined
@@ -16,6 +16,8 @@ from scenegen.formats.files import check_writable
 
 if TYPE_CHECKING:
     from scenegen.api.scene_arrays import SceneArrays
+    from scenegen.export.dressing import Dressing
+    from scenegen.scene.data import SceneFile
 
 PLANNERS = "pddl"
 NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # formats of scene files
@@ -56,19 +58,55 @@ def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
         )
 
 
-def export(scenes: SceneArrays, out: Path, to: str | None, meshes: Path | None = None) -> tuple[Path, ...]:
+def check_looks(out: Path, to: str, looks: str | Path | None, option: str = "looks") -> None:
+    """Raises RequestError where looks are given for a format without them, or for one file."""
+    if looks is None:
+        return
+    if to not in simulators.WITH_LOOKS:
+        raise RequestError(OUT_OF_PLACE(option=option, rule="goes with mjcf and usd", remedy="leave it out"))
+    if simulators.is_file(out, to):
+        rule = "gives each scene a file of its own"
+        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="name a folder"))
+
+
+def export(
+    scenes: SceneArrays,
+    out: Path,
+    to: str | None,
+    meshes: Path | None = None,
+    looks: str | Path | None = None,
+    seed: int = 0,
+) -> tuple[Path, ...]:
     """See `SceneSet.export`."""
     to = chosen(to, out)
     check_export(out, to)
     check_meshes(to, meshes)
+    check_looks(out, to, looks)
     if to in simulators.SIMULATORS:
+        given = None if looks is None else _dressing(scenes.file(), looks, seed)
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
-        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes)
+        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given)
     if to == PLANNERS:
         from scenegen.api.problems import of_scenes
 
         return of_scenes(scenes, out).problems
     return (scenes.save(out),)
+
+
+def _dressing(file: SceneFile, looks: str | Path, seed: int) -> Dressing:
+    """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
+    from scenegen.export.dressing import Dressing
+    from scenegen.looks.read import read_looks
+    from scenegen.render.request import check_seed, usual_size
+    from scenegen.scene.stage import stage_of
+
+    if not file.scenes:
+        raise RequestError(NO_SCENES())
+    given = read_looks(looks)
+    drawn = given.drawn(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
+    stage, size = stage_of(file), usual_size(file)
+    cameras = [look.camera(stage.corners(), size) for look in drawn]
+    return Dressing(drawn, cameras, stage, given.files, seed)
 
 
 def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None = None) -> tuple[int, tuple[Path, ...]]:

@@ -115,19 +115,30 @@ class SceneSet(SceneArrays):
         """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
         return notebook.page(self, self._sheet)
 
-    def export(self, out: str | Path, to: str | None = None, *, meshes: str | Path | None = None) -> tuple[Path, ...]:
+    def export(
+        self,
+        out: str | Path,
+        to: str | None = None,
+        *,
+        meshes: str | Path | None = None,
+        looks: str | Path | None = None,
+        seed: int = 0,
+    ) -> tuple[Path, ...]:
         """Write the scenes for a simulator: `to` is "mjcf" (MuJoCo), "sdf" (Gazebo) or "usd" (Isaac Sim; it needs
         usd-core); for planners: "pddl" (see `export_problems`); or in a format of scene files.
 
         A file with the ending .xml, .sdf, .world, .usd, .usda or .usdc holds all scenes, as keyframes, as worlds or as
         variants; any other `out` is a folder with a file for each, in scene order. Meshes lie beside the files, which
         name them relatively. With `meshes`, the folder that the spec was in, objects with a mesh or URDF file have
-        convex pieces, mass and friction from it, instead of a prism over their outline. Returns the paths of the
-        scenes' files. Raises RequestError, DataError, OutputError.
+        convex pieces, mass and friction from it, instead of a prism over their outline. With `looks`, "random" or a
+        TOML file, every scene of a folder for "mjcf" or "usd" has the table, surroundings, light, colours and camera of
+        its picture by `render` with the same `looks` and `seed`; looks.jsonl says what they are. Returns the paths of
+        the scenes' files. Raises RequestError, DataError, OutputError.
         """
         from scenegen.api import export
 
-        return export.export(self, as_path("out", out), to, None if meshes is None else as_path("meshes", meshes))
+        folder = None if meshes is None else as_path("meshes", meshes)
+        return export.export(self, as_path("out", out), to, folder, looks, seed)
 
     def render(
         self,

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 RGB = tuple[float, float, float]
 
 CHOCOLATE: RGB = (0.47, 0.30, 0.20)
+LINEN: RGB = (0.97, 0.95, 0.90)
 
 # Far apart in hue or lightness, none close to the table's wood.
 PALETTE: tuple[RGB, ...] = (
@@ -36,6 +37,14 @@ def stable(name: str, taken: Sequence[RGB] = ()) -> RGB:
         return free[0]
     turns = 1 + len(taken) // len(PALETTE)
     return shade(colors[len(taken) % len(PALETTE)], turns, turns + 1 + len(taken))
+
+
+def of_regions(names: Sequence[str]) -> list[RGB]:
+    """A pale colour for each region of a table, no two alike, none that of the wood."""
+    used: list[RGB] = [CHOCOLATE]
+    for name in names:
+        used.append(stable(name, used))
+    return [mix(color, LINEN, 0.35) for color in used[1:]]
 
 
 def shade(color: RGB, index: int, count: int) -> RGB:

@@ -24,6 +24,18 @@ def export(
         ),
     ] = None,
     meshes: Meshes = None,
+    looks: Annotated[
+        str | None,
+        typer.Option(
+            "--looks",
+            help="mjcf, usd: random, or a TOML file, as of scenegen render: another look for each scene.",
+            metavar="LOOKS",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option("--seed", help="With --looks: the same seed gives the same looks, and those of render.")
+    ] = 0,
     facts: Annotated[
         str | None,
         typer.Option(
@@ -64,6 +76,7 @@ def export(
       scenegen export scenes.json --to mjcf --out worlds
       scenegen export scenes.json --to sdf --out worlds
       scenegen export scenes.json --to usd --out stages
+      scenegen export scenes.json --to mjcf --out worlds --looks random --seed 3
       scenegen export scenes.json --out all.xml
       scenegen export scenes.json --to pddl --out problems
       scenegen export starts.json --to pddl --out problems --problem task.bddl
@@ -76,19 +89,25 @@ def export(
     files, as OBJ or USD. With --meshes, objects of mesh, urdf and asset have the convex pieces, mass and friction of
     their files; without it they are prisms over their outlines. USD needs usd-core: pip install "scenegen\\[usd]".
 
+    With --looks, every scene of a folder has another table, floor, walls, light and colours, and the camera `look`:
+    those of its picture by scenegen render with the same --looks and --seed. looks.jsonl says what they are.
+
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates
     of --map. The goal is the label `goal`, else all labels, else those of --goal. Of pairs and motions the goal is what
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.api.export import PLANNERS, check_meshes, chosen, convert
+    from scenegen.api.export import PLANNERS, check_looks, check_meshes, chosen, convert
     from scenegen.cli.output import note_others, print_error
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
 
+    if seed and looks is None:
+        raise RequestError(OUT_OF_PLACE(option="--seed", rule="goes with --looks", remedy="leave it out"))
     if chosen(to, out) == PLANNERS:
         check_meshes(PLANNERS, meshes, "--meshes")
+        check_looks(out, PLANNERS, looks, "--looks")
         from scenegen.cli.problems import Original, export_problems
 
         export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table))
@@ -98,7 +117,14 @@ def export(
     for option in (name for name, value in given.items() if value):
         raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
     check_meshes(chosen(to, out), meshes, "--meshes")
-    count, files = convert(scenes, out, to, meshes)
+    check_looks(out, chosen(to, out), looks, "--looks")
+    if looks is None:
+        count, files = convert(scenes, out, to, meshes)
+    else:
+        from scenegen.api.scenes import read_scenes
+
+        found = read_scenes(scenes)
+        count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
     if files != (out,):

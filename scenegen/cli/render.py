@@ -87,7 +87,7 @@ def render(
         str | None,
         typer.Option(
             "--looks",
-            help="random, or a TOML file: draw table, ground, light and camera for each scene.",
+            help="random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.",
             metavar="LOOKS",
         ),
     ] = None,

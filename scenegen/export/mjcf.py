@@ -12,15 +12,17 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from scenegen.assets.mesh import Mesh
-from scenegen.assets.palette import RGB
 from scenegen.export import obj
-from scenegen.export.world import TALL, WOOD, Body, Form, Patch, World, piece_of
+from scenegen.export.dressing import FOLDER as TEXTURES
+from scenegen.export.dressing import Dressed
+from scenegen.export.mjcf_looks import SLIPPERY, leg_color, rgba, surroundings, table_cover, visual
+from scenegen.export.mjcf_looks import assets as materials
+from scenegen.export.world import Body, Form, Patch, World, piece_of
 from scenegen.export.xml import Element, check_room, document, node, numbers, short
 
 ENDING = ".xml"
 KEY, KEY_EACH = 600, 600  # bytes of memory for a keyframe, and for each object in it
 SPECK = 1e-12  # cubic metres
-SLIPPERY = 0.01  # MuJoCo uses the larger friction of two: on the table, the object's
 
 # MuJoCo's contacts give way: with its defaults (20 ms to recover) a tower of five blocks sinks and leans by a mm
 # or two. These recover five times as fast. Damped critically, what overhangs an edge would rattle, and wander by a
@@ -41,21 +43,14 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     there."""
     if together:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
-    root = ElementTree.Element("mujoco", model=world.title or "scenegen")
-    node(root, "compiler", angle="radian", meshdir=folder)
-    node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
-    _looks(root, world)
-    _defaults(root)
-    _assets(root, world)
-    table = node(root, "worldbody")
-    _table(table, world)
-    bodies = [_body(table, body) for body in world.bodies]
-    keys = node(root, "keyframe")
-    for scene, poses in zip(world.scenes, world.poses.tolist(), strict=True):
+    root, bodies, keys = _model(world, folder, None)
+    for index, (scene, poses) in enumerate(zip(world.scenes, world.poses.tolist(), strict=True)):
+        if world.dressing is not None:
+            root, bodies, keys = _model(world, folder, world.dressing.of(scene, world.table))
         qpos = [_qpos(pose) for pose in poses]
         if not together:
             keys.clear()
-        if scene == world.scenes[0] or not together:
+        if index == 0 or not together:
             for element, place in zip(bodies, qpos, strict=True):
                 element.set("pos", numbers(*place[:3]))
                 element.set("quat", numbers(*place[3:]))
@@ -65,6 +60,21 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
             yield document(root)
     if together:
         yield document(root)
+
+
+def _model(world: World, folder: str, dressed: Dressed | None) -> tuple[Element, list[Element], Element]:
+    """A file without places: its root, the bodies, and what keyframes go into."""
+    root = ElementTree.Element("mujoco", model=world.title or "scenegen")
+    textures = {} if dressed is None else {"texturedir": TEXTURES}
+    node(root, "compiler", angle="radian", meshdir=folder, **textures)
+    node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
+    visual(root, world, dressed)
+    _defaults(root)
+    _assets(root, world, dressed)
+    place = node(root, "worldbody")
+    _table(place, world, dressed)
+    bodies = [_body(place, body) for body in world.colored(dressed)]
+    return root, bodies, node(root, "keyframe")
 
 
 def bench(world: World) -> bytes:
@@ -89,17 +99,6 @@ def bench(world: World) -> bytes:
     return document(root)
 
 
-def _looks(root: Element, world: World) -> None:
-    """Light and picture size."""
-    visual = node(root, "visual")
-    node(visual, "headlight", ambient="0.35 0.35 0.35", diffuse="0.25 0.25 0.25", specular="0 0 0")
-    node(visual, "quality", shadowsize="4096")
-    node(visual, "map", shadowclip="2", shadowscale="1")
-    node(visual, "global", offwidth="1920", offheight="1080")
-    x0, y0, x1, y1 = world.table
-    node(root, "statistic", center=short([(x0 + x1) / 2, (y0 + y1) / 2, 0.0]), extent=short([max(x1 - x0, y1 - y0)]))
-
-
 def _defaults(root: Element) -> None:
     """What all geoms share, and those of a group."""
     defaults = node(root, "default")
@@ -110,10 +109,9 @@ def _defaults(root: Element) -> None:
     node(solid, "geom", type="mesh", group="3", rgba="0.9 0.4 0.2 0.5")
 
 
-def _assets(root: Element, world: World) -> None:
+def _assets(root: Element, world: World, dressed: Dressed | None) -> None:
     assets = node(root, "asset")
-    sky = {"rgb1": "0.86 0.89 0.93", "rgb2": "0.97 0.97 0.97", "width": "256", "height": "256"}
-    node(assets, "texture", type="skybox", builtin="gradient", **sky)
+    materials(assets, world, dressed)
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
             node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", **_shell(part))
@@ -142,25 +140,16 @@ def _shell(mesh: Mesh) -> dict[str, str]:
     return {"inertia": "shell"} if mesh.volume < SPECK else {}
 
 
-def _table(parent: Element, world: World) -> None:
-    """Light, cameras, the floor, the table and its purely visual sheets."""
-    x0, y0, x1, y1 = world.table
-    x, y, side = (x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, y1 - y0)
-    sun = {"directional": "true", "diffuse": "0.45 0.45 0.45", "specular": "0.1 0.1 0.1", "dir": "0.3 0.3 -1"}
-    node(parent, "light", pos=short([x - 0.6 * side, y - 0.6 * side, 2 * side]), **sun)
-    node(parent, "camera", name=world.free_name("top"), pos=short([x, y, 1.6 * side]), fovy="45")
-    turned = {"xyaxes": "1 0 0 0 0.7 0.714", "fovy": "45"}
-    node(parent, "camera", name=world.free_name("front"), pos=short([x, y - 1.1 * side, 1.1 * side]), **turned)
-    grey = {"rgba": "0.66 0.67 0.69 1", "friction": f"{SLIPPERY}"}
-    node(
-        parent, "geom", name=world.free_name("floor"), type="plane", size="3 3 1", pos=short([0.0, 0.0, -TALL]), **grey
-    )
+def _table(parent: Element, world: World, dressed: Dressed | None) -> None:
+    """What is around the table, the table and its purely visual sheets."""
+    surroundings(parent, world, dressed)
     table = node(parent, "body", name=world.free_name("table"))
-    for center, sizes in world.slabs():
+    for number, (center, sizes) in enumerate(world.slabs()):
+        cover = {"rgba": leg_color(dressed)} if number else table_cover(dressed)
         half = short(size / 2 for size in sizes)
-        node(table, "geom", type="box", size=half, pos=short(center), rgba=_rgba(WOOD), friction=f"{SLIPPERY}")
+        node(table, "geom", type="box", size=half, pos=short(center), **cover, friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
-        node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=_rgba(patch.color))
+        node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=rgba(patch.color))
         if patch.solid:
             _board(table, number, patch)
 
@@ -180,7 +169,7 @@ def _body(parent: Element, body: Body) -> Element:
     """An object without its place."""
     element = _solid(parent, body)
     for number, color in enumerate(body.colors, start=1):
-        node(element, "geom", class_="seen", mesh=_part(body.form, number), rgba=_rgba(color))
+        node(element, "geom", class_="seen", mesh=_part(body.form, number), rgba=rgba(color))
     _pieces(element, body)
     return element
 
@@ -223,7 +212,3 @@ def _piece(form: Form, number: int) -> str:
 
 def _vertices(mesh: Mesh) -> str:
     return short(mesh.vertices.ravel().tolist())
-
-
-def _rgba(color: RGB) -> str:
-    return f"{short(color)} 1"

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
 from scenegen.assets.mesh import Floats
-from scenegen.assets.palette import RGB, mix, stable
+from scenegen.assets.palette import LINEN, RGB, of_regions
 from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 MARGIN = 0.07  # metres of table beyond what is on it
 FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
-LINEN: RGB = (0.97, 0.95, 0.90)  # the colour with which those of regions are mixed
 SHEET = 0.0004  # metres: the thickness of the first region
 WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
 DRAWN = 32  # corners of a round region
@@ -180,13 +179,11 @@ def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tup
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
     """The regions as sheets, clipped at the table."""
     patches: list[Patch] = []
-    used: list[RGB] = []
-    for region in regions:
-        used.append(stable(region.name, used))
+    for region, color in zip(regions, of_regions([region.name for region in regions]), strict=True):
         pose = (region.pose.x, region.pose.y, region.pose.theta)
         lying = clipped(_corners(footprint_of(region.footprint), pose), table)
         if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
-            color, top = mix(used[-1], LINEN, 0.35), region.height
+            top = region.height
             sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))
             patches.append(Patch(lying, color, sheet, top))
     return tuple(patches)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,14 @@ from scenegen.errors import OutputError, RequestError
 from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
 from scenegen.errors.requests import NO_SCENES
+from scenegen.export.dressing import FOLDER as TEXTURES
+from scenegen.export.dressing import Dressing
 from scenegen.export.setting import Own, recorded, worlds_of
 from scenegen.formats.blocks import Block
 from scenegen.formats.files import check_folder, check_writable, reported
 from scenegen.formats.folder import scene_name, whole_files
 from scenegen.formats.registry import ENDINGS, FORMATS
+from scenegen.looks.record import LOOKS
 from scenegen.needs import need
 from scenegen.scene.data import SceneFile
 
@@ -34,6 +38,7 @@ SIMULATORS: dict[str, str] = {
 NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
 CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
 MESHES = "meshes"
+WITH_LOOKS = ("mjcf", "usd")
 
 
 def is_file(out: Path, to: str) -> bool:
@@ -68,12 +73,19 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
 
 
 def write_worlds(
-    out: Path, to: str, header: SceneFile, scenes: Block, labels: Sequence[str], sources: Path | None = None
+    out: Path,
+    to: str,
+    header: SceneFile,
+    scenes: Block,
+    labels: Sequence[str],
+    sources: Path | None = None,
+    dressing: Dressing | None = None,
 ) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
     `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
-    (`own_bodies_of`).
+    (`own_bodies_of`). With a `dressing`, for a folder and a format of `WITH_LOOKS`, there are `textures/` and
+    looks.jsonl, too.
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
@@ -93,7 +105,7 @@ def write_worlds(
     with whole_files(folder) as put:
         put_already = set[str]()
         for bare in worlds_of(header, scenes, own):
-            world = recorded(bare, header, scenes, labels)
+            world = replace(recorded(bare, header, scenes, labels), dressing=dressing)
             for name, data in module.meshes(world):
                 if name not in put_already:  # worlds share forms
                     put_already.add(name)
@@ -103,6 +115,10 @@ def write_worlds(
                 name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
                 put(name, _crate(data) if together and out.suffix.lower() in CRATES else data)
                 written[number] = folder / name
+        if dressing is not None:
+            for name, data in dressing.textures():
+                put(f"{TEXTURES}/{name}", data)
+            put(LOOKS, dressing.record([path.name for _, path in sorted(written.items())]))
     return tuple(path for _, path in sorted(written.items()))
 
 

@@ -6,12 +6,13 @@ the table's top is z = 0, as in pictures.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Mesh, prism
 from scenegen.assets.palette import RGB
+from scenegen.export.dressing import Dressed, Dressing
 from scenegen.export.inertia import Inertia
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
@@ -98,7 +99,7 @@ class Record:
 class World:
     """`table` is (x lowest, y lowest, x highest, y highest); `poses` (scenes, bodies, 4) are x, y, z and theta of the
     bodies' frames, z from the objects below them. `numbers` are the scenes' in their file, where not all of it is here.
-    `record` is for formats that hold it.
+    `record` is for formats that hold it; `dressing` has the looks of all scenes of the file.
     """
 
     title: str
@@ -108,6 +109,15 @@ class World:
     poses: Floats
     numbers: tuple[int, ...] = ()
     record: Record | None = None
+    dressing: Dressing | None = None
+
+    def colored(self, dressed: Dressed | None) -> tuple[Body, ...]:
+        """The bodies in the colours of a look."""
+        tints = {} if dressed is None else {tint.name: tint for tint in dressed.look.tints}
+        return tuple(
+            replace(body, colors=tuple(map(tints[body.name], body.colors))) if body.name in tints else body
+            for body in self.bodies
+        )
 
     @property
     def scenes(self) -> tuple[int, ...]:

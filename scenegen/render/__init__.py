@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 __all__ = ["VIEWS", "Rendered", "render_scenes"]
 
 if TYPE_CHECKING:
-    from scenegen.render.camera import VIEWS
+    from scenegen.looks.camera import VIEWS
     from scenegen.render.scenes import Rendered, render_scenes
 
-_HOMES = {"VIEWS": "camera", "Rendered": "scenes", "render_scenes": "scenes"}
+_HOMES = {"VIEWS": "looks.camera", "Rendered": "render.scenes", "render_scenes": "render.scenes"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'scenegen.render' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"scenegen.render.{_HOMES[name]}"), name)
+    return getattr(importlib.import_module(f"scenegen.{_HOMES[name]}"), name)

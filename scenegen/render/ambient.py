@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenegen.render.camera import Camera, Floats, downwards
+from scenegen.looks.camera import Camera, Floats, downwards
 from scenegen.render.picture import Image, Rows
 from scenegen.scene.stage import Stage
 

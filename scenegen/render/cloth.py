@@ -10,8 +10,8 @@ import numpy as np
 
 from scenegen.assets.palette import RGB
 from scenegen.assets.surfaces import reach_of
+from scenegen.looks.camera import Floats
 from scenegen.primitives.footprint import Box, Circle, Footprint
-from scenegen.render.camera import Floats
 from scenegen.scene.stage import WOOD, Patch, Stage
 
 # Widths, relative to the workspace's side; each is limited to a share of the region's size.

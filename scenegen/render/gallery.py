@@ -14,9 +14,9 @@ from PIL import Image, ImageDraw, ImageFont
 from scenegen.assets import ASSETS, Shape, shape_of
 from scenegen.assets.library import Asset, cabinet_shape
 from scenegen.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
+from scenegen.looks.camera import PLACES
 from scenegen.primitives import Circle
 from scenegen.processes.process import cores
-from scenegen.render.camera import PLACES
 from scenegen.render.files import PictureOptions
 from scenegen.render.pool import draw
 from scenegen.scene.stage import MARGIN, Stage, Thing

@@ -11,12 +11,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.looks.camera import Camera, downwards
+from scenegen.looks.look import Look
+from scenegen.looks.textures import WOOD as WOODEN
+from scenegen.looks.textures import Textures
+from scenegen.looks.wood import wood
 from scenegen.render.ambient import Ambient
-from scenegen.render.camera import Camera, Floats, downwards
 from scenegen.render.cloth import cover
-from scenegen.render.looks import Look
 from scenegen.render.picture import GROUND, TABLE, Image, Mask, Picture, Rows, Shot
-from scenegen.render.wood import wood
+from scenegen.render.surroundings import GROUND_BELOW, surroundings
 from scenegen.scene.stage import WOOD, Stage
 
 TOWARDS = (-0.36, -0.28, 1.0)  # direction of the light: from the left, from behind the viewer
@@ -30,10 +33,6 @@ HIDDEN = (0.62, 0.64, 0.66)  # the same for a fully hidden sky
 ON_THINGS = 0.55  # weight of the hidden sky on objects: their own walls hide half of it
 FAINT = 0.5  # weight of both on the ground below the table
 EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
-GROUND_BELOW = 3.0  # thicknesses of the table top
-HORIZON = 0.02  # least slope of a ray to the ground: rays above the horizon end as far away
-FLOOR = (0.935, 0.932, 0.925)
-FLOOR_FAR = (0.865, 0.872, 0.880)
 
 
 def light_camera(stage: Stage, towards: tuple[float, float, float] = TOWARDS) -> Camera:
@@ -53,7 +52,8 @@ class Lighting:
 
     `factor` is how many pixels of a raw picture make one of the result, along each side. `colors`, `buffer` and
     `light_buffer` are the raw picture and the camera's and the light's depth buffers of the bare table. `transparent`
-    leaves the ground out. A `look` has colours of its own for the table and the ground.
+    leaves out all but the table and what is on it. A `look` has colours and `textures` of its own for the table and
+    what is around it.
     """
 
     def __init__(
@@ -67,6 +67,7 @@ class Lighting:
         *,
         transparent: bool = False,
         look: Look | None = None,
+        textures: Textures,
     ) -> None:
         self.factor = factor
         self.camera = camera
@@ -77,18 +78,21 @@ class Lighting:
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY
-        falling = np.minimum(direction[..., 2], -HORIZON)
-        below = (-GROUND_BELOW * stage.thickness - origin[..., 2]) / falling
-        depth = np.where(bare, below, raw.depth(buffer)).astype(np.float32)
+        around = surroundings(stage, raw, (origin, direction), bare, look, textures)
+        depth = np.where(bare, around.depth, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
         top = ~bare & (np.abs(at[..., 2]) < 0.02 * stage.thickness)
         x, y = at[..., 0], at[..., 1]
         sizes = np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0))
         bare_wood = np.ones_like(at)
-        if look is None or look.table_texture == "wood":
+        if look is None or look.table_texture == WOODEN:
             bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]))
+        else:
+            name, size = look.table_texture, look.table_texture_size
+            bare_wood[top] = textures.shares(name, size, x[top], y[top], np.maximum(*sizes)[top])
         cloths = cover(stage, x, y, bare_wood, WOOD if look is None else look.table)
-        tint = np.where(top[..., None], cloths, 1.0)
+        edges = (1.0, 1.0, 1.0) if look is None else textures.mean(look.table_texture)
+        tint = np.where(top[..., None], cloths, edges)
 
         # Of four raw pixels, the upper right one is sampled in the middle of the four.
         self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))
@@ -109,12 +113,14 @@ class Lighting:
 
         hidden = self._hidden(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
         ground = bare[every].ravel()
-        under = np.where(ground, FAINT * hidden, 0.0).astype(np.float32)
-        self.reach = np.where(ground, FAINT - under, 1.0).astype(np.float32)  # of the shadows of objects
+        walls = ground & around.walls[every].ravel()  # too far away for shadows
+        under = np.where(ground & ~walls, FAINT * hidden, 0.0).astype(np.float32)
+        reach = np.where(walls, 0.0, FAINT - under)
+        self.reach = np.where(ground, reach, 1.0).astype(np.float32)  # of the shadows of objects
         self.sky = np.where(ground, 0.0, 1.0).astype(np.float32)
         dim = _dim(under, np.zeros_like(under)).reshape(*self.depth.shape, 3)
         dim = dim.repeat(factor, axis=0).repeat(factor, axis=1)
-        floor = np.zeros(3) if transparent else _backdrop(raw.size[1], look)
+        floor = np.zeros(3) if transparent else around.color
         backdrop = np.where(bare[..., None], floor, colors * tint)
         self.backdrop = np.clip(backdrop * dim + 0.5, 0.0, 255.0).astype(np.uint8)
         self.bare = bare
@@ -209,12 +215,3 @@ def _disc(radius: float) -> list[tuple[int, int]]:
     turn = math.pi * (3.0 - math.sqrt(5.0))
     spread = [(math.sqrt((k + 0.5) / TAPS) * radius, k * turn) for k in range(TAPS)]
     return [(round(r * math.cos(a)), round(r * math.sin(a))) for r, a in spread]
-
-
-def _backdrop(height: int, look: Look | None) -> Floats:
-    """(height, 1, 3): the ground's colour per row, a little darker far away."""
-    far = np.linspace(1.0, 0.0, height)[:, None, None]
-    floor = (far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR)) * 255.0
-    if look is not None:
-        floor = floor / np.array(FLOOR) * np.array(look.ground_color) * look.brightness
-    return np.asarray(np.clip(floor, 0.0, 255.0))

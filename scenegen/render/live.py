@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.looks.camera import VIEWS
 from scenegen.needs import need
 from scenegen.processes.pool import Pool
-from scenegen.render.camera import VIEWS
 from scenegen.render.files import PictureOptions
 from scenegen.render.request import check_request
 from scenegen.render.worker import DrawPixels, Places

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.render.camera import Camera, Floats
+from scenegen.looks.camera import Camera, Floats
 from scenegen.render.picture import Picture
 from scenegen.scene.stage import Stage
 

@@ -24,10 +24,11 @@ from scenegen.assets.mesh import Floats, Mesh, box, shaded
 from scenegen.assets.palette import RGB, mix
 from scenegen.assets.plain import plain
 from scenegen.assets.surface import Surface
+from scenegen.looks.camera import Camera, frame
+from scenegen.looks.look import VIEW, Look, Tint
+from scenegen.looks.textures import Textures
 from scenegen.render.ambient import landscape_camera
-from scenegen.render.camera import Camera, frame
 from scenegen.render.light import TOWARDS, Lighting, light_camera
-from scenegen.render.looks import VIEW, Look
 from scenegen.render.models import Model
 from scenegen.render.picture import FIRST, Image, Picture, Shot
 from scenegen.scene.limits import BOARD
@@ -53,12 +54,13 @@ class Painter:
         renderer: str = "software",
         look: Look | None = None,
         models: Sequence[Model | None] = (),
+        textures: Textures | None = None,
     ) -> None:
         self.factor = 2 if 2 * max(size) <= LARGEST else 1
         self._stage, self._views, self._size = stage, views, size
         self._transparent, self._renderer = transparent, renderer
+        self._textures = Textures({}) if textures is None else textures
         self._landscape = landscape_camera(stage)
-        self.dress(look)
         # Far outside every picture, but near enough for the renderer's single precision.
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
@@ -78,10 +80,15 @@ class Painter:
         self._owner = np.zeros(1 + max((body for body, _ in owners), default=0), dtype=np.uint16)
         for body, number in owners:
             self._owner[body] = number
+        self.dress(look)
 
     def dress(self, look: Look | None) -> None:
-        """Light the bare table by a look, or as usual: once for all scenes that share it."""
+        """Colour the objects and light the bare table by a look, or as usual: once for all scenes that share it."""
         stage = self._stage
+        if look is not None:
+            for bodies, tint in zip(self._things, look.tints, strict=False):  # a look has none, or one for each
+                for body in bodies:
+                    self._studio.tint(body, tint)
         self._look, self._lighting = look, {}
         self._light = light_camera(stage, TOWARDS if look is None else look.towards)
         with _Studio(self._renderer) as bare:
@@ -97,7 +104,15 @@ class Painter:
                     camera = frame(view, stage.corners(), self._size)
                 colors, depth, _ = bare.shoot(self._raw(camera), look)
                 self._lighting[view] = Lighting(
-                    stage, camera, self.factor, colors, depth, light, transparent=self._transparent, look=look
+                    stage,
+                    camera,
+                    self.factor,
+                    colors,
+                    depth,
+                    light,
+                    transparent=self._transparent,
+                    look=look,
+                    textures=self._textures,
                 )
 
     def __enter__(self) -> Painter:
@@ -151,6 +166,7 @@ class _Studio:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._plugin: int | None = None
         self._textures: dict[bytes, int] = {}
+        self._colors: dict[int, RGB] = {}  # of the bodies, as they were made
         self._renderer = pybullet.ER_TINY_RENDERER
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         if renderer == "egl":
@@ -216,7 +232,13 @@ class _Studio:
             physicsClientId=self._client,
         )
         body: int = pybullet.createMultiBody(0.0, -1, shape, physicsClientId=self._client)
+        self._colors[body] = color
         return body
+
+    def tint(self, body: int, tint: Tint) -> None:
+        """Give a body another colour than it was made with."""
+        color = tint(self._colors[body])
+        pybullet.changeVisualShape(body, -1, rgbaColor=(*color, 1.0), physicsClientId=self._client)
 
     def _form(self, mesh: Mesh, uv: Floats | None) -> dict[str, Any]:
         """A mesh as pybullet takes it; the card's renderer does not support meshes in memory."""

@@ -7,10 +7,11 @@ from collections.abc import Generator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.looks.look import Look
+from scenegen.looks.textures import Textures
 from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.render.files import PictureOptions
-from scenegen.render.looks import Look
 from scenegen.render.models import Model
 from scenegen.render.worker import Draw
 from scenegen.scene.stage import Stage, places_of
@@ -23,9 +24,10 @@ def draw(
     workers: int,
     looks: Sequence[Look] | None = None,
     models: Sequence[Model | None] = (),
+    textures: Textures | None = None,
 ) -> Generator[dict[tuple[str, str], bytes], None, None]:
     """(view, ending) -> file of every scene, in order; `poses` is (scenes, objects, 3), `looks` has one for each scene,
-    `models` what is drawn of each object instead of its shape, if anything.
+    with their `textures`, `models` what is drawn of each object instead of its shape, if anything.
     The same bytes for any `workers`.
 
     Close the generator to end the processes early. Raises ScenegenError if one of them fails, RequestError if pybullet
@@ -35,7 +37,7 @@ def draw(
     places = places_of(stage, poses)
     stage, origin = stage.near()
     places[..., :2] -= origin
-    given: Sequence[Look | None] = looks if looks is not None else [None] * len(places)
-    job = Draw(stage, options, models)
+    given = [None] * len(places) if looks is None else [look.moved(*origin) for look in looks]
+    job = Draw(stage, options, models, textures)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
         yield from pool.map(list(zip(places, given, strict=True)))

@@ -8,9 +8,9 @@ import math
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.render.camera import PLACES, VIEWS
+from scenegen.looks.camera import PLACES, VIEWS
+from scenegen.looks.look import SEEDS, VIEW
 from scenegen.render.files import RENDERERS
-from scenegen.render.looks import SEEDS, VIEW
 from scenegen.scene.data import SceneFile
 from scenegen.scene.stage import MARGIN, TALLEST
 from scenegen.validation import as_int, as_words

@@ -15,15 +15,17 @@ from scenegen.errors import DataError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.formats.folder import scene_name, whole_files
+from scenegen.looks.camera import USUAL
+from scenegen.looks.look import VIEW
+from scenegen.looks.read import read_looks
+from scenegen.looks.record import LOOKS
+from scenegen.looks.textures import Textures
 from scenegen.needs import need
 from scenegen.processes.process import cores
-from scenegen.render.camera import USUAL
 from scenegen.render.files import PictureOptions
-from scenegen.render.looks import VIEW
-from scenegen.render.looks_file import read_looks
 from scenegen.render.pool import draw
 from scenegen.render.request import check_renderer, check_request, check_seed, usual_size
-from scenegen.render.rig import cameras_json, drawn_looks, looks_jsonl
+from scenegen.render.rig import cameras_json, recorded
 from scenegen.scene.data import SceneFile
 from scenegen.scene.stage import poses_of, stage_of
 
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from scenegen.assets.surface import Surface
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
-LOOKS = "looks.jsonl"
 FACES = (
     VIEW,
     "perspective",
@@ -84,7 +85,7 @@ def render_scenes(
 
     `looks` names a TOML file of distributions, or "random": each scene then has a look of its own, drawn from `seed`
     and its index alone, the default view is "look", from a camera that the look places, and looks.jsonl says what was
-    drawn (see `looks_jsonl`).
+    drawn (see `looks_jsonl`). Textures that the file names are found from its folder.
 
     `meshes` is the folder that the spec was in: objects whose shape is `mesh` or `urdf` of a file there are drawn as
     that file shows them, in its colours and textures, instead of as their outline.
@@ -99,7 +100,9 @@ def render_scenes(
     if views is None:
         views = USUAL if looks is None else (VIEW,)
     check_request(views, size, workers, looks=looks is not None)
-    drawn = None if looks is None else drawn_looks(read_looks(looks), check_seed(seed), len(file.scenes))
+    given = None if looks is None else read_looks(looks)
+    names_of_things = [item.name for item in file.objects]
+    drawn = None if given is None else given.drawn(check_seed(seed), len(file.scenes), names_of_things)
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
@@ -108,6 +111,7 @@ def render_scenes(
         raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
     models = () if meshes is None else _models(file, meshes)
+    textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
     small = thumbnail_size(size, total)
@@ -116,7 +120,8 @@ def render_scenes(
     beside: list[str] = []
     # A run that fails keeps the pictures of an earlier one.
     with whole_files(out) as put:
-        with contextlib.closing(draw(stage, poses, options, min(workers or cores(), total), drawn, models)) as scenes:
+        drawing = draw(stage, poses, options, min(workers or cores(), total), drawn, models, textures)
+        with contextlib.closing(drawing) as scenes:
             for number, files in enumerate(scenes, start=1):
                 for (view, ending), data in files.items():
                     name = f"{scene_name(number, total)}_{view}{ending}"
@@ -127,9 +132,9 @@ def render_scenes(
                 if progress is not None:
                     progress(number, total)
         put(SHEET, contact_sheet(file, thumbnails))
-        put(CAMERAS, cameras_json(file, stage, options))
+        put(CAMERAS, cameras_json(file, stage, options, drawn or ()))
         if drawn is not None:
-            put(LOOKS, looks_jsonl(drawn, seed, stage, options))
+            put(LOOKS, recorded(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 

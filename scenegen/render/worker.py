@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.looks.look import Look
+from scenegen.looks.textures import Textures
 from scenegen.render.files import PictureOptions, encode
-from scenegen.render.looks import Look
 from scenegen.render.models import Model
 from scenegen.render.names import write_names
 from scenegen.render.picture import FIRST, Shot
@@ -29,8 +30,14 @@ Places = npt.NDArray[np.float64]  # (objects, 4): x, y, theta, height
 class Draw:
     """A scene's `places` and its look, if it has one -> (view, ending) -> file, as `options` lists them."""
 
-    def __init__(self, stage: Stage, options: PictureOptions, models: Sequence[Model | None] = ()) -> None:
-        self.stage, self.options, self.models = stage, options, tuple(models)
+    def __init__(
+        self,
+        stage: Stage,
+        options: PictureOptions,
+        models: Sequence[Model | None] = (),
+        textures: Textures | None = None,
+    ) -> None:
+        self.stage, self.options, self.models, self.textures = stage, options, tuple(models), textures
         self._painter: Painter | None = None  # of the drawing process
 
     def __call__(self, item: tuple[Places, Look | None]) -> dict[tuple[str, str], bytes]:
@@ -54,6 +61,7 @@ class Draw:
                 renderer=options.renderer,
                 look=look,
                 models=self.models,
+                textures=self.textures,
             )
             self._painter.__enter__()  # until the process ends
         elif look is not None:

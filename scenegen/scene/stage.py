@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
 from scenegen.assets.overlap import overlapping
-from scenegen.assets.palette import CHOCOLATE, RGB, mix, stable
+from scenegen.assets.palette import RGB, of_regions
 from scenegen.assets.plain import DRAWN
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
@@ -34,7 +34,6 @@ TALLEST_DECLARED = 1.5  # likewise, where a spec says how high things stand
 FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
 ABSENT = (math.nan,) * len(FLAT)
-LINEN: RGB = (0.97, 0.95, 0.90)  # what the colours of regions are mixed with
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,13 +212,11 @@ def _bases(shapes: list[Shape], poses: Floats, declared: tuple[float, ...]) -> F
 def _patches(file: SceneFile) -> tuple[Patch, ...]:
     """The regions, each in a pale colour of its own."""
     patches: list[Patch] = []
-    used: list[RGB] = [CHOCOLATE]  # looks like the table
-    for region in file.regions:
-        used.append(stable(region.name, used))
+    for region, color in zip(file.regions, of_regions([region.name for region in file.regions]), strict=True):
         footprint = footprint_of(region.footprint)
         if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
             footprint = Polygon(simplified(footprint.vertices, DRAWN))
-        patches.append(Patch(footprint, _row(region.pose), mix(used[-1], LINEN, 0.35), region.height))
+        patches.append(Patch(footprint, _row(region.pose), color, region.height))
     return tuple(patches)
 
 

@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from scenegen.assets import ASSETS, parts_of
+from scenegen.looks.camera import frame
 from scenegen.render import VIEWS, render_scenes
-from scenegen.render.camera import frame
 from scenegen.scene.stage import poses_of, stage_of
 
 from .scenefiles import scene_file

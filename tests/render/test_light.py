@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from scenegen.looks.wood import wood
 from scenegen.render.ambient import MAP, Ambient, landscape_camera
-from scenegen.render.wood import wood
 from scenegen.scene.stage import stage_of
 
 from .scenefiles import scene_file

@@ -7,9 +7,10 @@ import pytest
 from PIL import Image
 
 from scenegen.errors import DataError, RequestError
+from scenegen.looks.read import read_looks
 from scenegen.render import render_scenes
-from scenegen.render.looks_file import read_looks
 from scenegen.scene.stage import stage_of
+from tests.looks.pictures import four_colors
 
 from .scenefiles import scene_file
 
@@ -92,6 +93,22 @@ def test_depth_is_ahead_of_the_camera_above_the_horizon_too(tmp_path):
         ("[camera]\nfov = 1" + 400 * "0", "2:1", "it is not"),
         ("[camera]\nfov = inf", "2:1", "it is not"),
         ("x = " + 5000 * "1", "1:5005", ""),
+        ("[walls]\ndistance = -1", "2:1", "it is not from 0 to 20"),
+        ("[walls]\ntexture = 'brick.png'", "2:1", "cannot read brick.png: No such file"),
+        ("[ground]\ntexture = 'wood'", "2:1", "expected"),
+        ("[table]\ntexture = 'chekcer'", "2:1", "did you mean `checker`?"),
+        ("[table]\ntexture = {files = 'none/*.jpg'}", "2:1", "there is no .png or .jpg file none/*.jpg"),
+        ("[table]\ntexture = {files = '../*.jpg'}", "2:1", "below the folder"),
+        ("[table]\ntexture = 'looks.toml.png'", "2:1", "cannot read"),
+        ("[table]\ntexture_size = 0", "2:1", "it is not from 0.01"),
+        ("[camera]\nfov = 30\nfocal_length = 35", "1:2", "leave one out"),
+        ("[camera]\nposition = [0, 0, 1]\nazimuth = 3", "1:2", "leave out azimuth"),
+        ("[camera]\nlook_at = [0, 0, 1]", "1:2", "look_at goes with position"),
+        ("[camera]\nposition = [0, 0]", "2:1", "expected [x, y, z]"),
+        ("[camera]\nposition = [0, 0, -1]", "2:1", "it is not from 0.05"),
+        ("[camera]\nposition = [0, {uniform = [2, 1]}, 1]", "2:1", "smaller number first"),
+        ("[objects]\nhue = 3", "2:1", "it is not from -1 to 1"),
+        ("[objects]\ncolour = 'red'", "2:1", "there are hue"),
     ],
 )
 def test_each_bad_entry_is_one_diagnostic_at_its_place(tmp_path, text, place, said):
@@ -106,3 +123,66 @@ def test_a_seed_is_checked_and_the_view_needs_looks(tmp_path):
         render_scenes(FILE, tmp_path / "a", looks="random", seed=-1)
     with pytest.raises(RequestError, match="unknown view"):
         render_scenes(FILE, tmp_path / "a", views=("look",))
+
+
+def test_a_picture_that_is_none_is_refused_at_its_key(tmp_path):
+    (tmp_path / "bad.png").write_bytes(b"no picture")
+    with pytest.raises(DataError, match=r"cannot use bad.png: it is not a PNG or JPEG picture"):
+        read_looks(written(tmp_path, "[walls]\ntexture = 'bad.png'\n"))
+
+
+def test_a_texture_from_a_file_keeps_its_colours_unless_one_is_given(tmp_path):
+    four_colors(tmp_path)
+    drawn = read_looks(
+        written(tmp_path, "table.texture = 'four.png'\nwalls.texture = 'four.png'\nwalls.color = 'red'\n")
+    )
+    look = drawn.at(0, 0)
+    assert look.table_color == (1.0, 1.0, 1.0) and look.walls_color == (1.0, 0.0, 0.0)
+    assert look.walls_distance == 0.6  # a table [walls] is enough for walls
+    assert set(drawn.files) == {"four.png"}
+
+
+@pytest.mark.long
+def test_walls_are_as_far_away_as_they_should_be_in_their_colour_and_texture(tmp_path):
+    """The camera looks straight at the wall behind the table, whose texture is four quarters."""
+    four_colors(tmp_path, size=(64, 64))
+    text = """
+[walls]
+distance = 0.5
+texture = "four.png"
+texture_size = 40
+[camera]
+position = [0.5, -1, 0.4]
+look_at = [0.5, 9, 0.4]
+fov = 60
+"""
+    drawn = render_scenes(FILE, tmp_path / "a", size=(160, 120), depth=True, masks=True, looks=written(tmp_path, text))
+    arrays = np.load(tmp_path / "a" / "scene_0001_look.npz")
+    table = stage_of(FILE).table
+    wall = np.zeros_like(arrays["mask"], dtype=bool)
+    wall[:40] = True
+    assert (arrays["mask"][wall] == 0).all()
+    np.testing.assert_allclose(arrays["depth"][20, 40:120], table[3] + 0.5 + 1.0, rtol=1e-4)
+    picture = np.asarray(Image.open(drawn.pictures[0])).astype(int)
+    left, right = picture[20, 45], picture[20, 115]  # x < 0 and x > 0 on the wall, above z = 0: white and blue
+    assert left.min() > 100 and abs(left - left.mean()).max() < 30
+    assert right[2] > 100 and right[0] < 40
+    assert json.loads(drawn.cameras.read_text())["ids"]["0"] == "ground and walls"
+
+
+@pytest.mark.long
+def test_objects_change_their_colours_and_nothing_else_changes(tmp_path):
+    plain = render_scenes(FILE, tmp_path / "a", size=SIZE, masks=True, looks=written(tmp_path, ""))
+    tinted = render_scenes(FILE, tmp_path / "b", size=SIZE, looks=written(tmp_path, "[objects]\nhue = 0.5\n"))
+    mask = np.load(tmp_path / "a" / "scene_0001_look.npz")["mask"]
+    one, other = (np.asarray(Image.open(drawn.pictures[0])).astype(int) for drawn in (plain, tinted))
+    changed = np.abs(one - other).max(axis=2) > 8
+    assert changed[mask == 2].mean() > 0.5 and not changed[mask == 0].any()
+    lines = (tmp_path / "b" / "looks.jsonl").read_text().splitlines()
+    assert json.loads(lines[0])["look"]["objects"] == {"mug": {"hue": 0.5, "saturation": 1.0, "brightness": 1.0}}
+
+
+def test_each_object_has_a_tint_of_its_own_that_depends_on_its_name_alone(tmp_path):
+    looks = read_looks(written(tmp_path, "[objects]\nhue = {uniform = [-0.5, 0.5]}\n"))
+    mug, plate = looks.at(3, 5, ["mug", "plate"]).tints
+    assert mug.hue != plate.hue and looks.at(3, 5, ["plate"]).tints == (plate,)

@@ -11,9 +11,9 @@ from scenegen.assets import ASSETS
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.formats import folder
+from scenegen.looks.camera import frame
 from scenegen.processes import process
 from scenegen.render import render_scenes, scenes
-from scenegen.render.camera import frame
 from scenegen.render.request import usual_size
 from scenegen.scene.stage import stage_of
 

@@ -13,9 +13,9 @@ from scenegen.errors import DataError
 from scenegen.figures.heatmap import heatmap
 from scenegen.formats.scenes_json import dump
 from scenegen.formats.scenes_json import load as read
+from scenegen.looks.camera import USUAL, frame
 from scenegen.primitives import Box, Circle, Polygon
 from scenegen.render import render_scenes
-from scenegen.render.camera import USUAL, frame
 from scenegen.scene.data import Pose, RegionData, footprint_data
 from scenegen.scene.stage import stage_of
 

@@ -38,8 +38,13 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     there. Raises RequestError for too many scenes in one file."""
     if together:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
+    if world.dressing is not None:
+        for index, number in enumerate(world.scenes):
+            yield Scene(world, folder, ENDING, world.dressing.of(number, world.table)).one(index)
+        return
     scene = Scene(world, folder, ENDING)
     if together:
         yield scene.all_in_one(SET)
         return
-    yield from scene.each()
+    for index in range(len(world.poses)):
+        yield scene.one(index)

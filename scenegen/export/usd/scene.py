@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 from scenegen.assets.mesh import shaded
 from scenegen.assets.palette import RGB
+from scenegen.export.dressing import Dressed, Wall
 from scenegen.export.usd.axes import Quaternion
 from scenegen.export.usd.form import CONTACT, part
-from scenegen.export.usd.looks import Look, cameras, cover, lights, material, materials, recolor
+from scenegen.export.usd.looks import (
+    Look,
+    camera_of,
+    cameras,
+    cover,
+    cover_rectangle,
+    covering,
+    lights,
+    material,
+    materials,
+    recolor,
+)
 from scenegen.export.usd.names import free, identifiers
 from scenegen.export.usd.stage import Stage
 from scenegen.export.world import TALL, WOOD, Body, World
@@ -19,31 +30,32 @@ ROOT, AROUND = "/Scene", "/Environment"
 GRAVITY = 9.81  # m/s^2
 STONE: RGB = (0.66, 0.67, 0.69)
 WIDE, DEEP = 20.0, 0.1  # metres: the floor
+ABOVE = 0.0001  # metres: a textured sheet, which collides with nothing, above what it covers
 # On the table the object's coefficient counts: PhysX takes the larger one where a material says so, MuJoCo always.
 SLIPPERY, LARGER = 0.01, "max"
 
 
 class Scene:
-    """The scenes of a world. `folder` is the path of the meshes from their files, `ending` that of the meshes."""
+    """The scenes of a world, or those of one look. `folder` is the path of the meshes from their files, `ending` that
+    of the meshes."""
 
-    def __init__(self, world: World, folder: str, ending: str) -> None:
+    def __init__(self, world: World, folder: str, ending: str, dressed: Dressed | None = None) -> None:
         self.world = world
         names = [body.name for body in world.bodies] if world.record is None else world.record.everything
         self.names = identifiers(names)  # the same in every scene of a file
         stage = Stage(ROOT, "assembly", world.title)
-        self._table(stage, f"{ROOT}/{free('table', self.names.values())}")
-        for body in world.bodies:
+        self._table(stage, f"{ROOT}/{free('table', self.names.values())}", dressed)
+        for body in world.colored(dressed):
             self._body(stage, body, f"./{folder}/{body.form.name}{ending}")
-        _environment(stage, world)
+        _environment(stage, world, dressed)
         self.layer = stage.finished()
 
-    def each(self) -> Iterator[bytes]:
-        """A file for each scene."""
-        for index in range(len(self.world.poses)):
-            for name, (at, turn) in self._places(index).items():
-                self.layer.place(f"{ROOT}/{name}", at, turn)
-            self.layer.say(ROOT, {**self._facts(), **self._facts_of(index)})
-            yield self.layer.text()
+    def one(self, index: int) -> bytes:
+        """The file of one scene."""
+        for name, (at, turn) in self._places(index).items():
+            self.layer.place(f"{ROOT}/{name}", at, turn)
+        self.layer.say(ROOT, {**self._facts(), **self._facts_of(index)})
+        return self.layer.text()
 
     def all_in_one(self, among: str) -> bytes:
         """One file, with the scenes as variants `scene_0001`, ... of the set `among`."""
@@ -82,17 +94,23 @@ class Scene:
         for number, color in enumerate(body.colors, start=1):
             recolor(stage, path, *part(path, number), color)
 
-    def _table(self, stage: Stage, path: str) -> None:
+    def _table(self, stage: Stage, path: str, dressed: Dressed | None) -> None:
         """The table, the regions on it, which are only drawn, and those at heights, which carry."""
         stage.xform(path, "component")
         contact = f"{materials(stage, path)}/{CONTACT}"
         stage.contact(contact, SLIPPERY, LARGER)
-        material(stage, path, "wood", Look(WOOD))
+        color = WOOD if dressed is None else dressed.table.mean
+        material(stage, path, "wood", Look(color))
         for number, (center, sizes) in enumerate(self.world.slabs()):
             slab = f"{path}/leg_{number}" if number else f"{path}/top"
             stage.box(slab, center, sizes)
             stage.collider(slab, contact, hull=False)
-            cover(stage, path, slab, "wood", WOOD)
+            cover(stage, path, slab, "wood", color)
+        if dressed is not None and dressed.table.file:
+            x0, y0, x1, y1 = self.world.table
+            top = Wall(((x0 + x1) / 2.0, (y0 + y1) / 2.0, ABOVE), (1.0, 0.0, 0.0), x1 - x0, y1 - y0, (0.0, 1.0, 0.0))
+            covering(stage, path, "cover", dressed.table)
+            cover_rectangle(stage, path, f"{path}/cover", "cover", top, dressed.table)
         for number, patch in enumerate(self.world.patches, start=1):
             name, mesh = f"region_{number}", patch.mesh()
             region = f"{path}/{name}"
@@ -103,17 +121,30 @@ class Scene:
                 stage.collider(region, contact, hull=True)
 
 
-def _environment(stage: Stage, world: World) -> None:
+def _environment(stage: Stage, world: World, dressed: Dressed | None) -> None:
     """Outside of the default prim: what a stage has once, however many scenes it refers to."""
     stage.xform(AROUND)
     stage.gravity(f"{AROUND}/physics", GRAVITY)
-    lights(stage, AROUND)
+    lights(stage, AROUND, dressed)
     cameras(stage, AROUND, world.table)
     floor = f"{AROUND}/floor"
     x0, y0, x1, y1 = world.table
-    stage.box(floor, ((x0 + x1) / 2.0, (y0 + y1) / 2.0, -TALL - DEEP / 2.0), (WIDE, WIDE, DEEP))
+    x, y = (x0 + x1) / 2.0, (y0 + y1) / 2.0
+    stage.box(floor, (x, y, -TALL - DEEP / 2.0), (WIDE, WIDE, DEEP))
     contact = f"{materials(stage, AROUND)}/{CONTACT}"
     stage.contact(contact, SLIPPERY, LARGER)
     stage.collider(floor, contact, hull=False)
-    material(stage, AROUND, "stone", Look(STONE))
-    cover(stage, AROUND, floor, "stone", STONE)
+    stone = STONE if dressed is None else dressed.ground.mean
+    material(stage, AROUND, "stone", Look(stone))
+    cover(stage, AROUND, floor, "stone", stone)
+    if dressed is None:
+        return
+    camera_of(stage, f"{AROUND}/look", dressed)
+    if dressed.ground.file:
+        ground = Wall((x, y, ABOVE - TALL), (1.0, 0.0, 0.0), WIDE, WIDE, (0.0, 1.0, 0.0))
+        covering(stage, AROUND, "ground", dressed.ground)
+        cover_rectangle(stage, AROUND, f"{AROUND}/ground", "ground", ground, dressed.ground)
+    for number, wall in enumerate(dressed.each_wall(-TALL, world.table), start=1):
+        if number == 1:
+            covering(stage, AROUND, "wall", dressed.walls)
+        cover_rectangle(stage, AROUND, f"{AROUND}/wall_{number}", "wall", wall, dressed.walls)

@@ -91,6 +91,40 @@ class Stage:
             kind, given = (types.Float, value) if isinstance(value, float) else (types.Color3f, Gf.Vec3f(*value))
             self._prim(shader).CreateAttribute(f"inputs:{name}", kind, custom=False).Set(given)
 
+    def image(self, material: str, shader: str, file: str, color: RGB) -> None:
+        """Let the colour of a material's surface, its prim `shader`, come from a picture, times `color`; it repeats,
+        by the coordinates that `covered` gives a mesh."""
+        reader, picture = f"{material}/coordinates", f"{material}/picture"
+        st = UsdShade.Shader.Define(self._stage, reader)
+        st.CreateIdAttr("UsdPrimvarReader_float2")
+        st.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        made = UsdShade.Shader.Define(self._stage, picture)
+        made.CreateIdAttr("UsdUVTexture")
+        made.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
+        for side in ("wrapS", "wrapT"):
+            made.CreateInput(side, Sdf.ValueTypeNames.Token).Set("repeat")
+        made.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        made.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*color, 1.0))
+        made.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(st.ConnectableAPI(), "result")
+        surface = UsdShade.Shader(self._stage.GetPrimAtPath(f"{material}/{shader}"))
+        surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(made.ConnectableAPI(), "rgb")
+
+    def quad(self, path: str, corners: Floats, coordinates: Floats) -> None:
+        """A rectangle that is drawn on one side, that from which its corners (4, 3) are counter-clockwise, with
+        `coordinates` (4, 2) in a texture."""
+        made = UsdGeom.Mesh.Define(self._stage, path)
+        points = _vectors(corners)
+        made.CreatePointsAttr(points)
+        made.CreateFaceVertexCountsAttr(Vt.IntArray([4]))
+        made.CreateFaceVertexIndicesAttr(Vt.IntArray([0, 1, 2, 3]))
+        made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        made.CreateDoubleSidedAttr(False)
+        made.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+        primvar = UsdGeom.PrimvarsAPI(made).CreatePrimvar(
+            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+        )
+        primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(coordinates + 0.0, dtype=np.float32)))
+
     def bind(self, path: str, material: str, purpose: str = "") -> None:
         """Give a prim, and what is below it, a material; the purpose `physics` is for contacts."""
         binding = UsdShade.MaterialBindingAPI.Apply(self._prim(path))
@@ -105,26 +139,37 @@ class Stage:
         """A frame of things that are not drawn, unless somebody asks for guides."""
         UsdGeom.Xform.Define(self._stage, path).CreatePurposeAttr(UsdGeom.Tokens.guide)
 
-    def light(self, path: str, *, intensity: float, angle: float, turns: Triple) -> None:
+    def light(self, path: str, *, intensity: float, angle: float, turns: Triple, color: RGB | None = None) -> None:
         """A light from far away: as bright as `intensity`, `angle` degrees wide; it shines down, turned about x, y and
         z, in this order, by degrees."""
         made = UsdLux.DistantLight.Define(self._stage, path)
         made.CreateIntensityAttr(intensity)
+        if color is not None:
+            made.CreateColorAttr(Gf.Vec3f(*color))
         made.CreateAngleAttr(angle)
         made.AddRotateXYZOp().Set(Gf.Vec3f(*turns))
 
     def camera(self, path: str, *, at: Triple, turn: float, lens: tuple[float, float, float]) -> None:
         """A camera that looks down, turned about x by degrees. `lens` is the focal length, and the width and height of
         the picture behind it, in millimetres."""
+        made = self._camera(path, lens)
+        made.AddTranslateOp().Set(Gf.Vec3d(*_short(at)))
+        if turn:
+            made.AddRotateXOp().Set(turn)
+
+    def camera_by(self, path: str, view: Floats, lens: tuple[float, float, float]) -> None:
+        """A camera whose `view` (4, 4) takes the world to its frame, in which it looks along -z and y is up."""
+        place = np.linalg.inv(view).T  # USD multiplies rows from the left
+        self._camera(path, lens).AddTransformOp().Set(Gf.Matrix4d(*place.ravel().tolist()))
+
+    def _camera(self, path: str, lens: tuple[float, float, float]) -> Any:
         made = UsdGeom.Camera.Define(self._stage, path)
         focal, wide, high = lens
         made.CreateFocalLengthAttr(focal)
         made.CreateHorizontalApertureAttr(wide)
         made.CreateVerticalApertureAttr(high)
         made.CreateClippingRangeAttr(Gf.Vec2f(0.01, 1000.0))
-        made.AddTranslateOp().Set(Gf.Vec3d(*_short(at)))
-        if turn:
-            made.AddRotateXOp().Set(turn)
+        return made
 
     # what is simulated
 

@@ -21,6 +21,7 @@ USUAL = ("top", "perspective")  # the default views
 FIELD = math.radians(32.0)  # height of a picture in perspective, as an angle
 # Where cameras in perspective stand: degrees to the right of the viewer's side, and down from the horizontal.
 PLACES = {"perspective": (0.0, 50.0), "front": (0.0, 24.0), "three-quarter": (38.0, 36.0)}
+NEAREST = 0.01  # of the farthest point: what is nearer to a camera in the midst of things is cut off
 ROOM = 0.955  # share of the picture that the framed points may fill
 
 
@@ -54,6 +55,11 @@ class Camera:
         """(4, 4): from the world to the camera's frame, whose x points to the right, y down and z ahead (OpenCV's)."""
         return np.asarray(np.diag([1.0, -1.0, -1.0, 1.0]) @ self.view)
 
+    @property
+    def eye(self) -> Floats:
+        """(3,): where the camera is."""
+        return np.asarray(-np.linalg.solve(self.view[:3, :3], self.view[:3, 3]))
+
     def resized(self, size: tuple[int, int]) -> Camera:
         """The same view with another number of pixels."""
         return Camera(self.view, self.projection, size)
@@ -70,7 +76,7 @@ class Camera:
         ndc_x = 2.0 * np.asarray(columns, dtype=np.float64) / self.size[0] - 1.0
         ndc_y = 1.0 - 2.0 * np.asarray(rows, dtype=np.float64) / self.size[1]
         right, up, back = self.view[:3, :3]
-        eye = -np.linalg.solve(self.view[:3, :3], self.view[:3, 3])
+        eye = self.eye
         across, along = ndc_x / self.projection[0, 0], ndc_y / self.projection[1, 1]
         slope = across[..., None] * right + along[..., None] * up
         if self.orthographic:
@@ -166,10 +172,17 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
 
 
 def at_angles(
-    points: Floats, size: tuple[int, int], azimuth: float, elevation: float, field: float, distance: float = 1.0
+    points: Floats,
+    size: tuple[int, int],
+    azimuth: float,
+    elevation: float,
+    field: float,
+    distance: float = 1.0,
+    roll: float = 0.0,
 ) -> Camera:
     """The camera in perspective at these angles, in degrees, that shows all of (P, 3) `points` as large as the picture
-    allows, or from `distance` times as far away from their middle (1 or more)."""
+    allows, or from `distance` times as far away from their middle (1 or more); then it is turned about its axis by
+    `roll`."""
     aspect = size[0] / size[1]
     turn, slope = math.radians(azimuth), math.radians(elevation)
     right = np.array([math.cos(turn), math.sin(turn), 0.0])
@@ -193,4 +206,30 @@ def at_angles(
     back -= (distance - 1.0) * (float(ahead.min() + ahead.max()) / 2.0 - back)
     eye = at_x * right + at_y * up + back * forward
     near, far = float(ahead.min()) - back, float(ahead.max()) - back
-    return Camera(_view(eye, right, up, forward), _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)
+    view = _view(eye, *_rolled(right, up, roll), forward)
+    return Camera(view, _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)
+
+
+def from_place(
+    points: Floats, size: tuple[int, int], eye: Floats, target: Floats, field: float, roll: float = 0.0
+) -> Camera:
+    """The camera in perspective at `eye` (3,) that looks at `target` (3,), another point; angles in degrees. Whatever
+    of (P, 3) `points` is ahead of it is between its two planes."""
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    level = math.hypot(forward[0], forward[1])
+    # Straight down, as from the viewer's side.
+    right = np.array([forward[1], -forward[0], 0.0]) / level if level > 1e-9 else np.array([1.0, 0.0, 0.0])
+    up = np.cross(right, forward)
+    tan_y = math.tan(math.radians(field) / 2.0)
+    ahead = (points - eye) @ forward
+    far = max(float(ahead.max()), 0.1)
+    near = min(max(0.5 * float(ahead.min()), NEAREST * far), 0.5 * far)
+    view = _view(eye, *_rolled(right, up, roll), forward)
+    return Camera(view, _perspective(tan_y * size[0] / size[1], tan_y, near, 1.5 * far), size)
+
+
+def _rolled(right: Floats, up: Floats, roll: float) -> tuple[Floats, Floats]:
+    if not roll:
+        return right, up
+    cos, sin = math.cos(math.radians(roll)), math.sin(math.radians(roll))
+    return cos * right - sin * up, cos * up + sin * right

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenegen.render.camera import Floats
+from scenegen.looks.camera import Floats
 from scenegen.scene.stage import Stage
 
 PLANKS = 6  # in the depth of the workspace

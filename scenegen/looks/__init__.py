@@ -1,0 +1,1 @@
+"""How scenes look: cameras, light, colours and textures, fixed or drawn at random, for pictures and simulators."""

@@ -17,7 +17,7 @@ from scenegen.api.spec import Spec, load, parse
 from scenegen.engine.many import Ended, each, here
 from scenegen.errors import RequestError
 from scenegen.errors.stores import FINISHED_SET, NO_PART
-from scenegen.formats.blocks import BLOCK, joined
+from scenegen.formats.blocks import BLOCK
 from scenegen.formats.holding import held
 from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
@@ -57,9 +57,8 @@ class Draw:
         request = SampleRequest(phi, made.n, seed=made.seed, timeout=self.timeout, workers=1)
         scenes = draw_scenes(parse(item.source), request)
         blocks = list(scenes.blocks())
-        block = joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
         return pack_shard(
-            item.number, scenes.header, tuple(scenes.phi), block, pieces=0, rarity=item.rarity, made=made
+            item.number, scenes.header, tuple(scenes.phi), blocks, pieces=0, rarity=item.rarity, made=made
         )  # fmt: skip
 
 

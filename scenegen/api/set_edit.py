@@ -13,7 +13,7 @@ from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
-from scenegen.formats.blocks import BLOCK, Block, joined
+from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.holding import held
 from scenegen.formats.locations import inside
 from scenegen.formats.opening import open_store
@@ -148,11 +148,9 @@ class _NewSet:
         return self._manifest
 
     def _write(self) -> None:
-        first = self._waiting[0]
-        block = joined(self._waiting, len(first.rows), len(first.phi))
-        like = self._like
+        like, waiting, rarity = self._like, self._waiting, self._manifest.rarity
         shard = sets.make_shard(
-            self._store, len(self._shards), like.header, like.labels, block, pieces=0, rarity=self._manifest.rarity
+            self._store, len(self._shards), like.header, like.labels, waiting, pieces=0, rarity=rarity
         )
         self._shards.append(shard)
         self._waiting, self._count = [], 0

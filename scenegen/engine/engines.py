@@ -17,7 +17,7 @@ import numpy as np
 from scenegen.engine.drawing import Drawing
 from scenegen.errors import RequestError
 from scenegen.errors.stores import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
-from scenegen.formats.blocks import Array, Block, joined
+from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard, make_shard
 from scenegen.formats.stores import Store
 from scenegen.sampling.plan import Index, Plan
@@ -54,12 +54,12 @@ class Writing:
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
 
     def __call__(self, number: int, pieces: int, blocks: Sequence[Block]) -> Shard:
-        scenes = joined(blocks, len(blocks[0].rows), len(self.labels))
         if self.plan.verified:
-            self.plan.check(scenes.rows, scenes.phi)
+            for block in blocks:
+                self.plan.check(block.rows, block.phi)
         if self.stored is not None:
-            scenes = Block(self.stored(scenes.rows), scenes.phi)
-        return make_shard(self.store, number, self.header, self.labels, scenes, pieces=pieces)
+            blocks = [Block(self.stored(block.rows), block.phi) for block in blocks]
+        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces)
 
 
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:

@@ -7,6 +7,7 @@ import difflib
 import errno
 import os
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -28,6 +29,8 @@ _WRITE_HELP = {
     errno.ENAMETOOLONG: "that name is too long for a file; choose a shorter one",
     errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
+
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def output_error(path: Path, error: OSError) -> OutputError:
@@ -137,15 +140,16 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
             raise
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes | memoryview) -> None:
     """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
     with whole_file(path) as file:
         file.write(data)
 
 
 def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
+    with _ONE_AT_A_TIME:  # it can only be read by changing it, for all threads
+        mask = os.umask(0)
+        os.umask(mask)
     return mask
 
 

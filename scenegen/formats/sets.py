@@ -127,15 +127,15 @@ def make_shard(
     number: int,
     header: SceneFile,
     labels: Sequence[str],
-    block: Block,
+    blocks: Sequence[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: Made | None = None,
 ) -> Shard:
-    """Write a shard; the same scenes give the same bytes. With `rarity` it says of each scene how rare its phi is.
-    Raises OutputError."""
-    shard, data = pack_shard(number, header, labels, block, pieces=pieces, rarity=rarity, made=made)
+    """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
+    rare its phi is. Raises OutputError."""
+    shard, data = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
     store.write(shard.file, data)
     return shard
 
@@ -144,7 +144,7 @@ def pack_shard(
     number: int,
     header: SceneFile,
     labels: Sequence[str],
-    block: Block,
+    blocks: Sequence[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
@@ -157,17 +157,17 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    parquet.write(sink, header, labels, [block], None if rarity is None else rare)
+    parquet.write(sink, header, labels, blocks, None if rarity is None else rare)
     data = sink.getbuffer()
+    rows = (np.concatenate([block.phi[index] for block in blocks]) for index in range(len(labels)))
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
-        for label, row in zip(labels, block.phi, strict=True)
+        for label, row in zip(labels, rows, strict=True)
     }
     digest = hashlib.sha256(data).hexdigest()
     name = shard_name(number)
-    shard = Shard(
-        file=name, scenes=block.count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made
-    )  # fmt: skip
+    count = sum(block.count for block in blocks)
+    shard = Shard(file=name, scenes=count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made)
     return shard, data
 
 

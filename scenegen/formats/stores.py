@@ -68,7 +68,7 @@ class Store:
                 path = Path(self.root) / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 try:
-                    write_whole(path, bytes(data))
+                    write_whole(path, data)
                 except OutputError as error:  # a set's own words say what is kept
                     raise (error.__cause__ if isinstance(error.__cause__, OSError) else error) from None
                 return

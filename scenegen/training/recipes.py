@@ -8,7 +8,7 @@ from collections.abc import Mapping
 PAPER: Mapping[str, object] = {"epochs": 50, "batch_size": 32, "lr": 1e-3, "scenes": 20_000, "data": "uniform"}
 # Ours: exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
 OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
-FLOW: Mapping[str, object] = {**OURS, "epochs": 12, "scenes": 100_000}
+FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
 # Games want many steps more than large batches.
 GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
 

@@ -95,7 +95,7 @@ def test_the_driver_is_killed_and_resumed(cluster, plain, tmp_path):
     assert digests(out) == plain
 
 
-def test_begun_by_one_engine_and_ended_by_the_other(cluster, plain, tmp_path):
+def test_begun_by_one_engine_and_ended_by_the_other(cluster, plain, tmp_path, interruptible):
     out = f"{tmp_path}/set/"
     run = subprocess.Popen(command(out, "--engine", "ray", "--address", cluster.address))
     until(lambda: shards(out) >= 2)

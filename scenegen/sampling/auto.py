@@ -29,7 +29,8 @@ from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_s
 
 P = TypeVar("P", bound=Plan)
 
-LEAST, EACH = 10_000_000, 20  # minimum evaluations of splitting: for its plan, and for each scene
+CELLS = 2.4e8  # work that covers of a cell each may take together before another method is tried: 3 s
+TRIED = 2e8  # work of rejection with pruning that is done without looking at another method
 FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
 EASY = 1e8  # work of rejection without pruning that is done without looking at another method
 GROWN = 350.0  # work of growth for a scene and each of its moving rows, at least
@@ -120,14 +121,14 @@ def _after_trial(
         apart = None if whole else _apart(problem, budget)
         return apart or _without_rejection(problem, budget, why, trial, quick)
     try:
-        mine = plan_rejection(problem, budget, trial, MOST)
+        mine = plan_rejection(problem, budget, trial, MOST, CELLS)
     except TooMuchError:
-        why = "pruning each cell takes too much work"
         apart = None if whole else _apart(problem, budget)
-        return apart or _without_rejection(problem, budget, why, quick=quick)
+        return apart or _after_cells(problem, budget, trial, quick)
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
-    cheap = mine.evaluations <= ADVANTAGE * (LEAST + EACH * problem.request.n)
+    moving = int((problem.lowest < problem.highest).sum())
+    cheap = work_of(mine) <= max(TRIED, GROWN * moving * problem.request.n)
     if cheap and open_cells <= len(mine.reached):
         return _because(mine, in_range)
     apart = None if whole else _apart(problem, budget)
@@ -146,6 +147,20 @@ def _after_trial(
     if len(rival.reached) == len(mine.reached) and ADVANTAGE * rival.evaluations < mine.evaluations:
         return _because(rival, f"{costs} rejection")
     return _because(mine, in_range)
+
+
+def _after_cells(problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None) -> Plan:
+    """If pruning each cell takes much work: another method, or all the work if there is none."""
+    why = "pruning each cell takes too much work"
+    rival = _other(problem, budget, quick)
+    if isinstance(rival, Growth | Splitting):
+        return _because(rival, why)
+    if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
+        raise _nothing(problem, rival)
+    try:
+        return _because(plan_rejection(problem, budget, trial, MOST), "no other method got there")
+    except TooMuchError:
+        raise _nothing(problem, rival) from None
 
 
 def _without_rejection(

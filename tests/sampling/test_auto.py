@@ -138,3 +138,37 @@ def test_shipped_specs_that_pruning_takes_a_moment_for_stay_with_rejection():
         make_plan(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1000)), Budget(), method="auto").method
         == "rejection"
     )
+
+
+@pytest.mark.long
+def test_covers_of_many_cells_do_not_take_longer_than_growth():
+    """Two thirds of the cells are too rare for the common cover. One for each of them takes ten seconds, and leaves
+    three without scenes."""
+    text = """object can[2] = box(0.118, 0.118, 0.05)
+object block[4] = prism([(0, 0), (0.137, 0), (0.069, 0.124)], 0.05)
+object item[3] = cylinder(0.064, 0.05)
+object part[3] = prism([(0, 0), (0.170, 0), (0.085, 0.153)], 0.05)
+require noOverlap()
+task: (exists p in block: farFrom(p, part[1], 24.7 cm)) | (forall i in 1..2: sameHeading(can[i], part[i], 10 deg))
+safe: (forall p in block: abs(x(p) - 0.5) <= 37.7 cm) & (forall p, q in part: farFrom(p, q, 5.6 cm))
+  & (farFrom(block[2], (0.76, 0.15), 20.0 cm) | nearEdge(block[2], e = 5.6 cm))
+"""
+    ranges = {"task": Range(-0.2, 0.1), "safe": Range(0.0)}
+    choice = make_plan(make_problem(check_text(text), SampleRequest(ranges, n=100)), Budget(), method="auto")
+    assert choice.method == "growth" and choice.why == "pruning each cell takes too much work"
+    assert len(choice.reached) == 32
+
+
+@pytest.mark.long
+def test_calls_for_few_candidates_are_counted():
+    """One candidate in ten thousand meets this: most cost little, but each chunk is scored in full to its end."""
+    text = """object can[8]
+object robot = box(0.2, 0.2, 0.1) at (0.1, 0.5, 0)
+object goal = cylinder(0.05, 0.01) at (0.9, 0.5, 0)
+require noOverlap()
+free: forall c in can: !between(c, robot, goal, 10 cm)
+clutter: forall c in can: exists d in can: dist(c, d) >= 1 cm & abs(x(c) - x(d)) + abs(y(c) - y(d)) <= 20 cm
+"""
+    ranges = {"free": Range(0.0), "clutter": Range(0.0)}
+    choice = make_plan(make_problem(check_text(text), SampleRequest(ranges, n=1000)), Budget(), method="auto")
+    assert choice.method == "growth"

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError
+from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
 from scenegen.bounds.prune import Cover, box_cover
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE
@@ -147,12 +147,18 @@ class Rejection(Plan):
         return misses(self.problem, self.sources[0].cover)
 
 
-def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf) -> Rejection:
+def make_plan(
+    problem: Problem,
+    budget: Budget,
+    trial: Trial | None = None,
+    most: float = math.inf,
+    together: float = math.inf,
+) -> Rejection:
     """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
 
-    `most` is the work that each cover may take, see scenegen.bounds.effort. Raises TooMuchError if that does not
-    suffice; RequestError if there is provably no scene, and if time is up before it is known which cells get scenes,
-    because a time limit must not change the scenes.
+    `most` is the work that each cover may take, see scenegen.bounds.effort; `together` is that of all covers of a cell
+    each. Raises TooMuchError if that does not suffice; RequestError if there is provably no scene, and if time is up
+    before it is known which cells get scenes, because a time limit must not change the scenes.
     """
     trial = make_trial(problem, budget, most) if trial is None else trial
     if problem.cells.count == 1:
@@ -170,9 +176,10 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most
         try:
             if budget.spent:
                 raise StoppedError
-            effort = effort_of(budget, most)
+            effort = effort_of(budget, min(most, together))
             mine = make_cover(problem, problem.wanted(cell), (seed, PLAN, cell + 1), effort)
             if not mine.parts:
+                together -= effort.used
                 ruled_out.add(cell)
                 continue
             rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
@@ -180,6 +187,7 @@ def make_plan(problem: Problem, budget: Budget, trial: Trial | None = None, most
         except StoppedError:
             undecided = len(possible) - len(common) - len(own) - len(ruled_out)
             raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+        together -= effort.used
         draws += tried
         if counts[cell]:
             own.append((cell, mine, counts[cell] / tried))
@@ -215,9 +223,11 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
 
 
 def work_of(plan: Rejection) -> float:
-    """The work of what the request will need; see scenegen.bounds.effort."""
+    """The work of what the request will need; see scenegen.bounds.effort. Most candidates may fail in the first stage,
+    but some of every chunk are scored in full."""
     stages = make_stages(plan.problem, plan.sources[0].cover)
-    return plan.expected * stages.work
+    _, calls = per_scene(plan.problem.core.nodes)
+    return plan.expected * (stages.work + calls / chunks(plan.problem, CHUNK)[0])
 
 
 def _alone(

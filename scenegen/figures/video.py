@@ -37,7 +37,8 @@ def video(pages: Sequence[Image.Image], step: int, held: int) -> bytes:
         with av.open(path, "w", options={"movflags": "+faststart", "fflags": "+bitexact"}) as file:
             stream = file.add_stream(ENCODER, rate=Fraction(1000, step))
             stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-            stream.options = {"crf": QUALITY, "preset": "slow", "flags": "+bitexact"}
+            # Macroblock trees differ once in some thousand runs, on one thread, too.
+            stream.options = {"crf": QUALITY, "preset": "slow", "flags": "+bitexact", "x264-params": "mbtree=0"}
             stream.codec_context.thread_count = 1
             for page in [*pages, *[pages[-1]] * (-(-held // step) - 1)]:
                 even = page

@@ -216,6 +216,10 @@ let waitingForSample: ReturnType<typeof setTimeout> | undefined;
 
 /** Sample soon: what changes many times a second is sampled a few times a second. */
 export function soon(): void {
+  if (!alone && spec.value) {
+    samples++; // what is under way answers an older request
+    busy.value = "sample";
+  }
   clearTimeout(waitingForSample);
   waitingForSample = setTimeout(() => void sample(), alone ? 0 : 50);
 }

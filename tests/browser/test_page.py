@@ -186,6 +186,30 @@ def test_every_shown_phi_lies_between_the_handles(served, tab):
     assert len(shown) == 16 and all(lowest <= phi <= highest for phi in shown)
 
 
+def test_no_answer_to_an_older_request_is_shown_as_the_newest(served, tab):
+    one = tab(served.link)
+    one.ready()
+    low = one.page.locator("[role=slider][aria-label='lowest phi of task']")
+    low.focus()
+    one.page.evaluate(
+        """() => {
+            window.late = 0;
+            const look = () => {
+                const now = window.scenegen, [low, high] = now.request.phi.task;
+                const fits = (phi) => (low === null || phi >= low) && (high === null || phi <= high);
+                if (!now.busy && !now.preview && !(now.result.phi.task ?? []).every(fits)) window.late++;
+                setTimeout(look, 1);
+            };
+            look();
+        }"""
+    )
+    for k in range(24):
+        one.page.keyboard.press("ArrowRight")
+        one.page.wait_for_timeout(52 + 4 * k)  # as long as the page waits, and an answer takes, and longer
+    one.ready()
+    assert one.page.evaluate("window.late") == 0
+
+
 def test_a_dragged_object_has_the_phi_of_eval(served, tab, tmp_path):
     one = tab(served.link)
     one.ready()

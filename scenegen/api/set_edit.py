@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import numpy as np
 
 from scenegen.api.sets import write_card
 from scenegen.api.stored import StoredSet
-from scenegen.errors import DataError, RequestError
+from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.formats import sets
 from scenegen.formats.blocks import BLOCK, Block
@@ -96,10 +96,15 @@ def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance:
 
 @contextmanager
 def _new_set(out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> Iterator[_NewSet]:
-    """A new set, for this process alone until the end of the block."""
+    """A new set, for this process alone until the end of the block. Where that fails, nothing is left of it."""
     store = open_store(out)
     with held(store):
-        yield _NewSet(store, like, provenance, size)
+        made = _NewSet(store, like, provenance, size)
+        try:
+            yield made
+        except BaseException:
+            made.drop()
+            raise
 
 
 class _NewSet:
@@ -138,7 +143,6 @@ class _NewSet:
         if self._waiting:
             self._write()
         if not self._shards:
-            self._store.delete(sets.MANIFEST)
             raise DataError(NOTHING_LEFT(location=self._like.location))
         count = sum(shard.scenes for shard in self._shards)
         update = {"shards": self._shards, "complete": True, "request": {**self._manifest.request, "n": count}}
@@ -146,6 +150,11 @@ class _NewSet:
         sets.write_manifest(self._store, self._manifest)
         write_card(self._store, self._manifest)
         return self._manifest
+
+    def drop(self) -> None:
+        """Delete what has been written, as far as the store lets us: why it failed is said by whoever failed."""
+        with suppress(ScenegenError):
+            self._store.delete(sets.MANIFEST, *(shard.file for shard in self._shards))
 
     def _write(self) -> None:
         like, waiting, rarity = self._like, self._waiting, self._manifest.rarity

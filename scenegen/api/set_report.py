@@ -18,6 +18,7 @@ from scenegen.formats.sets import read_shard
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, Y, as_rows, row_of
 from scenegen.scene.data import SceneFile
+from scenegen.scene.numbers import numbers_in
 
 if TYPE_CHECKING:
     from scenegen.formats.sets import Shard
@@ -49,7 +50,8 @@ class SetReport:
     """`phi` has counts in BINS equal bins between lowest and highest, by label; `places` has counts (24, 16) of each
     object over the workspace's x and y. `repeated` is the number of scenes equal to another one, None if there are too
     many to tell. `coverage` is of fresh exact scenes, by the set's and by other fresh ones; None where the spec gives
-    none in time."""
+    none in time. `drawn` says of how many scenes there are so many of an array, or an asset, where the spec draws it:
+    {"block": {"2": 500, "3": 500}, "mug": {"red": 400, "blue": 600}}."""
 
     scenes: int
     bytes: int
@@ -60,6 +62,7 @@ class SetReport:
     coverage: tuple[float, float] | None
     shards: tuple[ShardHealth, ...]
     verified: bool
+    drawn: dict[str, dict[str, int]] = field(default_factory=dict)
 
     @property
     def faults(self) -> tuple[ShardHealth, ...]:
@@ -73,6 +76,7 @@ class _Found:
     health: ShardHealth
     phi: dict[str, Counts] = field(default_factory=dict)
     places: dict[str, Counts] = field(default_factory=dict)
+    drawn: dict[str, Counts] = field(default_factory=dict)
     hashes: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
 
 
@@ -112,6 +116,13 @@ class _Look:
                 x, y = x[~np.isnan(x)], y[~np.isnan(x)]
                 counts = np.histogram2d(x, y, GRID, self.table)[0].astype(np.int64)
                 found.places[name] = found.places.get(name, 0) + counts
+            if self.header.counts:
+                there = ~np.isnan(block.rows[[row_of(index, X) for index in range(len(self.objects))]]).T
+                for one, numbers in zip(
+                    self.header.counts, numbers_in(self.objects, self.header.counts, there), strict=True
+                ):
+                    counts = np.bincount(numbers, minlength=one.most + 1)
+                    found.drawn[one.name] = found.drawn.get(one.name, 0) + counts
             hashes.append(_hashes(block.rows))
             if self.spec is not None and not fault:
                 again = evaluate(self.spec, scene_set(self.header, tuple(self.bounds), block))
@@ -147,6 +158,7 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
     )
     phi: dict[str, Counts] = {label: np.zeros(BINS, np.int64) for label in stored.labels}
     places: dict[str, Counts] = {name: np.zeros(GRID, np.int64) for name in stored.objects}
+    drawn = {one.name: np.zeros(one.most + 1, np.int64) for one in stored.header.counts}
     hashes, shards = [], []
     for found in map_jobs(look, stored.shards):
         shards.append(found.health)
@@ -154,6 +166,8 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
             phi[label] += counts
         for name, counts in found.places.items():
             places[name] += counts
+        for name, counts in found.drawn.items():
+            drawn[name] += counts
         hashes.append(found.hashes)
     total = sum(map(len, hashes))
     repeated = None if total > HASHED else total - len(np.unique(np.concatenate(hashes))) if hashes else 0
@@ -163,6 +177,13 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
     return SetReport(
         len(stored), sum(shard.bytes for shard in stored.shards), manifest.complete, phi, places, repeated,
         coverage_of(stored, timeout) if comparable and shards and timeout > 0 else None, tuple(shards), verify,
+        {
+            one.name: {
+                one.assets[number - 1] if one.assets else str(number): int(drawn[one.name][number])
+                for number in range(one.least, one.most + 1)
+            }
+            for one in stored.header.counts
+        },
     )  # fmt: skip
 
 

@@ -143,6 +143,9 @@ spec requires."""
         asked += "".join(f" Missing: {why}." for why in manifest.missing or ())
     objects = ", ".join(f"`{one['name']}`" for one in header["objects"])
     title = spec.get("title") or "Table-top scenes"
+    drawn = ", ".join(f"`count.{one['name']}`" for one in header.get("counts", ()))
+    if drawn:
+        drawn = f"\nHow many things there are, or which asset, differs by scene: {drawn}. What is not there is null.\n"
     return f"""---
 pretty_name: {quoted(title)}
 license: {request.get("license", "unknown")}
@@ -163,7 +166,7 @@ configs:
 metres and `mug.theta` in radians for every object, and `phi.LABEL`, the satisfaction value of each label: 0 or more
 where it holds, the lower the harder. Heights, shapes and the workspace are in the header, under the key `scenegen` of
 each file's metadata.
-
+{drawn}
 {asked} The
 same request with scenegen {request["scenegen"]} and numpy {request["numpy"]} gives the same bytes.
 

@@ -81,9 +81,9 @@ def data(
       scenegen data filter set/ --phi 0:0.1 --out hard/
       scenegen data remake data/table_setting/ --shard 17
 
-    The report has histograms of phi, where objects are, repeated scenes, how many of fresh exact scenes the set covers,
-    and the state of every shard. The exit status is 1 if a shard is damaged. `remake` makes a shard of a data set again
-    from its own seed, and puts it back where it is missing or damaged.
+    The report has histograms of phi, where objects are, which numbers of things were drawn, repeated scenes, how many
+    of fresh exact scenes the set covers, and the state of every shard. The exit status is 1 if a shard is damaged.
+    `remake` makes a shard of a data set again from its own seed, and puts it back where it is missing or damaged.
     """
     from scenegen.api.stored import open_set
     from scenegen.cli.output import complain
@@ -195,6 +195,8 @@ def _show(stored: StoredSet, report: SetReport) -> None:
         ("request", f"seed {manifest.request['seed']}, spread {header.request.spread}, method {_method(stored)}"),
         ("repeated", "too many scenes to tell" if report.repeated is None else f"{report.repeated:,} scenes"),
     ]
+    for name, each in report.drawn.items():
+        facts.append(("drawn", f"{name}: " + ", ".join(f"{what} in {count:,}" for what, count in each.items())))
     if report.coverage is not None:
         own, other = report.coverage
         facts.append(("coverage", f"{own:.3f} of fresh exact scenes; by other fresh ones {other:.3f}"))
@@ -243,6 +245,7 @@ def _as_json(stored: StoredSet, report: SetReport) -> dict[str, Any]:
             for label, one in (stored.manifest.phi() if stored.shards else {}).items()
         },
         "places": {name: counts.tolist() for name, counts in report.places.items()},
+        "drawn": report.drawn,
         "repeated": report.repeated,
         "coverage": None if report.coverage is None else dict(zip(("set", "fresh"), report.coverage, strict=True)),
         "verified": report.verified,

@@ -97,6 +97,12 @@ WRONG_TYPE = Kind(
     ("taken for {inferred}: nothing else has this name", "this is {found}"),
     "[[{remedy}]][[;\nif `-` is part of the name `{dashed}-...`, write `_` instead]]",
 )
+MIXED_LIST = Kind(
+    "mixed-list",
+    "a list has either lists or other values, not both",
+    "this is a list",
+    "join lists with `+`: {mended}",
+)
 UNIT_MISMATCH = Kind(
     "unit-mismatch",
     "{left} is {verb} {right}",

@@ -50,6 +50,7 @@ from scenegen.lang.values import (
     RegionValue,
     SurfaceValue,
     Value,
+    check_alike,
 )
 from scenegen.pose import TWO_PI
 from scenegen.primitives import PRIMITIVES, Footprint, UnitMismatch
@@ -156,6 +157,7 @@ class Lowering:
                 for item in items:
                     value = yield self.lower(item, env, frame)
                     values.append(value)
+                check_alike(values)
                 return ListValue(tuple(values), origin=origin)
             case ast.Member(base, name):
                 value = yield self.lower(base, env, frame)

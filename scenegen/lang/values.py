@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import ClassVar, overload
 
 from scenegen.assets.surfaces import Surface
 from scenegen.errors import Span, SpecError
-from scenegen.errors.language import WRONG_TYPE
+from scenegen.errors.language import MIXED_LIST, WRONG_TYPE
 from scenegen.lang.places import Area
 from scenegen.primitives.units import BARE, Unit
 
@@ -127,6 +128,17 @@ class FormulaValue(Value):
 @dataclass(frozen=True, slots=True)
 class AnyValue(Value):
     """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
+
+
+def check_alike(items: Sequence[Value]) -> None:
+    """Lists beside other things in a list are nearly always meant as more of those. Raises SpecError."""
+    lists = [one for one in items if isinstance(one, ListValue)]
+    if lists and any(not isinstance(one, ListValue | AnyValue) for one in items):
+        parts = []
+        for is_list, some in groupby(items, lambda one: isinstance(one, ListValue)):
+            texts = [one.origin.text for one in some]
+            parts += texts if is_list else [f"[{', '.join(texts)}]"]
+        raise SpecError(MIXED_LIST(lists[0].origin, mended=" + ".join(parts)))
 
 
 def wrong_kind(value: Value, wanted: str, place: str) -> SpecError:

@@ -8,6 +8,7 @@ import os
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ODD_FILE_NAME, WRONG_VALUE
@@ -34,10 +35,10 @@ def as_number(name: str, value: object) -> float:
     return float(value)
 
 
-def as_point(name: str, value: object) -> tuple[float, float, float]:
+def as_point(name: str, value: Any) -> tuple[float, float, float]:
     """Three finite numbers. Raises RequestError."""
     try:
-        x, y, z = (float(one) for one in value)  # type: ignore[attr-defined]
+        x, y, z = map(float, value)
     except (TypeError, ValueError):
         x = y = z = math.nan
     if not math.isfinite(x + y + z):

@@ -152,7 +152,7 @@ class _NewSet:
         return self._manifest
 
     def drop(self) -> None:
-        """Delete what has been written, as far as the store lets us: why it failed is said by whoever failed."""
+        """Delete what has been written, as far as the store allows; the caller reports why it failed."""
         with suppress(ScenegenError):
             self._store.delete(sets.MANIFEST, *(shard.file for shard in self._shards))
 

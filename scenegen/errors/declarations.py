@@ -105,7 +105,7 @@ NO_FREE_OBJECT = Kind(
     "no-free-object",
     "no object is free",
     "all objects are held in place by `at`",
-    "leave out `at` for what shall move",
+    "leave out `at` for objects that move",
 )
 
 # formulas

@@ -24,7 +24,7 @@ NOT_FINITE = Kind(
     "not-finite",
     "there is no `{name}` here",
     "all numbers are finite",
-    "write a number; where there shall be no limit, leave the comparison out",
+    "write a number; to set no limit, leave the comparison out",
 )
 DEFINED_TWICE = Kind(
     "defined-twice",

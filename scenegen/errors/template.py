@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from scenegen.errors.names import quoted
 
@@ -89,15 +89,15 @@ def _fill(template: str, facts: Mapping[str, object], spell: Spell, empty: bool 
     return re.sub(_PART, part, template)
 
 
-def _shown(fact: object, how: str, spell: Spell) -> str:
+def _shown(fact: Any, how: str, spell: Spell) -> str:
     if how == "?":
         return ""
     if how == "argument":
         return spell(str(fact), None)
     if how == "members":
-        return ", ".join(f".{one}" for one in fact)  # type: ignore[attr-defined]
+        return ", ".join(f".{one}" for one in fact)
     if how.startswith(("quoted", "list")):
-        names = [str(one) for one in fact]  # type: ignore[attr-defined]
+        names = [str(one) for one in fact]
         limit = int(re.sub(r"\D", "", how) or len(names))
         shown, more = names[:limit], len(names) > limit
         if how.startswith("list"):

@@ -38,7 +38,7 @@ class Store:
     root: str  # the folder in the file system, without a slash at its end
     local: bool
     patience: float = PATIENCE  # seconds for which an object store that fails is asked again
-    tell: Tell | None = field(default=None, compare=False)  # is told of failures that are tried again
+    tell: Tell | None = field(default=None, compare=False)  # called with failures that are tried again
 
     def told_to(self, tell: Tell | None, *, patience: float | None = None) -> Store:
         """The same store with another listener, and another patience if one is given. One that is sent to other

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from scenegen.errors import Source
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.parse import parse
 from scenegen.lang.print import print_statement
 
@@ -45,10 +45,10 @@ def label_names(text: str, count: int) -> tuple[str, ...]:
 def _names(statement: ast.Statement) -> set[str]:
     """All names that the expressions of a statement mention."""
     found: set[str] = set()
-    stack: list[ast.Expr | ast.Argument] = list(ast.expressions(statement))
+    stack: list[ast.Expr | ast.Argument] = list(traversal.expressions(statement))
     while stack:
         node = stack.pop()
         if isinstance(node, ast.Name):
             found.add(node.id)
-        stack.extend(ast.children(node))
+        stack.extend(traversal.children(node))
     return found

@@ -22,7 +22,7 @@ from scenegen.scene.workspace import Workspace
 if TYPE_CHECKING:
     from scenegen.lang.context import Context
 
-MOST_CASES = 512  # combinations of choices that are told apart for one pair of objects
+MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
 
 Heights = Sequence[float | None]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenegen.errors import Diagnostic, SpecError
 from scenegen.errors.language import CONSTANT_FROM_SCENE, WRONG_OVERRIDE
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.lower import Lowering
 from scenegen.lang.print import print_expr
 from scenegen.lang.provenance import Frame
@@ -19,7 +19,7 @@ def check_constants(scope: Scope, lowering: Lowering, stage: Stage) -> None:
     """Constants that no formula uses are checked all the same."""
     for declared in scope.constants.values():
         if declared.source is not scope.prelude and not stage.full:
-            (expr,) = ast.expressions(declared.statement)
+            (expr,) = traversal.expressions(declared.statement)
             with stage:
                 value = run(lowering.lower(expr, {}, Frame(declared.source)))
                 if isinstance(value, NumberValue) and lowering.builder.value(value.node) is None:
@@ -37,7 +37,7 @@ def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[
     if standard is None or name in ("NORTH", "EAST", "SOUTH", "WEST"):
         return []
     wanted = BARE if name == "ANGLE_SCALE" else ANGLE if "ANGLE" in name else LENGTH
-    (expr,) = ast.expressions(declared.statement)
+    (expr,) = traversal.expressions(declared.statement)
     here, usual = expr.span(declared.source), print_expr(standard.value)
     if not isinstance(value, NumberValue) or value.unit not in (BARE, wanted):
         what = value.unit.words if isinstance(value, NumberValue) else value.kind

@@ -61,7 +61,7 @@ class Project:
         if base is None:
             raise SpecError(SPEC_WITHOUT_FILE(here))
         try:
-            # A spec that is a link reads what lies beside the file that it leads to.
+            # A spec that is a link imports from the folder of the file that it points to.
             root = self.root.resolve() if self.root is not None else (self.file or base).resolve().parent
             wanted = (base.resolve().parent / path).resolve()
         except (OSError, RuntimeError, ValueError):

@@ -132,8 +132,8 @@ def _row(core: Core, arg: int) -> int:
 
 
 def least(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]]) -> Array:
-    """The least of a group's gaps, (B,). `rows` holds 3N coordinates, (B,) each; `turn` gives cosine and sine. Of a
-    scene with a number that is none, or infinite, all are computed."""
+    """The least of a group's gaps, (B,). `rows` holds 3N coordinates, (B,) each; `turn` gives cosine and sine. All
+    are computed of a scene with a number that is infinite or NaN."""
     used = np.unique(group.rows[:, :2])
     place = np.empty(used[-1] + 1, dtype=np.intp)
     place[used] = np.arange(len(used))

@@ -25,7 +25,7 @@ from scenegen.errors.syntax import (
     TOO_MANY_QUANTIFIERS,
 )
 from scenegen.errors.temporal import TOO_MANY_OVER_TIME
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang import parser_tables as tables
 from scenegen.lang.build import Builder
 from scenegen.lang.recovery import blank, next_opening
@@ -41,7 +41,7 @@ MAX_CHARACTERS = 16_000_000
 MAX_NESTING = 20_000
 MAX_OVER_TIME = 20_000  # operators of time, written out
 MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the variables along
-MOST_ERRORS = 20  # of one run; whoever has more has one mistake that causes the others
+MOST_ERRORS = 20  # of one run; more than that usually come from one mistake
 
 _STATEMENT_RULES = frozenset(
     "workspace objects region const define require import_ label time_steps time_span moves".split()
@@ -187,7 +187,7 @@ def _has_content(text: str) -> bool:
 
 def _too_deep(module: ast.Module) -> Diagnostic | None:
     """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
-    roots = [expr for statement in module.statements for expr in ast.expressions(statement)]
+    roots = [expr for statement in module.statements for expr in traversal.expressions(statement)]
     roots = roots if module.bare is None else [module.bare]
     level: list[Any] = roots
     quantifiers = 0
@@ -195,7 +195,7 @@ def _too_deep(module: ast.Module) -> Diagnostic | None:
         if not level:
             return _too_many_quantifiers(module.source, roots) if quantifiers > MAX_QUANTIFIERS else None
         quantifiers += sum(isinstance(node, ast.Quantifier) for node in level)
-        level = [child for node in level for child in ast.children(node)]
+        level = [child for node in level for child in traversal.children(node)]
     if not level:
         return None
     return NESTED_TOO_DEEPLY(level[0].span(module.source), limit=MAX_NESTING)
@@ -209,7 +209,7 @@ def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None
         inside = around + isinstance(node, ast.Quantifier)
         if inside > MAX_QUANTIFIERS:
             return TOO_MANY_QUANTIFIERS(node.span(source), limit=MAX_QUANTIFIERS)
-        stack.extend((child, inside) for child in reversed(ast.children(node)))
+        stack.extend((child, inside) for child in reversed(traversal.children(node)))
     return None
 
 

@@ -123,7 +123,7 @@ def flat(items: Iterable[Item]) -> str:
 
 
 def _operation(part: Part, operands: Iterable[Part], operators: Iterable[str], *, fill: bool = False) -> Pieces:
-    """Operands parted by operators; a line breaks before an operator."""
+    """Operands separated by operators; a line breaks before an operator."""
     if not part.joins:
         yield FILL if fill else OPEN
     signs = iter(operators)
@@ -139,7 +139,7 @@ def _operation(part: Part, operands: Iterable[Part], operators: Iterable[str], *
 def _enclosed(
     opening: str, items: Iterable[Iterable[str | Mark | Part]], closing: str, *, fill: bool = False
 ) -> Pieces:
-    """Items parted by commas, between brackets."""
+    """Items separated by commas, between brackets."""
     yield opening
     filled = list(items)
     if filled:

@@ -64,7 +64,7 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
 
 
 def too_many(lowering: Context, node: ast.Expr, frame: Frame) -> SpecError:
-    """Whoever nests quantifiers does not see how large a spec gets."""
+    """Nested quantifiers make a spec larger than its text shows."""
     return lowering.error(TOO_MANY_ROUNDS, node, frame, limit=MAX_STEPS)
 
 

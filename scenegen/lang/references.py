@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from scenegen.errors import Span
 from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
 from scenegen.errors.language import NOT_A_CONSTANT
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.context import Context
 from scenegen.lang.provenance import Frame
 from scenegen.lang.trampoline import Call
@@ -32,7 +32,7 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Fr
         return RegionValue(node.id, lowering.areas[node.id], origin=origin)
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
-        (expr,) = ast.expressions(declared.statement)
+        (expr,) = traversal.expressions(declared.statement)
         value: Value = yield lowering.lower(expr, {}, Frame(declared.source))
         if isinstance(declared.statement, ast.Label):
             lowering.coerce.formula(value, f"`{node.id}`")

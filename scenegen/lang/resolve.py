@@ -35,7 +35,7 @@ from scenegen.errors.language import (
     WRONG_NUMBER_OF_ARGUMENTS,
 )
 from scenegen.errors.temporal import TIME_MISSING
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
@@ -53,8 +53,8 @@ AREAS = ("rect", "circle", "polygon")  # what a region can be
 
 
 def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
-    """The problems of a spec's names, in the order of the text, and the first MOST_ERRORS of a file: whoever has more
-    does not read them, and to look for names like the unknown ones takes time."""
+    """The problems of a spec's names, in the order of the text, and the first MOST_ERRORS of a file: nobody
+    reads more, and finding names like the unknown ones takes time."""
     problems: list[Diagnostic] = []
     counts = Counter[str]()
     for one in placed:
@@ -81,7 +81,7 @@ def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
     if isinstance(statement, ast.Definition):
         yield from _parameters(statement, source)
         bound = {parameter.name.id for parameter in statement.parameters}
-    for expr in ast.expressions(statement):
+    for expr in traversal.expressions(statement):
         constant = isinstance(statement, ast.Constant | ast.Workspace | ast.Time)
         # a default is written where the parameters are not yet known
         visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
@@ -157,7 +157,7 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
                 continue
             case _:
                 pass
-        stack.extend((child, visible) for child in reversed(ast.children(node)))
+        stack.extend((child, visible) for child in reversed(traversal.children(node)))
 
 
 def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:
@@ -299,7 +299,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
     if isinstance(declared.statement, ast.Definition):
         bound = frozenset(parameter.name.id for parameter in declared.statement.parameters)
     stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [
-        (expr, bound) for expr in ast.expressions(declared.statement)
+        (expr, bound) for expr in traversal.expressions(declared.statement)
     ]
     while stack:
         node, visible = stack.pop()
@@ -315,4 +315,4 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
             stack.append((node.domain, visible))
             stack.append((node.body, visible | {variable.id for variable in node.variables}))
             continue
-        stack.extend((child, visible) for child in ast.children(node))
+        stack.extend((child, visible) for child in traversal.children(node))

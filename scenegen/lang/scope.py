@@ -12,7 +12,7 @@ from functools import cache
 
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import BUILT_IN_NAME, DEFINED_TWICE
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import parse
 from scenegen.lang.spec import Count
@@ -85,7 +85,7 @@ class Scope:
     counts: dict[str, Count] = field(default_factory=dict)  # of the arrays whose number of elements is drawn
     inferred: bool = False
     timed: bool = False  # whether it has a `time` statement, and with it the functions of steps
-    replaced: dict[str, Declared] = field(default_factory=dict)  # definitions of the prelude that the spec has anew
+    replaced: dict[str, Declared] = field(default_factory=dict)  # definitions of the prelude that the spec replaces
     _signatures: dict[str, Signature] = field(default_factory=dict, repr=False)
 
     def values(self) -> set[str]:
@@ -325,7 +325,7 @@ def _infer_objects(source: Source, placed: Sequence[Placed], bare: ast.Expr | No
         if isinstance(one.statement, ast.Definition):
             bound = frozenset(parameter.name.id for parameter in one.statement.parameters)
         if isinstance(one.statement, ast.Definition | ast.Label | ast.Require):
-            roots.extend((one.source, expr, bound) for expr in ast.expressions(one.statement))
+            roots.extend((one.source, expr, bound) for expr in traversal.expressions(one.statement))
     if bare is not None:
         roots.append((source, bare, frozenset()))
     known = {*scope.constants, *scope.labels, *scope.regions, *BUILT_IN}
@@ -338,4 +338,4 @@ def _infer_objects(source: Source, placed: Sequence[Placed], bare: ast.Expr | No
             stack.append((where, node.body, bound | {variable.id for variable in node.variables}))
             stack.append((where, node.domain, bound))
             continue
-        stack.extend((where, child, bound) for child in reversed(ast.children(node)))
+        stack.extend((where, child, bound) for child in reversed(traversal.children(node)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence, Set
 
 from scenegen.errors import Diagnostic, Source
 from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.imports import Placed
 from scenegen.lang.scope import Scope
 
@@ -44,7 +44,7 @@ def unused(
                     )
             case _:
                 pass
-        for expr in ast.expressions(one.statement):
+        for expr in traversal.expressions(one.statement):
             out.extend(_variables(expr, scope, one.source))
     if bare is not None:
         out.extend(_variables(bare, scope, scope.source))
@@ -76,7 +76,7 @@ def _variables(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnos
                 if variable.id not in inside:
                     here, reason = variable.span(source), "every round says the same"
                     yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
-        stack.extend(reversed(ast.children(node)))
+        stack.extend(reversed(traversal.children(node)))
 
 
 def _free_names(root: ast.Expr) -> set[str]:
@@ -86,5 +86,5 @@ def _free_names(root: ast.Expr) -> set[str]:
         node = stack.pop()
         if isinstance(node, ast.Name):
             names.add(node.id)
-        stack.extend(ast.children(node))
+        stack.extend(traversal.children(node))
     return names

@@ -15,7 +15,7 @@ import numpy as np
 
 from scenegen.bounds import node_bounds
 from scenegen.errors import Source, SpecError
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.builder import TRUE, CoreBuilder, TooLarge
 from scenegen.lang.core import Atom, Core
 from scenegen.lang.declare import name_objects
@@ -67,7 +67,7 @@ def path_to(module: ast.Module, offset: int) -> tuple[ast.Statement | None, list
     if module.bare is not None:
         return None, _descend([module.bare], offset)
     statement = next((one for one in module.statements if one.start <= offset < one.end), None)
-    return statement, [] if statement is None else _descend(ast.expressions(statement), offset)
+    return statement, [] if statement is None else _descend(traversal.expressions(statement), offset)
 
 
 def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.Expr]:
@@ -76,7 +76,7 @@ def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.
         node = inside[-1]
         if not isinstance(node, ast.Argument):
             path.append(node)
-        level = ast.children(node)
+        level = traversal.children(node)
     return path
 
 
@@ -114,7 +114,7 @@ def _roots(module: ast.Module, statement: ast.Statement | None) -> list[tuple[So
     if isinstance(statement, ast.Definition):
         formulas = [one.formula for one in module.statements if isinstance(one, ast.Label | ast.Require)]
         return [(module.source, formula) for formula in formulas]
-    return [] if statement is None else [(module.source, expr) for expr in ast.expressions(statement)]
+    return [] if statement is None else [(module.source, expr) for expr in traversal.expressions(statement)]
 
 
 def _outcomes(

@@ -61,7 +61,7 @@ class ConditionedModel(SceneModel):
         """One step of Adam down the gradient of a loss ()."""
         optimiser = self.optimisers["all"]
         optimiser.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        torch.autograd.backward(loss)
         optimiser.step()
 
     def wanted(self, batch: Examples, generator: torch.Generator) -> Tensor:

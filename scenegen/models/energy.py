@@ -25,7 +25,7 @@ from scenegen.models.generator import Generator, noise
 from scenegen.models.layout import Layout
 
 PAIRS = 64
-"""Of coordinates, drawn anew for each step: enough for the few objects of most specs to be compared all with all."""
+"""Of coordinates, redrawn for each step: enough for the few objects of most specs to be compared all with all."""
 
 
 class EnergyHyper(Hyper):

@@ -52,7 +52,7 @@ class Selector(nn.Module):
                 batch = examples.take(index)
                 loss = self.loss(features(batch), batch.branch)
                 optimiser.zero_grad()
-                loss.backward()  # type: ignore[no-untyped-call]
+                torch.autograd.backward(loss)
                 optimiser.step()
                 step += 1
 

@@ -67,7 +67,7 @@ def shift_step(problem: MotionProblem, now: Variables, rng: np.random.Generator)
 
 
 def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """One step drawn anew, with its mover."""
+    """Redraw one step, with its mover."""
     unit, mover, here = now.unit.copy(), now.mover, _one_step(now, rng)
     good = _set(unit, here, unit_steps(rng, now.count).T)
     if problem.moves == "one":
@@ -77,7 +77,7 @@ def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator
 
 
 def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """A window of steps drawn anew."""
+    """Redraw a window of steps."""
     window = _segment(now, rng)
     steps, width, _, count = now.unit.shape
     unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
@@ -133,7 +133,7 @@ def shift_first(problem: MotionProblem, now: Variables, rng: np.random.Generator
 
 
 def redraw_first(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """One object's first pose drawn anew."""
+    """Redraw one object's first pose."""
     first, count = now.first.copy(), now.count
     thing = rng.integers(len(problem.names), size=count)
     low, high = problem.lowest[thing], problem.highest[thing]
@@ -142,7 +142,7 @@ def redraw_first(problem: MotionProblem, now: Variables, rng: np.random.Generato
 
 
 def redraw_heading(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """One object's first heading drawn anew: it turns with all that follows."""
+    """Redraw one object's first heading: all later headings turn with it."""
     first, count = now.first.copy(), now.count
     thing, motion = rng.integers(len(problem.names), size=count), np.arange(count)
     low, high = problem.lowest[thing, THETA], problem.highest[thing, THETA]

@@ -70,9 +70,8 @@ def _grown(box: Rectangle, by: float) -> Rectangle:
 
 
 def _around(boxes: Sequence[Rectangle]) -> Rectangle:
-    lows = (min(one[axis] for one in boxes) for axis in (0, 1))
-    highs = (max(one[axis] for one in boxes) for axis in (2, 3))
-    return (*lows, *highs)  # type: ignore[return-value]
+    left, bottom, right, top = zip(*boxes, strict=True)
+    return min(left), min(bottom), max(right), max(top)
 
 
 def _meet(one: Rectangle, other: Rectangle) -> bool:

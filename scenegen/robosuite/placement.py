@@ -112,12 +112,13 @@ class Placement:
             self.mujoco_objects, self.rest = list(own.mujoco_objects), own
             env.placement_initializer = self
 
-        def remake() -> None:
-            make()  # type: ignore[misc]
-            replace()
+        if make is not None:
 
-        if make is not None:  # called for each new model
-            env._get_placement_initializer = remake
+            def remake() -> None:
+                make()
+                replace()
+
+            env._get_placement_initializer = remake  # called for each new model
         replace()
 
     def sample(self, fixtures: Placed | None = None, reference: Any = None, on_top: bool = True) -> Placed:
@@ -177,7 +178,7 @@ class Placement:
         start = self._started()
         if self._strategy is not None and start.task is not None:
             values = tuple(start.phi.values())
-            self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))  # type: ignore[union-attr]
+            self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))
 
     def _started(self) -> Start:
         if self.start is None:

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -135,7 +135,7 @@ def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout
     """Raises RequestError for a range that is none."""
     if is_strategy(wanted):
         need("gymnasium", "for starts chosen by a strategy")
-        return StrategyStarts(spec, goal, wanted, seed)  # type: ignore[arg-type]
+        return StrategyStarts(spec, goal, wanted, seed)
     if callable(wanted):
         return RangeStarts(spec, wanted, seed, timeout)
     fixed: Any = wanted
@@ -144,7 +144,7 @@ def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout
     return RangeStarts(spec, lambda: fixed, seed, timeout)
 
 
-def is_strategy(wanted: object) -> bool:
+def is_strategy(wanted: object) -> TypeGuard[Strategy]:
     return all(callable(getattr(wanted, call, None)) for call in ("next_task", "report"))
 
 

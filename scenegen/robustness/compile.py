@@ -59,7 +59,7 @@ class Robustness:
         self._fused = fused(self._scored) if compiled else None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Machine code does not travel; whoever unpickles compiles anew, if at all.
+        # Machine code is not pickled; it is compiled again on the other side, where there is a compiler.
         return _again, (self.core, self.compiled)
 
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:

@@ -41,8 +41,8 @@ class Validation:
 def validate(
     model: SceneModel, spec_loss: SpecLoss, held: Examples, labels: tuple[str, ...], generator: torch.Generator
 ) -> Validation:
-    """Held-out scenes, model and generator on one device. The generator alone decides the outcome: given anew each
-    time, the same noise is behind every validation of a run, and they compare."""
+    """Held-out scenes, model and generator on one device. The outcome depends on the generator alone: with a generator
+    of the same seed each time, validations of a run use the same noise and can be compared."""
     made = [model.sample(len(held), held.phi, generator) for _ in range(2)]
     errors = torch.stack([(spec_loss.phi(x) - held.phi).abs().mean(0) for x in made]).mean(0)
     truth, one, two = (_points(x) for x in (held.x, *made))

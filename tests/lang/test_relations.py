@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from scenegen.errors import Source
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.core import Apply
 from scenegen.lang.interpret import phi
 from scenegen.lang.parse import parse
@@ -56,7 +56,7 @@ def calls(scene, name):
         node = stack.pop()
         if isinstance(node, ast.Call) and node.function.id == name:
             counts.append(len(node.arguments))
-        stack.extend(ast.children(node))
+        stack.extend(traversal.children(node))
     return counts
 
 

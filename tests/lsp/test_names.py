@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenegen.errors import Source
-from scenegen.lang import ast
+from scenegen.lang import ast, traversal
 from scenegen.lang.parse import parse
 from scenegen.lang.print import print_module
 from scenegen.lsp.document import Document
@@ -29,14 +29,14 @@ def told_by_the_tree(module):
                 walk(domain, visible)
                 walk(body, visible | {one.id: one.start for one in variables})
             case _:
-                for child in ast.children(node):
+                for child in traversal.children(node):
                     walk(child, visible)
 
     for statement in module.statements:
         parameters = {}
         if isinstance(statement, ast.Definition):
             parameters = {one.name.id: one.name.start for one in statement.parameters}
-        for expr in ast.expressions(statement):
+        for expr in traversal.expressions(statement):
             is_body = isinstance(statement, ast.Definition) and expr is statement.body
             walk(expr, parameters if is_body else {})
     return found
@@ -68,11 +68,11 @@ def agree(text):
 
 
 def nodes(module):
-    stack = [expr for statement in module.statements for expr in ast.expressions(statement)]
+    stack = [expr for statement in module.statements for expr in traversal.expressions(statement)]
     while stack:
         node = stack.pop()
         yield node
-        stack.extend(ast.children(node))
+        stack.extend(traversal.children(node))
 
 
 @settings(max_examples=examples(60), deadline=None, derandomize=True)

@@ -21,7 +21,7 @@ SCALES = 4.0  # clusters are held together by distances down to the table's widt
 
 
 def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
-    """Draw an object anew where some way of a choice that touches it would have it: a mixture over the ways' rooms,
+    """Redraw an object where some way of a choice that touches it would have it: a mixture over the ways' rooms,
     which do not depend on where it stands now (an independence move, Tierney 1994)."""
     machine, rng = particles.machine, particles.rng
     touch = machine.touch[thing]

@@ -1,7 +1,7 @@
 """The state of the chains and its phi: the poses that phi depends on, stored as one array per row.
 
 Rows that phi does not read (headings that no label mentions, objects that no label names) are independent of all else
-and uniform: chains leave them out, and they are drawn anew for every returned scene. Everything here is numpy in
+and uniform: chains leave them out, and they are redrawn for every returned scene. Everything here is numpy in
 float64: on chunks that stay in cache a call costs less than in torch, and it rounds like the final scoring.
 """
 

@@ -1,4 +1,4 @@
-"""The scenes of a training set on their way: what whoever waits for them is told, and how long they wait.
+"""Gathering a training set: progress, estimates and the time limit.
 
 Time ends a run, it never changes one: a set that is not complete in time is no set.
 """

@@ -1,7 +1,7 @@
 """Scenes of a file as training data: `--data scenes.parquet`, .jsonl or .json.
 
 The phi that a file stores is not looked at: every scene is labelled by the spec that is trained on, so a file of
-another spec about the same objects serves as well. What fits is held in memory; a longer Parquet file is read anew in
+another spec about the same objects serves as well. What fits is held in memory; a longer Parquet file is read again in
 every epoch (scenegen.training.datasets.streamed).
 """
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -52,18 +53,6 @@ CASES = (
     ("6 gaps", "noOverlap of 4 boxes", BOXES, False),
     ("2 gaps to a polygon", "clearOf of 2 boxes", ON_TRAY, False),
 )
-
-COMPILE = """if True:
-    import resource, sys, time, torch, scenegen
-    def cpu():
-        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-        return sum(one.ru_utime + one.ru_stime for one in used)
-    for text in sys.argv[1:]:
-        spec = scenegen.parse(text)
-        rows, start = torch.zeros(row_count(len(spec.objects)), 1000), cpu()
-        spec.robustness(compiled=True).rows(rows)
-        print(cpu() - start)
-"""
 
 
 def text_of(source: str) -> str:
@@ -149,9 +138,23 @@ def compile_seconds() -> list[float]:
     with tempfile.TemporaryDirectory() as folder:
         texts = ["rightOf(a, b)", *(text_of(source) for _, _, source, _ in CASES)]
         environment = {**os.environ, "TORCHINDUCTOR_CACHE_DIR": folder}
-        words = [sys.executable, "-c", COMPILE, *texts]
+        words = [sys.executable, __file__, "--compile", *texts]
         done = subprocess.run(words, check=True, capture_output=True, text=True, env=environment)
     return [float(line) for line in done.stdout.split()]
+
+
+def compile_alone(texts: list[str]) -> None:
+    """Print the CPU seconds, of this process and of its compilers, in which each spec is compiled."""
+
+    def cpu() -> float:
+        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+        return sum(one.ru_utime + one.ru_stime for one in used)
+
+    for text in texts:
+        spec = scenegen.parse(text)
+        rows, start = torch.zeros(row_count(len(spec.objects)), 1000), cpu()
+        spec.robustness(compiled=True).rows(rows)
+        print(cpu() - start)
 
 
 def main() -> None:
@@ -159,8 +162,12 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=1_000_000)
     parser.add_argument("--seconds", type=float, default=6.0, help="CPU seconds for each line")
     parser.add_argument("--out", type=Path, default=None, help="write the table there, too")
+    parser.add_argument("--compile", nargs="+", metavar="TEXT", help="only compile these specs, and print CPU seconds")
     options = parser.parse_args()
     torch.set_num_threads(1)
+    if options.compile:
+        compile_alone(options.compile)
+        return
     columns = (
         "formula", "dtype", "rows read", "floor, ms (GB/s)", "eager, ms", "eager / floor", "compiled, ms",
         "compiled / floor", "scenes/s compiled", "plain / floor", "compiling, CPU s",

@@ -11,7 +11,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 
 from experiments.cache import Cache, Request
-from scenegen.api.model import Model, load_model
+from scenegen.api.family import load_model
+from scenegen.api.model import Model
 from scenegen.api.spec import Spec
 from scenegen.api.train import train
 from scenegen.errors import DataError

@@ -41,7 +41,8 @@ _PUBLIC = {
     "export_problems": "planning",
     "train": "train",
     "Model": "model",
-    "load_model": "model",
+    "ModelFamily": "family",
+    "load_model": "family",
 }
 _ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
 
@@ -49,6 +50,7 @@ __all__ = [
     "DataError",
     "Diagnostic",
     "Model",
+    "ModelFamily",
     "Monitor",
     "MotionSet",
     "OutputError",
@@ -82,8 +84,9 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from scenegen.api.family import ModelFamily, load_model
     from scenegen.api.grammar import grammar_of
-    from scenegen.api.model import Model, load_model
+    from scenegen.api.model import Model
     from scenegen.api.monitor import Monitor
     from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs

@@ -12,7 +12,9 @@ from scenegen.errors import Diagnostic
 from scenegen.errors.models import BEYOND_TRAINING, RAW_BREAKS_REQUIREMENT
 from scenegen.evaluation.faults import concerned, faults
 from scenegen.lang.core import REQUIRE, gated
+from scenegen.lang.counts import written
 from scenegen.lang.interpret import phi as score
+from scenegen.lang.members import members_of
 from scenegen.primitives import NUMPY
 from scenegen.sampling.request import Range
 
@@ -22,11 +24,25 @@ Array = npt.NDArray[np.float64]
 def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: bool) -> tuple[Diagnostic, ...]:
     """Warnings about scenes (3N, n) that a model made for a request; None where they are no longer in memory."""
     ends = {label: (wanted.low, wanted.high) for label, wanted in ranges.items()}
-    found = faults(concerned(model.trained.card.quality, ends))
-    if raw:
-        found += _beyond(model, ends)
-        found += [] if rows is None else _unmet(model, rows)
+    found = dict[Diagnostic, None]()
+    scenes = [None] * len(model.each) if rows is None or not raw else _scenes_of(model, rows)
+    for (numbers, one), made in zip(model.each, scenes, strict=True):
+        mine = faults(concerned(one.trained.card.quality, ends))
+        if raw:
+            mine += _beyond(one, ends)
+            mine += [] if made is None else _unmet(one, made)
+        found |= dict.fromkeys(each.but(counted=written(numbers)) if numbers else each for each in mine)
     return tuple(found)
+
+
+def _scenes_of(model: Model, rows: Array) -> list[Array]:
+    """The scenes (3N, n) by the model that made them: of each member's things alone, (3N', n')."""
+    if not model.spec.counts:
+        return [rows]
+    members = members_of(model.spec.declared)
+    found = dict(members.of(rows))
+    none = np.empty(0, dtype=np.intp)
+    return [rows[np.ix_(mine, found.get(number, none))] for number, mine in enumerate(members.rows)]
 
 
 def _beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) -> list[Diagnostic]:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.spec import Spec, check_spec
+from scenegen.api.spec import Spec
 from scenegen.errors import DataError
 from scenegen.errors.models import MODEL_CONTRADICTS_ITSELF
 from scenegen.lang.check import check_text
 from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
-from scenegen.validation import as_path
 
 if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
     from scenegen.models.proposer import ModelProposer
     from scenegen.models.trained import TrainedModel
 
@@ -50,6 +51,15 @@ class Model:
                 raise DataError(MODEL_CONTRADICTS_ITSELF(what=what))
 
     @property
+    def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
+        """The model for each combination of numbers of things, where its spec draws any; else itself, of no numbers."""
+        return (({}, self),)
+
+    def of(self, checked: CheckedSpec) -> Model:
+        """The model of a spec with these numbers of things, one of `each`."""
+        return self
+
+    @property
     def name(self) -> str:
         """What kind of model it is, e.g. "gan"."""
         return self.trained.name
@@ -60,6 +70,12 @@ class Model:
         from scenegen.models.proposer import make_proposer
 
         return make_proposer(self.trained)
+
+    def with_counts(self, counts: Mapping[str, int | str]) -> Model:
+        """The model of these numbers of things, by name. Raises RequestError as `Spec.with_counts` does: a model of
+        fixed numbers draws none."""
+        self.spec.with_counts(counts)
+        return self
 
     def with_spec(self, spec: Spec) -> Model:
         """The same model, to draw scenes of its spec with labels added after its own."""
@@ -75,11 +91,9 @@ class Model:
         return other
 
 
-def load_model(path: str | Path, spec: Spec | None = None) -> Model:
+def read_model(path: Path, spec: Spec | None = None) -> Model:
     """Read a model file. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
     need("torch", "to read a model file")
-    from scenegen.models.checkpoint import load_model as load
+    from scenegen.models.checkpoint import load_model
 
-    if spec is not None:
-        check_spec(spec)
-    return Model(load(as_path("path", path), None if spec is None else spec.checked))
+    return Model(load_model(path, None if spec is None else spec.checked))

@@ -114,7 +114,7 @@ def plan_of(source: Spec | Model, request: SampleRequest, budget: Budget, on_not
     spec = source.spec if isinstance(source, Model) else source
 
     def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
-        proposer = None if model is None else replace(model.proposer, asked=tuple(request.phi))
+        proposer = None if model is None else replace(model.of(checked).proposer, asked=tuple(request.phi))
         return make_plan(make_problem(checked, request, budget), budget, proposer)
 
     def settled(plan: Plan) -> Plan:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.api.model import Model
 from scenegen.api.spec import Spec, check_spec
-from scenegen.errors import Diagnostic
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.models import FOLDER_OF_MODELS
+from scenegen.lang.counts import written
 from scenegen.needs import need
 from scenegen.validation import as_path, as_seconds
 
@@ -50,6 +52,9 @@ def train(
     After `timeout` seconds the gathering of scenes is given up: RequestError, and nothing is written. Training stops
     there after the step under way: the model is what it has come to, `resume` goes on, and no card is written.
 
+    Of a spec that draws how many things there are, `out` is a folder: it gets a model for each combination of numbers,
+    trained one after another, and `timeout` is for all of them.
+
     Raises RequestError, DataError, OutputError; Interrupted on Ctrl-C and SIGTERM, KeyboardInterrupt while scenes are
     gathered.
     """
@@ -59,6 +64,13 @@ def train(
 
     check_spec(spec)
     path = as_path("out", out)
+    if spec.counts:
+        if path.suffix == ".safetensors":
+            raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
+        told = {"on_epoch": on_epoch, "on_step": on_step, "on_note": on_note, "on_gather": on_gather}
+        more = {"recipe": recipe, "card": card, **told, **options}
+        logs = None if log_dir is None else as_path("log_dir", log_dir)
+        return _train_family(spec, model, path, resume=resume, timeout=timeout, log_dir=logs, **more)
     config = make_config(model, recipe, **options)
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
@@ -88,3 +100,32 @@ def train(
     if card and time.monotonic() < until:
         write_card(done, path, until - time.monotonic())
     return done
+
+
+def _train_family(
+    spec: Spec,
+    model: str,
+    folder: Path,
+    *,
+    resume: bool,
+    timeout: float | None,
+    log_dir: Path | None,
+    **options: Any,
+) -> Model:
+    """Train a model for each combination of numbers, one after another, into a folder; `options` are those of `train`,
+    `timeout` is for all. With `resume` those that are begun go on. Raises what `train` raises, with the numbers."""
+    from scenegen.api.family import ModelFamily, family_files
+    from scenegen.training.state import state_path
+
+    until = math.inf if timeout is None else time.monotonic() + timeout
+    members: dict[str, Model] = {}
+    for numbers, member, file in family_files(spec, folder):
+        left = None if math.isinf(until) else max(until - time.monotonic(), 1e-3)
+        begun = resume and state_path(file).exists()
+        try:
+            logs = None if log_dir is None else log_dir / file.stem
+            made = train(member, model, out=file, resume=begun, timeout=left, log_dir=logs, **options)
+        except RequestError as error:
+            raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
+        members[member.checked.sha256] = made
+    return ModelFamily(spec, members)

@@ -10,7 +10,12 @@ import typer
 
 def info(
     model: Annotated[
-        Path, typer.Argument(help="A model file, as `scenegen train` writes it.", metavar="MODEL", show_default=False)
+        Path,
+        typer.Argument(
+            help="A model file, or a folder of models, as `scenegen train` writes them.",
+            metavar="MODEL",
+            show_default=False,
+        ),
     ],
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
 ) -> None:
@@ -22,24 +27,29 @@ def info(
 
     "held-out phi" is how far the phi of its scenes is from what was wanted, at labels that it was not trained on. The
     model card FILE.md, which `scenegen train` writes beside the model, compares it with exact scenes, too. The speed is
-    that of the network on one core of this machine; refining and verifying come to that.
+    that of the network on one core of this machine; refining and verifying come to that. Of a folder each model is
+    described.
     """
-    from scenegen.api.model import load_model
+    from scenegen.api.family import load_model, model_file
     from scenegen.evaluation.describe import as_json, describe, speed
 
     found = load_model(model)
+    each = [(model_file(model, numbers), one) for numbers, one in found.each]
     if json:
         from json import dumps
 
-        typer.echo(dumps(as_json(found, model), indent=1, ensure_ascii=False))
+        told = [as_json(one, path) for path, one in each]
+        typer.echo(dumps({"models": told} if found.spec.counts else told[0], indent=1, ensure_ascii=False))
         return
-    facts = [
-        *describe(found, model),
-        ("speed", f"about {float(f'{speed(found):.2g}'):,.0f} scenes a second on one core"),
-    ]
-    typer.echo(f"{model}: {found.trained.card.spec.title or found.trained.card.spec.name}\n")
-    width = max(len(name) for name, _ in facts)
-    for name, value in facts:
-        typer.echo(f"  {name:<{width}}  {value}")
-    typer.echo("\nits spec:\n")
+    for path, one in each:
+        facts = [
+            *describe(one, path),
+            ("speed", f"about {float(f'{speed(one):.2g}'):,.0f} scenes a second on one core"),
+        ]
+        typer.echo(f"{path}: {one.trained.card.spec.title or one.trained.card.spec.name}\n")
+        width = max(len(name) for name, _ in facts)
+        for name, value in facts:
+            typer.echo(f"  {name:<{width}}  {value}")
+        typer.echo("")
+    typer.echo("its spec:\n")
     typer.echo("\n".join(f"  {line}".rstrip() for line in found.spec.source.splitlines()))

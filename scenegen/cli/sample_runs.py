@@ -99,14 +99,10 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
 
     subject = _load(source, wishes.spec, wishes.root)
     if wishes.counts:
-        from scenegen.api.model import Model
         from scenegen.cli.options import parse_counts
 
         counts = parse_counts(wishes.counts)
-        if isinstance(subject, Model):
-            subject.spec.with_counts(counts)  # says that a model's numbers are fixed
-        else:
-            subject = subject.with_counts(counts)
+        subject = subject.with_counts(counts)
     if _is_over_time(subject):
         from scenegen.cli.motion_runs import sample_motions
 
@@ -224,7 +220,7 @@ def _in_steps(subject: Spec | Model, steps: int) -> Model:
 
 def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
     """A model if the file is one, else a spec."""
-    from scenegen.api.model import load_model
+    from scenegen.api.family import load_model
     from scenegen.api.spec import load
     from scenegen.errors import RequestError
 
@@ -236,12 +232,15 @@ def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Mode
 
 
 def looks_like_model(path: Path) -> bool:
-    """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header."""
+    """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header. A folder is
+    one of models."""
     if path.suffix == ".safetensors":
         return True
     if path.suffix == ".spec":
         return False
     try:
+        if path.is_dir():
+            return True
         if not path.is_file():
             return False
         with path.open("rb") as file:

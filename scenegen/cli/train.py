@@ -56,7 +56,7 @@ def train(
         str,
         typer.Option(
             "--out",
-            help="The model file; of several specs, DIR/ for a model of each name.",
+            help="The model file; of several specs, or of one that draws numbers, DIR/ for a model of each name.",
             metavar="FILE|DIR/",
             show_default=False,
         ),
@@ -151,7 +151,8 @@ def train(
     shown. The card, FILE.md, describes the model and compares it with new exact scenes.
 
     Several specs are trained side by side, by --engine; one that fails is reported by its name, the others are trained,
-    and the exit status is 1. With --resume complete models are left alone, and the others go on.
+    and the exit status is 1. With --resume complete models are left alone, and the others go on. A spec that draws how
+    many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
     from scenegen.needs import need
     from scenegen.training.config import make_config, parse_settings
@@ -174,19 +175,20 @@ def train(
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
     if len(specs) > 1 or names_set(out):
-        from scenegen.cli.train_runs import Training
+        from scenegen.cli.train_runs import Training, trainings
         from scenegen.formats.files import ensure_folder
 
         folder = Path(folder_for(out, len(specs)))
         named = zip(names_of(specs), specs, strict=True)
-        jobs = [(name, (spec, folder / f"{name}.safetensors")) for name, spec in named]
         need("torch", "to train a model")
         ensure_folder(folder)
+        jobs = [job for name, spec in named for job in trainings(name, spec, folder, root, counts)]
         job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts)
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.cli.output import complain, console, detail, flag, print_error
-    from scenegen.errors import render
+    from scenegen.errors import RequestError, render
+    from scenegen.errors.models import FOLDER_OF_MODELS
     from scenegen.formats.files import check_writable
 
     spec, path = specs[0], Path(out)
@@ -201,6 +203,8 @@ def train(
     if card:
         check_card(path, spec)
     checked = load(spec, root).with_counts(counts)
+    if checked.counts:
+        raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:

@@ -16,11 +16,38 @@ if TYPE_CHECKING:
     from scenegen.errors import Diagnostic
 
 
+Task = tuple[Path, Path, dict[str, int]]
+
+
+def trainings(
+    name: str, source: Path, folder: Path, root: Path | None, counts: dict[str, str]
+) -> list[tuple[str, Task]]:
+    """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
+    there are, a model for each combination of numbers, in FOLDER/NAME/."""
+    from scenegen.api.family import family_files
+    from scenegen.api.spec import load
+    from scenegen.errors import ScenegenError
+    from scenegen.lang.counts import written
+
+    one: Task = (source, folder / f"{name}.safetensors", {})
+    try:
+        spec = load(source, root).with_counts(counts)
+    except ScenegenError:  # its job says what is wrong
+        return [(name, one)]
+    if not spec.counts:
+        return [(name, one)]
+    return [
+        (f"{name} with {written(numbers)}", (source, file, {key: int(number) for key, number in numbers.items()}))
+        for numbers, _, file in family_files(spec, folder / name)
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class Training:
-    """The job of one spec among several: (spec file, model file). `options` are those of `api.train.train`; `seconds`
-    is the time limit of each, infinite for none. With `resume` a model that is complete is left alone, a training that
-    was broken off goes on, and one that had not begun begins. Raises what `api.train.train` raises."""
+    """The job of one model among several: spec file, model file, numbers of things. `options` are those of
+    `api.train.train`; `seconds` is the time limit of each, infinite for none. With `resume` a model that is complete is
+    left alone, a training that was broken off goes on, and one that had not begun begins. Raises what `api.train.train`
+    raises."""
 
     model: str
     recipe: str
@@ -32,7 +59,7 @@ class Training:
     root: Path | None
     counts: dict[str, str]
 
-    def __call__(self, paths: tuple[Path, Path]) -> Said:
+    def __call__(self, task: Task) -> Said:
         from scenegen.api.spec import load
         from scenegen.api.train import train
         from scenegen.evaluation.card import card_paths, check_card, write_card
@@ -40,9 +67,9 @@ class Training:
         from scenegen.formats.files import check_writable
         from scenegen.training.state import state_path
 
-        source, out = paths
+        source, out, numbers = task
         began = time.monotonic()
-        spec = load(source, self.root).with_counts(self.counts)
+        spec = load(source, self.root).with_counts({**self.counts, **numbers})
         check_writable(out, source)
         if self.card:
             check_card(out, source)
@@ -51,7 +78,9 @@ class Training:
             return Said((f"complete already: {out}",))
         notes: list[Diagnostic] = []
         run = partial(train, spec, self.model, recipe=self.recipe, out=out, resume=begun, on_note=notes.append)
-        log_dir = None if self.log_dir is None else self.log_dir / source.stem
+        log_dir = (
+            None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
+        )
         limit = None if math.isinf(self.seconds) else self.seconds
         done = run(log_dir=log_dir, timeout=limit, **self.options)
         left = self.seconds - (time.monotonic() - began)

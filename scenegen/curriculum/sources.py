@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.model import Model, load_model
+from scenegen.api.family import is_family, load_model
+from scenegen.api.model import Model
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import Part, parts_of
 from scenegen.api.scenes import SceneSet, read_scenes
@@ -105,16 +106,16 @@ def check_source(source: object) -> None:
 
 def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
     """`source` as users give it: None for the exact sampler, a Model or a SceneSet, or the path of a model file
-    (.safetensors) or of a scene file. Raises DataError, RequestError, gymnasium.error.Error."""
+    (.safetensors), of a folder of models, or of a scene file. Raises DataError, RequestError, gymnasium.error.Error."""
     if source is None:
         return Sampler(target)
     if isinstance(source, str | Path):
         path = as_path("source", source)
-        source = load_model(path, spec) if path.suffix == ".safetensors" else read_scenes(path)
+        source = load_model(path, spec) if path.suffix == ".safetensors" or is_family(path) else read_scenes(path)
     if isinstance(source, SceneSet):
         return stock(target, source)
     if isinstance(source, Model):
-        if source.spec.checked.sha256 != spec.drawn.sha256:
+        if source.spec.drawn.sha256 != spec.drawn.sha256:
             raise refused(SOURCE_OF_ANOTHER_SPEC(model=source.name))
         return Sampler(target, source)
     raise AssertionError(source)  # see check_source

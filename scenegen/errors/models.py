@@ -118,25 +118,25 @@ MODEL_CONTRADICTS_ITSELF = Kind(
 WRONG_PHI_SHAPE = Kind("wrong-phi-shape", "phi has the shape {found}; expected ({labels}, n), one row a label")
 SCENES_LEFT_OUT = Kind(
     "scenes-left-out",
-    "raw scenes leave out true ones: they cover {places} (exact scenes: 0.97)",
+    "[[with {counted}: ]]raw scenes leave out true ones: they cover {places} (exact scenes: 0.97)",
     help="the model card has the figures; sample the spec itself for exact scenes",
     severity="warning",
 )
 PHI_MISSED = Kind(
     "phi-missed",
-    "raw scenes miss their phi by {places} on average",
+    "[[with {counted}: ]]raw scenes miss their phi by {places} on average",
     help="the model card has the figures; sample the spec itself for exact scenes",
     severity="warning",
 )
 BEYOND_TRAINING = Kind(
     "beyond-training",
-    "the model was trained on phi of `{label}` from {low:.4g} to {high:.4g}; beyond that it guesses",
+    "[[with {counted}: ]]the model was trained on phi of `{label}` from {low:.4g} to {high:.4g}; beyond that it guesses",
     help="narrow <phi>, or leave <raw> out",
     severity="warning",
 )
 RAW_BREAKS_REQUIREMENT = Kind(
     "raw-breaks-requirement",
-    "{broken:,} of {count:,} raw scenes do not meet what the spec requires",
+    "[[with {counted}: ]]{broken:,} of {count:,} raw scenes do not meet what the spec requires",
     help="leave <raw> out: every scene is then verified",
     severity="warning",
 )
@@ -161,3 +161,16 @@ DIFFERENT_OBJECTS = Kind(
 TOO_FEW_SCENES = Kind(
     "too-few-scenes", "{count} {which} scenes are too few", help="this metric needs at least {needed}"
 )
+
+# folders of models
+FOLDER_OF_MODELS = Kind(
+    "folder-of-models",
+    "{file} draws how many things there are: it gets a folder of models, one for each number, and {path} is a file",
+    help="write <out={folder}/>",
+)
+NO_MODEL_OF_NUMBER = Kind(
+    "no-model-of-number",
+    "there is no model of {counted}: {path} is missing",
+    help="train again with <resume>, or fix the numbers: <count>",
+)
+MODEL_FOLDER = Kind("model-folder", "{path} holds models of another spec than {spec}", help="train on this spec")

@@ -47,6 +47,13 @@ def written(numbers: Mapping[str, int]) -> str:
     return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)
 
 
+def file_stem(numbers: Mapping[str, int]) -> str:
+    """Numbers of things as part of a file's name: `block=3,mug=red`."""
+    each = numbers.items()
+    named = (f"{name}={one.asset.replace('/', '_') if isinstance(one, Picked) else one}" for name, one in each)
+    return ",".join(named)
+
+
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:
     """The spec with its members; `last` was checked with the most there can be. Raises SpecError for what is wrong in a
     member, and for what is not the same in all though scene files say it once."""

@@ -73,6 +73,10 @@ class Guided(Plan):
         return self.reachable
 
     @property
+    def fact_count(self) -> int:
+        return 2
+
+    @property
     def scenes_per_piece(self) -> float:
         return self.rate * sum(self.counts)
 
@@ -128,6 +132,10 @@ class RawOutput(Plan):
     @property
     def plan_digest(self) -> str:
         return digest("raw", self.proposer.digest, self.size)
+
+    @property
+    def fact_count(self) -> int:
+        return 0
 
     @property
     def scenes_per_piece(self) -> float:

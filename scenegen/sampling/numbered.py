@@ -113,6 +113,10 @@ class Numbered(Plan):
         return float(np.mean([self.plans[member].scenes_per_piece for member in self.turns]))
 
     @property
+    def verified(self) -> bool:
+        return all(plan.verified for plan in self.plans)
+
+    @property
     def fewest(self) -> int:
         return max(self._until(member, plan.fewest) for member, plan in enumerate(self.plans) if member in self.turns)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenegen.api.model import load_model
+from scenegen.api.family import is_family, load_model
 from scenegen.api.motions import read_motions
 from scenegen.api.scene_arrays import rows_of, stored_rows
 from scenegen.api.scenes import read_scenes
@@ -56,6 +56,8 @@ class Opened:
 
 def open_(what: Path | None) -> Opened:
     """Find out what a path or name is, and read it. Raises DataError, SpecError."""
+    if what is not None and is_family(what):
+        return _model(what)
     if what is None or what.is_dir():
         folder = Folder((what or Path.cwd()).resolve())
         return Opened(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER)

@@ -42,11 +42,12 @@ task: leftOf(a, b)
 """
 
 
-def stub():
+def stub(spec=None):
     card = SimpleNamespace(quality=[at(0.5, task=0.0)])
-    return SimpleNamespace(
-        trained=SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card), spec=scenegen.parse(TEXT)
-    )
+    trained = SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card)
+    made = SimpleNamespace(trained=trained, spec=spec or scenegen.parse(TEXT))
+    made.each = (({}, made),)
+    return made
 
 
 @pytest.mark.parametrize(("raw", "said"), [(False, 1), (True, 3)])
@@ -58,3 +59,16 @@ def test_raw_scenes_are_told_of_more(raw, said):
     if raw:
         assert "from -1 to 0.2; beyond that it guesses" in found[1].title
         assert found[2].title == "1 of 2 raw scenes do not meet what the spec requires"
+
+
+def test_models_of_drawn_numbers_are_told_of_by_their_numbers():
+    spec = scenegen.parse(
+        "object a[1..2] = cylinder(0.1, 0.1), b = cylinder(0.1, 0.1) require noOverlap() task: leftOf(a[1], b)"
+    )
+    family = SimpleNamespace(spec=spec, each=tuple((numbers, stub(member)) for numbers, member in spec.members))
+    x, y = np.array([[0.1, 0.1, 0.1], [np.nan, 0.9, 0.15], [0.5, 0.5, 0.5]]), 0.5  # the last one: a[2] stands on a[1]
+    rows = np.array([row for one in x for row in (one, y + 0 * one, 0 * one)])
+    found = [one.title for one in advice(family, {"task": Range(0.0, 0.1)}, rows, True)]
+    assert len(found) == 3, found
+    assert [one.partition(":")[0] for one in found] == ["with a[1]", "with a[2]", "with a[2]"]
+    assert found[2].endswith("1 of 2 raw scenes do not meet what the spec requires")

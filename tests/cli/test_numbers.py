@@ -63,10 +63,38 @@ def test_check_says_with_which_numbers_a_label_cannot_be_satisfied(scenegen, her
 
 
 @pytest.mark.long
-def test_training_names_the_option(scenegen, spec):
-    found = scenegen("train", spec, "--out", "m.safetensors")
+def test_a_model_of_drawn_numbers_is_a_folder(scenegen, here):
+    (here / "d.spec").write_text("object block[1..2], mug\ntask: forall b in block: leftOf(b, mug)\n")
+    found = scenegen("train", "d.spec", "--out", "m.safetensors")
     assert found.status == 1
-    assert "error[numbers-not-here]" in found.err and "--count block=3" in found.err
+    assert "error[folder-of-models]" in found.err and "--out m/" in found.err
+    made = scenegen(
+        "train", "d.spec", "--out", "m/", "--epochs", "1", "--scenes", "2000", "--no-card", "--workers", "1"
+    )
+    assert made.status == 0 and "d with block[2]: wrote" in made.err
+    names = sorted(path.name for path in (here / "m/d").iterdir() if path.suffix != ".train")
+    assert names == ["block=1.safetensors", "block=2.safetensors", "numbers.spec"]
+
+    assert scenegen("sample", "m/d/", "--phi", "0:0.3", "-n", "40", "--out", "s.json").status == 0
+    scenes = json.loads((here / "s.json").read_text())
+    counts = [one["counts"]["block"] for one in scenes["scenes"]]
+    assert counts.count(1) == counts.count(2) == 20, "equal shares, as in exact scenes"
+    assert all(len(one["poses"]) == 1 + count for one, count in zip(scenes["scenes"], counts, strict=True))
+    assert scenegen("eval", "d.spec", "s.json").status == 0
+    assert scenegen("sample", "m/d", "--phi", "0:0.3", "-n", "40", "--workers", "2", "--out", "t.json").status == 0
+    assert (here / "s.json").read_bytes() == (here / "t.json").read_bytes()
+    assert scenegen("sample", "m/d", "--phi", "0:0.3", "-n", "8", "--raw", "--out", "r.json").status == 0
+    assert scenegen("sample", "m/d", "--phi", "0:0.3", "-n", "8", "--count", "block=2", "--out", "u.json").status == 0
+    assert all(len(one["poses"]) == 3 for one in json.loads((here / "u.json").read_text())["scenes"])
+    told = json.loads(scenegen("info", "m/d", "--json").out)["models"]
+    assert [len(one["objects"]) for one in told] == [2, 3]
+
+    (here / "m/d/block=1.safetensors").unlink()
+    found = scenegen("sample", "m/d", "--phi", "0:0.3", "--out", "v.json")
+    assert found.status == 1 and "error[no-model-of-number]" in found.err
+    again = scenegen("train", "d.spec", "--out", "m/", "--epochs", "1", "--scenes", "2000", "--no-card", "--resume")
+    assert again.status == 0 and "complete already: m/d/block=2.safetensors" in again.err
+    assert (here / "m/d/block=1.safetensors").exists()
 
 
 @pytest.mark.long

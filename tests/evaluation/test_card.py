@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.api.model import load_model
+from scenegen.api.family import load_model
 from scenegen.evaluation import measure as measuring
 from scenegen.evaluation.card import card_paths, card_text, write_card
 from scenegen.evaluation.describe import as_json, describe, held_out

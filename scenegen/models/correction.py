@@ -22,6 +22,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.models.stirring import Stir
 from scenegen.pose import THETA, TWO_PI, along
 from scenegen.robustness import Robustness
+from scenegen.robustness.slopes import Slopes
 
 STEPS, BACK = 4, 3  # Newton steps of a scene; and of one that breaks what is required
 ROUNDS, SAME = 6, 3  # times that scenes that do not arrive are drawn again, and of these in the same branch
@@ -30,7 +31,8 @@ MOST = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
 TOLERANCE = 1e-3  # of a label's range: what counts as arrived
 LONGEST = 0.15  # of the workspace, or radians, that one coordinate may move in a step
-STEP = 16_384  # scenes at a time: they and the values of the formula stay in cache
+STEP = 65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
+STIRRED = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
 
 TURNS = along(THETA)
 
@@ -44,9 +46,9 @@ class Correction:
 
     def __init__(self, spec: CheckedSpec, spans: Tensor) -> None:
         core = gated(spec.core)
-        self._labels = Robustness(spec.core)
+        self._labels = Slopes(spec.core)
         self._required = Robustness(part(core, [REQUIRE])) if REQUIRE in core.labels else None
-        self._both = Robustness(core)
+        self._both = Slopes(core)
         self._tolerance = (TOLERANCE * spans)[:, None]
         low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
         self._low, self._high = low, high
@@ -78,8 +80,8 @@ class Correction:
                     break
                 same = False
         random = _on_cpu(generator)
-        for start in range(0, count if self._stir.count else 0, STEP):
-            some = slice(start, start + STEP)
+        for start in range(0, count if self._stir.count else 0, STIRRED):
+            some = slice(start, start + STIRRED)
             rows[:, some] = self._stir(rows[:, some], wanted[:, some], random, ~off[some])
         return rows
 
@@ -104,7 +106,7 @@ class Correction:
         return rows, off
 
     def _moved(
-        self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Robustness, steps: int
+        self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int
     ) -> tuple[Tensor, Tensor]:
         """The scenes (3N, B) after that many Newton steps at most, and which of them are still off, (B,). `heads` are
         the values of `phi` that matter; the one after the labels is the margin of what is required."""
@@ -113,31 +115,24 @@ class Correction:
         active, here = torch.arange(rows.shape[1]), rows
         rows = rows.clone()
         for step in range(steps + 1):
-            last = step == steps
-            here = here.detach().requires_grad_(not last)
-            with torch.set_grad_enabled(not last):
-                values = phi.rows(here, check=False).unbind()
-            reached = torch.stack([values[head].detach() for head in heads])
+            values, atoms = phi(here)
             target = wanted[labels][:, active]
-            gap = torch.where(torch.isnan(target), torch.zeros(()), target - reached[: len(labels)])
+            gap = torch.where(torch.isnan(target), torch.zeros(()), target - values[labels])
             far = gap.abs() > self._tolerance[labels]
             if len(heads) > len(labels):
-                margin = reached[-1:]
+                margin = values[heads[-1:]]
                 gap, far = torch.cat([gap, -2.0 * margin]), torch.cat([far, margin < 0.0])
             moving = far.any(dim=0)
             off[active] = moving
-            rows[:, active] = here.detach()
-            if last or not bool(moving.any()):
+            rows[:, active] = here
+            if step == steps or not bool(moving.any()):
                 break
             kept = [place for place in range(len(heads)) if bool(far[place].any())]
-            slopes = [
-                torch.autograd.grad(values[heads[place]], here, here.new_ones(len(active)), place != kept[-1])[0]
-                for place in kept
-            ]
-            active = active[moving]
-            jacobian = torch.stack([slope[:, moving] * self._scale for slope in slopes])
-            shift = newton(jacobian, gap[kept][:, moving], far[kept][:, moving])
-            moved = here.detach()[:, moving] + self._scale * shift
+            active, here, far = active[moving], here[:, moving], far[:, moving]
+            slopes = [phi.gradient(here, atoms[heads[place], moving], far[place]) for place in kept]
+            jacobian = torch.stack(slopes) * self._scale
+            shift = newton(jacobian, gap[kept][:, moving], far[kept])
+            moved = here + self._scale * shift
             here = torch.minimum(torch.maximum(moved, self._low), self._high)
             turned = torch.remainder(moved[TURNS], TWO_PI)
             here[TURNS] = torch.where(self._scale[TURNS] > 0.0, turned, here[TURNS])

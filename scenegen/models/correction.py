@@ -100,9 +100,11 @@ class Correction:
             return rows, off
         unmet = (~off & (self._required.rows(rows, check=False)[0] < 0.0)).nonzero()[:, 0]
         if len(unmet):
-            rows[:, unmet], off[unmet] = self._moved(
-                rows[:, unmet], wanted[:, unmet], [*asked, len(wanted)], self._both, BACK
+            heads = [*asked, len(wanted)]
+            some, off[unmet] = self._moved(
+                rows.index_select(1, unmet), wanted.index_select(1, unmet), heads, self._both, BACK
             )
+            _put(rows, unmet, some)
         return rows, off
 
     def _moved(
@@ -112,11 +114,10 @@ class Correction:
         the values of `phi` that matter; the one after the labels is the margin of what is required."""
         labels = [head for head in heads if head < len(wanted)]
         off = torch.ones(rows.shape[1], dtype=torch.bool)
-        active, here = torch.arange(rows.shape[1]), rows
+        active, here, target = torch.arange(rows.shape[1]), rows, wanted[labels]
         rows = rows.clone()
         for step in range(steps + 1):
             values, atoms = phi(here)
-            target = wanted[labels][:, active]
             gap = torch.where(torch.isnan(target), torch.zeros(()), target - values[labels])
             far = gap.abs() > self._tolerance[labels]
             if len(heads) > len(labels):
@@ -124,19 +125,29 @@ class Correction:
                 gap, far = torch.cat([gap, -2.0 * margin]), torch.cat([far, margin < 0.0])
             moving = far.any(dim=0)
             off[active] = moving
-            rows[:, active] = here
-            if step == steps or not bool(moving.any()):
+            on = moving.nonzero()[:, 0]
+            if step == steps or not len(on):
+                _put(rows, active, here)
                 break
+            if step:
+                there = (~moving).nonzero()[:, 0]
+                _put(rows, active[there], here.index_select(1, there))
             kept = [place for place in range(len(heads)) if bool(far[place].any())]
-            active, here, far = active[moving], here[:, moving], far[:, moving]
-            slopes = [phi.gradient(here, atoms[heads[place], moving], far[place]) for place in kept]
-            jacobian = torch.stack(slopes) * self._scale
-            shift = newton(jacobian, gap[kept][:, moving], far[kept])
+            active, here, target, atoms, gap, far = (
+                some.index_select(-1, on) for some in (active, here, target, atoms, gap[kept], far[kept])
+            )
+            slopes = [phi.gradient(here, atoms[heads[place]], far[k]) for k, place in enumerate(kept)]
+            shift = newton(torch.stack(slopes) * self._scale, gap, far)
             moved = here + self._scale * shift
             here = torch.minimum(torch.maximum(moved, self._low), self._high)
             turned = torch.remainder(moved[TURNS], TWO_PI)
             here[TURNS] = torch.where(self._scale[TURNS] > 0.0, turned, here[TURNS])
         return rows, off
+
+
+def _put(rows: Tensor, place: Tensor, some: Tensor) -> None:
+    """Write scenes (3N, n) at places (n,) of (3N, B); four times as fast as index_copy_."""
+    rows.scatter_(1, place.expand(len(rows), -1), some)
 
 
 def _on_cpu(generator: torch.Generator) -> torch.Generator:

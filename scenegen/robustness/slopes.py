@@ -63,11 +63,12 @@ class Slopes:
                     ([piece.sizes for piece, _ in pieces], rows.dtype),
                 )
             )
-            place = reads * rows.shape[1] + torch.cat([scenes for _, scenes in pieces])
-            here = flat.take(place).requires_grad_()
+            place = (reads * rows.shape[1] + torch.cat([scenes for _, scenes in pieces])).reshape(-1)
+            here = flat.index_select(0, place).view(reads.shape).requires_grad_()
             with torch.enable_grad():
                 margin = form.margin(here, iter(sizes))
-            stored[place] = torch.autograd.grad(margin, here, torch.ones_like(margin))[0]
+            slope = torch.autograd.grad(margin, here, torch.ones_like(margin))[0]
+            stored.scatter_(0, place, slope.reshape(-1))
         return result
 
     def _piece(self, atom: int) -> _Piece:

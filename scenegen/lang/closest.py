@@ -108,7 +108,7 @@ def least(
     result = np.full(count, np.inf, dtype)
     first = 0
     for shapes, group in closest.groups:
-        scenes, atoms = (of[first : first + len(group)] for of in (where, closest.atoms))
+        scenes, atoms = where[first : first + len(group)], closest.atoms[first : first + len(group)]
         first += len(group)
         columns = zip(*(_taken(values, pair, some) for pair, some in zip(group, scenes, strict=True)), strict=True)
         found = gap(*shapes, *map(np.concatenate, columns))

@@ -107,9 +107,7 @@ class Correction:
             _put(rows, unmet, some)
         return rows, off
 
-    def _moved(
-        self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int
-    ) -> tuple[Tensor, Tensor]:
+    def _moved(self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int) -> tuple[Tensor, Tensor]:
         """The scenes (3N, B) after that many Newton steps at most, and which of them are still off, (B,). `heads` are
         the values of `phi` that matter; the one after the labels is the margin of what is required."""
         labels = [head for head in heads if head < len(wanted)]

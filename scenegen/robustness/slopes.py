@@ -43,21 +43,21 @@ class Slopes:
         """The gradients (3N, B) of the margins of atoms (B,), as a call names them, in scenes (3N, B), as far as they
         are wanted, `where` (B,); 0 elsewhere."""
         wanted = where.nonzero()[:, 0]
-        atoms = atoms[wanted]
-        order = atoms.argsort(stable=True)
-        found, counts = atoms[order].unique_consecutive(return_counts=True)
+        wanted = wanted[atoms[wanted].argsort(stable=True)]
+        counts = torch.bincount(atoms[wanted], minlength=1)
         together: dict[int, list[tuple[_Piece, Tensor]]] = {}
-        for atom, scenes in zip(found.tolist(), wanted[order].split(counts.tolist()), strict=True):
+        found = counts.nonzero()[:, 0]
+        for atom, scenes in zip(found.tolist(), torch.split(wanted, counts[found].tolist()), strict=True):
             piece = self._piece(atom)
             together.setdefault(piece.form.number, []).append((piece, scenes))
-        result = torch.zeros_like(rows)
+        result = torch.zeros_like(rows, memory_format=torch.contiguous_format)
         flat, stored = rows.contiguous().view(-1), result.view(-1)
         for pieces in together.values():
-            form, lengths = pieces[0][0].form, torch.tensor([len(scenes) for _, scenes in pieces])
-            if not form.objects:
+            form, counts = pieces[0][0].form, torch.tensor([len(scenes) for _, scenes in pieces])
+            if not form.core.objects:
                 continue  # a constant
             reads, sizes = (
-                torch.tensor(numbers, dtype=dtype).repeat_interleave(lengths, dim=0).T
+                torch.tensor(numbers, dtype=dtype).repeat_interleave(counts, dim=0).T
                 for numbers, dtype in (
                     ([piece.reads for piece, _ in pieces], torch.int64),
                     ([piece.sizes for piece, _ in pieces], rows.dtype),
@@ -94,10 +94,6 @@ class _Form:
     core: Core
     dead: list[list[int]]
     bare: frozenset[int]
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        return self.core.objects
 
     def margin(self, rows: Tensor, sizes: Iterator[Tensor]) -> Tensor:
         """(B,) in scenes (3N, B), for circles and boxes of these `sizes` (B,), in the order of _general."""

@@ -88,7 +88,7 @@ def test_footprints_of_any_size_share_a_form():
     )
     core = check_text(text + "\ntask: noOverlap()").core
     rows, slopes = uniform(10, 4096, 3), Slopes(core)
-    values, atoms = slopes(rows)
+    _, atoms = slopes(rows)
     gradients = everywhere(slopes, rows, atoms)
     assert len(atoms.unique()) > 30 and len(slopes._forms) <= 4  # boxes and circles, in each order
     close(gradients, whole(core, rows)[1])

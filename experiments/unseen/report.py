@@ -158,20 +158,48 @@ def _figures(runs: Sequence[Run]) -> str:
 
 
 def _bars(runs: Sequence[Run]) -> str:
-    rows = _rows(runs)
+    """The bars, with what part of all rows or runs meets each; of several training seeds also the least and the most
+    that one of them has, on the specs that all have."""
+    each = _alike(runs)
+    several = len(each) > 1
     lines = []
-    for name, met, share_ in BARS:
-        part = sum(map(met, rows)) / max(1, len(rows))
-        lines.append([name, f"{100.0 * part:.1f} %", "yes" if part >= share_ else "no"])
-    done = [run for run in runs if not run.failed]
-    for name, values, enough in (
-        ("training under 300 CPU s", [run.cpu_seconds for run in done], lambda value: value < 300.0),
-        ("file under 1 MB", [run.size for run in done], lambda value: value < 1_000_000),
-        ("raw scenes >= 50,000 a CPU second", [run.speed for run in done], lambda value: value >= 50_000.0),
-    ):
-        part = sum(map(enough, values)) / max(1, len(values))
-        lines.append([name, f"{100.0 * part:.1f} %", "yes" if part == 1.0 else "no"])
-    return table(["bar", "met by", "held"], lines)
+    for name, enough, count in _all_bars():
+        part = count(runs)
+        spread = [f"{100.0 * bound(map(count, each)):.1f} %" for bound in (min, max)] if several else []
+        lines.append(
+            [name, f"{100.0 * part:.1f} %", "yes" if part >= enough else "no", *([" to ".join(spread)] * several)]
+        )
+    specs = len({run.seed for run in each[0]}) if several else 0
+    return table(["bar", "met by", "held", *[f"each of {len(each)} training seeds, on {specs} specs"] * several], lines)
+
+
+def _all_bars() -> list[tuple[str, float, Callable[[Sequence[Run]], float]]]:
+    """Name, the share that has to meet it, and what share of some runs does."""
+
+    def of_rows(met: Callable[[Row], bool]) -> Callable[[Sequence[Run]], float]:
+        return lambda runs: _share([met(row) for row in _rows(runs)])
+
+    def of_runs(met: Callable[[Run], bool], known: Callable[[Run], object]) -> Callable[[Sequence[Run]], float]:
+        return lambda runs: _share([met(run) for run in runs if not run.failed and known(run)])
+
+    return [
+        *((name, enough, of_rows(met)) for name, met, enough in BARS),
+        ("training under 300 CPU s", 1.0, of_runs(lambda run: run.cpu_seconds < 300.0, lambda run: True)),
+        ("file under 1 MB", 1.0, of_runs(lambda run: run.size < 1_000_000, lambda run: True)),
+        ("raw scenes >= 50,000 a CPU second", 1.0, of_runs(lambda run: run.speed >= 50_000.0, lambda run: run.speed)),
+    ]
+
+
+def _share(met: Sequence[bool]) -> float:
+    return sum(met) / max(1, len(met))
+
+
+def _alike(runs: Sequence[Run]) -> list[list[Run]]:
+    """The runs of each training seed, on the specs that all of them have."""
+    trainings = sorted({run.training_seed for run in runs})
+    specs = [{(run.seed, run.name) for run in runs if run.training_seed == seed} for seed in trainings]
+    common = set.intersection(*specs) if specs else set()
+    return [[run for run in runs if run.training_seed == seed and (run.seed, run.name) in common] for seed in trainings]
 
 
 def _specs(runs: Sequence[Run]) -> str:
@@ -184,7 +212,7 @@ def _specs(runs: Sequence[Run]) -> str:
         worst = [max(row.error for row in run.rows), min(row.coverage for row in run.rows)]
         far = [max(row.ks for row in run.rows), max(row.sliced for row in run.rows)]
         figures = [f"{worst[0]:.4f}", f"{worst[1]:.3f}", f"{far[0]:.3f}", f"{far[1]:.3f}"]
-        cost = [f"{run.cpu_seconds:.0f}", f"{run.size / 1e3:.0f}", short(run.speed)]
+        cost = [f"{run.cpu_seconds:.0f}", f"{run.size / 1e3:.0f}", short(run.speed) if run.speed else "-"]
         lines.append([*first, *figures, *cost])
     head = ["spec", "objects", "labels", "rows", "too rare", "error", "coverage", "KS", "sliced KS"]
     return table([*head, "training, CPU s", "file, kB", "raw scenes/s"], lines)

@@ -55,7 +55,7 @@ class Row(BaseModel):
 
 class Run(BaseModel):
     """A spec: what it cost, and its queries. `missing` are queries for which no truth was found, and why; `failed` says
-    why there is no model."""
+    why there is no model. A `speed` of 0 was not measured."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

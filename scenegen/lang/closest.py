@@ -28,10 +28,12 @@ FEWEST = 3  # pairs; the distances of fewer cost more than they save
 @dataclass(frozen=True, slots=True)
 class Closest:
     """What a conjunction takes the least of: clearances, grouped by the footprints (pairs of nodes (x, y, theta, x, y,
-    theta) for each two shapes), and the arguments `others`. `nodes` are the nodes that need no values of their own."""
+    theta) for each two shapes), and the arguments `others`. `atoms` are the nodes of the clearances' atoms, one pair
+    after another; `nodes` are the nodes that need no values of their own."""
 
     groups: tuple[tuple[Shapes, tuple[tuple[int, ...], ...]], ...]
     others: tuple[int, ...]
+    atoms: tuple[int, ...]
     nodes: frozenset[int]
 
     @property
@@ -58,7 +60,7 @@ def find(core: Core) -> dict[int, Closest]:
     for index, node in enumerate(core.nodes):
         if not isinstance(node, Junction) or node.kind != "min":
             continue
-        groups: dict[Shapes, list[tuple[int, ...]]] = {}
+        groups: dict[Shapes, dict[int, tuple[int, ...]]] = {}
         inner: set[int] = set()
         for arg in node.args:
             atom = core.nodes[arg]
@@ -67,11 +69,13 @@ def find(core: Core) -> dict[int, Closest]:
                 alone = uses[arg] == uses[atom.margin] == 1 and not kept & {arg, atom.margin}
                 moves = any(isinstance(core.nodes[one], Coord) for one in margin.args)
                 if alone and moves and not all(isinstance(shape, Circle) for shape in margin.shapes):
-                    groups.setdefault(margin.shapes, []).append(margin.args)
+                    groups.setdefault(margin.shapes, {})[arg] = margin.args
                     inner |= {arg, atom.margin}
         if len(inner) >= 2 * FEWEST:
             others = tuple(arg for arg in node.args if arg not in inner)
-            found[index] = Closest(tuple((key, tuple(of)) for key, of in groups.items()), others, frozenset(inner))
+            pairs = tuple((key, tuple(of.values())) for key, of in groups.items())
+            atoms = tuple(atom for of in groups.values() for atom in of)
+            found[index] = Closest(pairs, others, atoms, frozenset(inner))
     return found
 
 
@@ -81,10 +85,12 @@ def last_uses_of(core: Core, found: dict[int, Closest]) -> list[list[int]]:
     return last_uses(core, instead | {index: closest.instead for index, closest in found.items()})
 
 
-def least(closest: Closest, values: Mapping[int, Any], gap: Callable[..., Array]) -> Array | None:
+def least(
+    closest: Closest, values: Mapping[int, Any], gap: Callable[..., Array], which: Array | None = None
+) -> Array | None:
     """(B,) the least of the clearances in each scene. `values` are those of the nodes `needs`, arrays (B,) or () of one
     dtype; gap(*shapes, *six arrays of any one length) computes clearances. None where most pairs may decide, so that
-    computing all of them is cheaper."""
+    computing all of them is cheaper. The atom of the least one is written into `which` (B,), where that is given."""
     dtype = next(value.dtype for value in values.values())
     count = max(value.size for value in values.values())
     squares = np.empty((closest.count, count), dtype)
@@ -102,13 +108,16 @@ def least(closest: Closest, values: Mapping[int, Any], gap: Callable[..., Array]
     result = np.full(count, np.inf, dtype)
     first = 0
     for shapes, group in closest.groups:
-        scenes = where[first : first + len(group)]
+        scenes, atoms = where[first : first + len(group)], closest.atoms[first : first + len(group)]
         first += len(group)
         columns = zip(*(_taken(values, pair, some) for pair, some in zip(group, scenes, strict=True)), strict=True)
         found = gap(*shapes, *map(np.concatenate, columns))
         start = 0
-        for some in scenes:
-            result[some] = np.minimum(result[some], found[start : start + len(some)])
+        for atom, some in zip(atoms, scenes, strict=True):
+            new, old = found[start : start + len(some)], result[some]
+            result[some] = np.minimum(old, new)
+            if which is not None:
+                which[some[new < old]] = atom
             start += len(some)
     return result
 

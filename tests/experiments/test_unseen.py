@@ -109,6 +109,21 @@ def test_the_report_has_the_median_the_worst_decile_and_the_worst_row():
     assert _specs(runs).splitlines()[2].startswith("| 1 | 2 | 1 | 11 | 0 | 0.0100 | 0.890 |")
 
 
+def test_training_seeds_are_compared_on_the_specs_that_all_have():
+    good, bad = row(0.001, 0.99), row(0.02, 0.99)
+    common = {"spec": "", "objects": 2, "labels": 1, "cpu_seconds": 60.0, "size": 10}
+    runs = [
+        Run(seed=1, rows=[good, bad], speed=6e4, **common),
+        Run(seed=2, rows=[bad, bad], **common),
+        Run(seed=1, training_seed=1, rows=[good, good], speed=4e4, **common),
+    ]
+    bars = _bars(runs)
+    assert "| bar | met by | held | each of 2 training seeds, on 1 specs |" in bars
+    assert "| raw error <= 0.01 in 90 % | 50.0 % | no | 50.0 % to 100.0 % |" in bars
+    assert "| raw scenes >= 50,000 a CPU second | 50.0 % | no | 0.0 % to 100.0 % |" in bars  # one was not measured
+    assert _specs(runs).splitlines()[3].endswith("| 60 | 0 | - |")
+
+
 def test_the_report_says_what_is_not_in_it():
     rare = Run(seed=3, training_seed=1, spec="", objects=2, labels=1, missing=["task 0.1: found 3 of 4,000"])
     runs = [rare, Run(seed=2, spec="", objects=2, labels=1, failed="constant")]

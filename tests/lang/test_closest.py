@@ -45,6 +45,19 @@ def test_ties_and_places_in_common():
     assert np.array_equal(found, wanted)
 
 
+def test_it_says_which_is_the_least():
+    rows = np.random.default_rng(7).uniform(0.0, 1.0, (15, 2000))
+    core = check_text(TABLE).core
+    values = evaluate(core, list(rows), NUMPY)
+    for closest in find(core).values():
+        which = np.zeros(2000, np.int32)
+        found = least(closest, {arg: np.asarray(values[arg]) for arg in closest.needs}, gap, which)
+        assert set(which) <= set(closest.atoms) and len(set(which)) > 3
+        assert np.array_equal(
+            np.stack([np.broadcast_to(value, 2000) for value in values])[which, np.arange(2000)], found
+        )
+
+
 def test_numbers_without_bounds():
     rows = np.random.default_rng(3).uniform(0.0, 1.0, (15, 40))
     rows[0, 0], rows[1, 1], rows[4, 2], rows[3, 3] = np.nan, np.nan, 1e200, -1e300

@@ -1,0 +1,165 @@
+"""phi of many scenes, and its gradient where it is wanted, through the atom that decides.
+
+Of a hard min or max only the deciding atom has a gradient, and it reads few objects. So phi is computed without
+gradients, which leaves out most clearances of a conjunction of many; then each atom is differentiated by itself, in the
+scenes that it decides. Atoms that are alike but for their objects and the sizes of these are differentiated together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import torch
+from torch import Tensor
+
+from scenegen.lang.closest import find, last_uses_of
+from scenegen.lang.core import Apply, Atom, Coord, Core, Node, last_uses, part
+from scenegen.lang.headings import bare_rows
+from scenegen.pose import SIZE
+from scenegen.primitives.footprint import Box, Circle, Footprint
+from scenegen.robustness.deciding import decided
+from scenegen.robustness.headings import coordinates
+from scenegen.robustness.tape import run
+
+
+class Slopes:
+    """Of the labels of a core formula, for plain tensors on the CPU."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = part(core, tuple(core.labels))
+        self._closest = find(self._core)
+        self._dead = last_uses_of(self._core, self._closest)
+        self._bare = bare_rows(self._core)
+        self._forms: dict[tuple[Node, ...], _Form] = {}
+        self._pieces: dict[int, _Piece] = {}
+
+    def __call__(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """(3N, B) storage -> phi (L, B), and the node of the atom that decides it, (L, B) int32."""
+        return decided(self._core, self._dead, coordinates(rows.__getitem__, self._bare), rows, self._closest)
+
+    def gradient(self, rows: Tensor, atoms: Tensor, where: Tensor) -> Tensor:
+        """The gradients (3N, B) of the margins of atoms (B,), as a call names them, in scenes (3N, B), as far as they
+        are wanted, `where` (B,); 0 elsewhere."""
+        wanted = where.nonzero()[:, 0]
+        wanted = wanted[atoms[wanted].argsort(stable=True)]
+        counts = torch.bincount(atoms[wanted], minlength=1)
+        together: dict[int, list[tuple[_Piece, Tensor]]] = {}
+        found = counts.nonzero()[:, 0]
+        for atom, scenes in zip(found.tolist(), torch.split(wanted, counts[found].tolist()), strict=True):
+            piece = self._piece(atom)
+            together.setdefault(piece.form.number, []).append((piece, scenes))
+        result = torch.zeros_like(rows, memory_format=torch.contiguous_format)
+        flat, stored = rows.contiguous().view(-1), result.view(-1)
+        for pieces in together.values():
+            form, counts = pieces[0][0].form, torch.tensor([len(scenes) for _, scenes in pieces])
+            if not form.core.objects:
+                continue  # a constant
+            reads, sizes = (
+                torch.tensor(numbers, dtype=dtype).repeat_interleave(counts, dim=0).T
+                for numbers, dtype in (
+                    ([piece.reads for piece, _ in pieces], torch.int64),
+                    ([piece.sizes for piece, _ in pieces], rows.dtype),
+                )
+            )
+            place = (reads * rows.shape[1] + torch.cat([scenes for _, scenes in pieces])).reshape(-1)
+            here = flat.index_select(0, place).view(reads.shape).requires_grad_()
+            with torch.enable_grad():
+                margin = form.margin(here, iter(sizes))
+            slope = torch.autograd.grad(margin, here, torch.ones_like(margin))[0]
+            stored.scatter_(0, place, slope.reshape(-1))
+        return result
+
+    def _piece(self, atom: int) -> _Piece:
+        """The margin of an atom as a formula of its own objects alone."""
+        if atom not in self._pieces:
+            margin = cast(Atom, self._core.nodes[atom]).margin
+            alone = part(Core(self._core.nodes, {"": margin}, self._core.objects), [""])
+            objects = list(dict.fromkeys(node.object for node in alone.nodes if isinstance(node, Coord)))
+            sizes: list[float] = []
+            nodes = tuple([_general(node, objects, sizes) for node in alone.nodes])
+            if nodes not in self._forms:
+                self._forms[nodes] = _form(nodes, tuple(map(str, range(len(objects)))), len(self._forms))
+            reads = [SIZE * which + axis for which in objects for axis in range(SIZE)]
+            self._pieces[atom] = _Piece(self._forms[nodes], reads, sizes)
+        return self._pieces[atom]
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """A formula of one margin, whose circles and boxes are of any size."""
+
+    number: int
+    core: Core
+    dead: list[list[int]]
+    bare: frozenset[int]
+
+    def margin(self, rows: Tensor, sizes: Iterator[Tensor]) -> Tensor:
+        """(B,) in scenes (3N, B), for circles and boxes of these `sizes` (B,), in the order of _general."""
+        nodes = tuple([_sized(node, sizes) for node in self.core.nodes])
+        core = Core(nodes, self.core.labels, self.core.objects)
+        coordinate = coordinates(rows.__getitem__, self.bare)
+        value: Tensor = run(core, self.dead, coordinate, rows.new_tensor)[0]
+        return value.expand(rows.shape[1])
+
+
+def _form(nodes: tuple[Node, ...], objects: tuple[str, ...], number: int) -> _Form:
+    core = Core(nodes, {"": len(nodes) - 1}, objects)
+    return _Form(number, core, last_uses(core), bare_rows(core))
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """An atom's margin: its form, the rows of the storage that it reads, and the sizes of its circles and boxes."""
+
+    form: _Form
+    reads: list[int]
+    sizes: list[float]
+
+
+def _general(node: Node, objects: list[int], sizes: list[float]) -> Node:
+    """The node with its objects by their places in `objects`, and without the sizes of its circles and boxes, which are
+    put into `sizes`."""
+    if isinstance(node, Coord):
+        return Coord(objects.index(node.object), node.axis)
+    if not isinstance(node, Apply) or not node.shapes:
+        return node
+    shapes: list[Footprint] = []
+    for shape in node.shapes:
+        if isinstance(shape, Circle):
+            sizes.append(shape.radius)
+            shape = Circle(0.0)
+        elif isinstance(shape, Box):
+            sizes += [shape.length, shape.width]
+            shape = Box(0.0, 0.0)
+        shapes.append(shape)
+    return Apply(node.primitive, node.args, tuple(shapes))
+
+
+class _Circles(Circle):
+    """Circles of many sizes, as numbers of the namespace."""
+
+    __slots__ = ()
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
+
+class _Boxes(Box):
+    """Boxes of many sizes; the numbers of one and of another are not compared."""
+
+    __slots__ = ()
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
+
+def _sized(node: Node, sizes: Iterator[Tensor]) -> Node:
+    """The node of _general with sizes."""
+    if not isinstance(node, Apply) or not node.shapes:
+        return node
+    shapes: list[Footprint] = []
+    for shape in node.shapes:
+        if isinstance(shape, Circle):
+            shape = _Circles(cast(float, next(sizes)))
+        elif isinstance(shape, Box):
+            shape = _Boxes(cast(float, next(sizes)), cast(float, next(sizes)))
+        shapes.append(shape)
+    return Apply(node.primitive, node.args, tuple(shapes))

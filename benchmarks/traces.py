@@ -11,7 +11,8 @@ square of the window.
 
 Compiled is `trace_robustness(compiled=True)` beside the same without, for the same motions in the same minute: fewer of
 them at T = 2,000. Compiling is timed at the first call, CPU seconds of this process and of the C++ compiler, with
-nothing cached; the first of all also pays for the import of torch's compiler.
+nothing cached at first: the first row has the import of torch's compiler and the compilation, and the others, whose
+formulas of a state are the same, find its machine code.
 
 The exponent is the slope of log time over log T, for T from a tenth of the longest on, with windows of a quarter of T:
 1 is linear. The number of motions keeps the number of poses the same, so each call has as much to do beside overhead.

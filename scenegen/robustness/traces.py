@@ -142,15 +142,16 @@ class _Torch:
         return out
 
     def slide(self, kind: str, a: Tensor, width: int) -> Tensor:
-        """Forwards, a few passes of `doubled` are as fast as anything up to 10,000 moments; backwards each costs dearly.
-        So with gradients it is van Herk's and Gil and Werman's way, linear in time: in blocks of `width` moments the
-        extremes from t to the end of its block, and those from the start of the next block on."""
+        """Forwards, a few passes of `doubled` are as fast as anything up to 10,000 moments; backwards each costs much.
+        So with gradients it is the algorithm of van Herk, Gil and Werman, linear in T: in blocks of `width` moments
+        the extremes from t to the end of its block, and those from the start of the next block on."""
         if not _followed(a) or transformed(a):
             return doubled(self, kind, a, width)
         moments = a.shape[-1]
         blocks = -(-moments // width)
         fill = math.inf if kind == "min" else -math.inf
-        a = torch.nn.functional.pad(a, (0, blocks * width - moments), value=fill).unflatten(-1, (blocks, width))
+        a = torch.nn.functional.pad(a, (0, blocks * width - moments), value=fill)
+        a = a.reshape(*a.shape[:-1], blocks, width)
         running = torch.cummin if kind == "min" else torch.cummax
         ends = running(a.flip(-1), -1).values.flip(-1).flatten(-2)[..., :moments]
         starts = running(a, -1).values.flatten(-2)[..., width - 1 : moments + width - 1]
@@ -160,4 +161,4 @@ class _Torch:
 def _followed(a: Tensor) -> bool:
     """Whether something wants derivatives, or a transform is at work."""
     backward = a.requires_grad and torch.is_grad_enabled()
-    return backward or transformed(a) or forward_ad.unpack_dual(a).tangent is not None
+    return backward or transformed(a) or forward_ad.unpack_dual(a).tangent is not None  # type: ignore[no-untyped-call]

@@ -155,7 +155,8 @@ class _Torch:
         running = torch.cummin if kind == "min" else torch.cummax
         ends = running(a.flip(-1), -1).values.flip(-1).flatten(-2)[..., :moments]
         starts = running(a, -1).values.flatten(-2)[..., width - 1 : moments + width - 1]
-        return self.onto(kind, ends, starts)
+        out: Tensor = self.onto(kind, ends, starts)
+        return out
 
 
 def _followed(a: Tensor) -> bool:

@@ -136,7 +136,7 @@ class _Torch:
         moments = b.shape[-1]
         if _followed(a) or _followed(b):
             return torch.cat([step(a[..., :moments], b), a[..., moments:]], dim=-1)
-        out = torch.empty_like(a)
+        out: Tensor = torch.empty_like(a)
         step(a[..., :moments], b, out=out[..., :moments])
         out[..., moments:] = a[..., moments:]
         return out

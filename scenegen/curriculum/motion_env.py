@@ -178,7 +178,8 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     def _seen(self) -> Seen:
         watch = self._watch
         assert watch is not None
-        return self.rules.seen(self._rows[-1], np.array([watch.seen]), watch.bounds(self.rules.nodes))[0]
+        found: Seen = self.rules.seen(self._rows[-1], np.array([watch.seen]), watch.bounds(self.rules.nodes))[0]
+        return found
 
     def _info(self, blocked: bool, violated: bool) -> dict[str, Any]:
         assert self._watch is not None

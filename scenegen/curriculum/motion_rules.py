@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -63,8 +64,8 @@ class MotionRules:
     nodes: tuple[int, ...]
     names: tuple[str, ...]
 
-    def space(self) -> spaces.Box:
-        """That of observations."""
+    def space(self) -> Any:
+        """That of observations, a Box."""
         return spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
 
     def read(self, options: object) -> StartWanted:

@@ -43,7 +43,7 @@ class MotionVector(Many):
         super().__init__(num_envs, max_episode_steps, autoreset_mode)
         one = MotionTable(spec, **settings)  # its rules, starts and pictures are used for all tables
         self._one, self.rules = one, one.rules
-        self.scenes, self.goal, self.moves, self.seen_names = one.scenes, one.goal, one.moves, one.names
+        self.scenes, self.goal, self.moves = one.scenes, one.goal, one.moves
         self.names, self.about = self.scenes.labels, "start"
         self.metadata = {**one.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = one.render_mode
@@ -55,7 +55,6 @@ class MotionVector(Many):
         self._watches = Watches(timed, low, high, num_envs)
         self._rows = np.zeros((timed.horizon.moments, len(low), num_envs))  # from the last moment seen on the same
         self._paid = np.zeros(num_envs)
-        self._ended = np.zeros(num_envs, dtype=np.bool_)  # which motions are over, but not yet another
         self._drawn = np.zeros((num_envs, len(timed.labels)))
         self._tasks = np.zeros((num_envs, len(timed.labels), 2))
 
@@ -105,7 +104,6 @@ class MotionVector(Many):
         known = np.flatnonzero((low >= high) & ~over & ~again)
         if len(known):
             over[known] = self.rules.waiting(self._rows[..., known])
-        self._ended = over
         if self.rules.final:
             reward = np.where(over, low, 0.0)
         else:
@@ -139,7 +137,7 @@ class MotionVector(Many):
             begun.append((k, poses.reshape(-1), phi, self.rules.task(wanted)))
         for k, row, phi, task in begun:
             self._rows[..., k], self._drawn[k], self._tasks[k] = row, phi, task
-        self._paid[who], self._ended[who] = 0.0, False
+        self._paid[who] = 0.0
         self._watches.begin(who)
         self._watches.add(who, self._rows[0][:, who])
         return np.zeros_like(chosen)

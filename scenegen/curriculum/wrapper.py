@@ -134,9 +134,10 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
 
 class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
-    """The same around a TableTopVector, or a MotionVector with a `source`. Outcomes are reported table by table, in the order of the tables; `infos`, or
-    the `final_info` of the autoreset mode "SameStep", has them as `outcome`, (num_envs,) of objects, with the mask
-    `_outcome`. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
+    """The same around a TableTopVector, or a MotionVector with a `source`. Outcomes are reported table by table, in the
+    order of the tables; `infos`, or the `final_info` of the autoreset mode "SameStep", has them as `outcome`,
+    (num_envs,) of objects, with the mask `_outcome`. For `SyncVectorEnv`, wrap the single environments in
+    `Curriculum`."""
 
     def __init__(self, env: TableTopVector | MotionVector, strategy: Strategy) -> None:
         _check(env, (TableTopVector, MotionVector), strategy)

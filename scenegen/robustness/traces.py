@@ -146,7 +146,8 @@ class _Torch:
         So with gradients it is the algorithm of van Herk, Gil and Werman, linear in T: in blocks of `width` moments
         the extremes from t to the end of its block, and those from the start of the next block on."""
         if not _followed(a) or transformed(a):
-            return doubled(self, kind, a, width)
+            passed: Tensor = doubled(self, kind, a, width)
+            return passed
         moments = a.shape[-1]
         blocks = -(-moments // width)
         fill = math.inf if kind == "min" else -math.inf

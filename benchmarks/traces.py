@@ -9,6 +9,11 @@ compared for every trace that rtamt scores. Where rtamt is not installed, its co
 with an until without a window, for which rtamt is fastest, and one with a window, for which its time grows with the
 square of the window.
 
+Compiled is `trace_robustness(compiled=True)` beside the same without, for the same motions in the same minute: fewer of
+them at T = 2,000. Compiling is timed at the first call, CPU seconds of this process and of the C++ compiler, with
+nothing cached at first: the first row has the import of torch's compiler and the compilation, and the others, whose
+formulas of a state are the same, find its machine code.
+
 The exponent is the slope of log time over log T, for T from a tenth of the longest on, with windows of a quarter of T:
 1 is linear. The number of motions keeps the number of poses the same, so each call has as much to do beside overhead.
 """
@@ -18,6 +23,8 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import resource
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -134,13 +141,43 @@ def beside_rtamt(case: str, steps: int, seconds: float) -> list[str]:
     ]
 
 
-def exponent(longest: int, seconds: float) -> tuple[list[tuple[int, float]], float]:
-    """(T, microseconds a pose) and the slope of log time of a motion over log T."""
+def beside_compiled(case: str, steps: int, seconds: float) -> list[str]:
+    """A line of the table: traces a second of both, the ratio, how far phi differs, and what compiling took."""
+    count = min(BATCH, max(1, POSES // (steps + 1)) if steps > 200 else BATCH)
+    eager, poses = ours(case, steps), motions(count, steps)
+    run = scenegen.parse(CASES[case][0].format(**windows(steps))).trace_robustness(compiled=True)
+    began = cpu_with_children()
+    apart = float((run(poses) - eager(poses)).abs().max())
+    compiling = cpu_with_children() - began
+    plain, fast = (count / fastest(lambda one=one: one(poses), seconds) for one in (eager, run))
+    return [
+        case,
+        str(steps),
+        f"{plain:,.0f}",
+        f"{fast:,.0f}",
+        f"{fast / plain:.2f}",
+        f"{apart:.1g}",
+        f"{compiling:.1f}",
+    ]
+
+
+def cpu_with_children() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def exponent(longest: int, seconds: float, slopes: bool) -> tuple[list[tuple[int, float]], float]:
+    """(T, microseconds a pose) and the slope of log time of a motion over log T; with gradients, of both ways."""
     found = []
     for steps in sorted({round(longest * share) for share in (0.01, 0.03, 0.1, 0.2, 0.5, 1.0)}):
         count = max(1, POSES // (steps + 1))
         run, poses = ours("until with a window", steps), motions(count, steps)
-        found.append((steps, fastest(lambda run=run, poses=poses: run(poses), seconds) / count))
+        if slopes:
+            poses.requires_grad_()
+            took = fastest(lambda run=run, poses=poses: run(poses).sum().backward(), seconds)
+        else:
+            took = fastest(lambda run=run, poses=poses: run(poses), seconds)
+        found.append((steps, took / count))
     long = [(math.log(steps), math.log(took)) for steps, took in found if steps >= 0.1 * longest]
     slope = float(np.polyfit(*zip(*long, strict=True), 1)[0])
     return [(steps, took / (steps + 1) * 1e6) for steps, took in found], slope
@@ -152,6 +189,7 @@ def main() -> None:
     parser.add_argument("--longest", type=int, default=10_000, help="T of the last measurement of the exponent")
     parser.add_argument("--out", type=Path, help="write the tables here, too")
     given = parser.parse_args()
+    os.environ["TORCHINDUCTOR_CACHE_DIR"] = tempfile.mkdtemp()
     lines = [
         "| formula | T | traces a second | with gradients | rtamt | times rtamt | phi differs by |",
         "|---|---|---|---|---|---|---|",
@@ -160,10 +198,19 @@ def main() -> None:
         for steps in (10, 50, 200):
             lines.append(f"| {' | '.join(beside_rtamt(case, steps, given.seconds))} |")
             print(lines[-1], flush=True)
-    points, slope = exponent(given.longest, given.seconds)
-    lines += ["", "| T | microseconds a pose |", "|---|---|"]
-    lines += [f"| {steps:,} | {each:.3f} |" for steps, each in points]
-    lines += ["", f"time grows with T to the power of {slope:.3f} (bar at T = 50: {BAR:g} times rtamt)"]
+    lines += ["", "| formula | T | traces a second | compiled | times | phi differs by | compiling, CPU s |"]
+    lines += ["|---|---|---|---|---|---|---|"]
+    for case in CASES:
+        for steps in (10, 50, 200, 2000):
+            lines.append(f"| {' | '.join(beside_compiled(case, steps, given.seconds))} |")
+            print(lines[-1], flush=True)
+    points, slope = exponent(given.longest, given.seconds, False)
+    backwards, steep = exponent(given.longest, given.seconds, True)
+    lines += ["", "| T | microseconds a pose | with gradients |", "|---|---|---|"]
+    both = zip(points, backwards, strict=True)
+    lines += [f"| {steps:,} | {each:.3f} | {other:.3f} |" for (steps, each), (_, other) in both]
+    lines += ["", f"time grows with T to the power of {slope:.3f}, with gradients {steep:.3f}"]
+    lines += [f"(bar at T = 50: {BAR:g} times rtamt)"]
     text = "\n".join(lines)
     print(text)
     if given.out:

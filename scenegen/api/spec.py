@@ -185,15 +185,16 @@ class Spec:
 
         return Robustness(self.checked.core, compiled=compiled)
 
-    def trace_robustness(self) -> TraceRobustness:
+    def trace_robustness(self, *, compiled: bool = False) -> TraceRobustness:
         """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
-        `time`. See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
+        `time`. `compiled` makes machine code of its formulas of a state (seconds, at the first call in each dtype,
+        whatever T). See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
         if self._checked.timed is None:
             raise RequestError(NOT_OVER_TIME(file=self._checked.name))
         need("torch", "for `trace_robustness()`")
         from scenegen.robustness.traces import TraceRobustness
 
-        return TraceRobustness(self._checked.timed)
+        return TraceRobustness(self._checked.timed, compiled=compiled)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too

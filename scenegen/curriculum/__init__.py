@@ -17,6 +17,7 @@ _PUBLIC = {
     "Curriculum": "wrapper",
     "CurriculumCallback": "sb3",
     "MotionTable": "motion_env",
+    "MotionVector": "motion_vector",
     "Outcome": "tasks",
     "PhiBox": "tasks",
     "SB3Vector": "sb3_vector",
@@ -30,6 +31,7 @@ __all__ = [
     "Curriculum",
     "CurriculumCallback",
     "MotionTable",
+    "MotionVector",
     "Outcome",
     "PhiBox",
     "SB3Vector",
@@ -42,6 +44,7 @@ __all__ = [
 if TYPE_CHECKING:
     from scenegen.curriculum.env import TableTop
     from scenegen.curriculum.motion_env import MotionTable
+    from scenegen.curriculum.motion_vector import MotionVector
     from scenegen.curriculum.sb3 import CurriculumCallback
     from scenegen.curriculum.sb3_vector import SB3Vector
     from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy

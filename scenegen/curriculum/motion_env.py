@@ -3,42 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
-from gymnasium import error, spaces
+from gymnasium import error
 
-from scenegen.api.monitor import Monitor
 from scenegen.api.motions import MotionSet
-from scenegen.api.spec import Spec, refuse_choices
-from scenegen.curriculum.errors import as_gymnasium, names, one_of, refused
-from scenegen.curriculum.motion_moves import MotionMoves
-from scenegen.curriculum.motion_starts import MotionStream, open_motions
+from scenegen.api.spec import Spec
+from scenegen.curriculum.errors import refused
+from scenegen.curriculum.motion_rules import make_motion_rules
+from scenegen.curriculum.motion_starts import MotionStream
 from scenegen.curriculum.picture import Easel, check_render
-from scenegen.curriculum.register import ID
-from scenegen.curriculum.request import PhiRanges, check_options, read_ranges
-from scenegen.curriculum.rules import load_spec
 from scenegen.curriculum.tasks import PhiBox
-from scenegen.curriculum.views import make_views
-from scenegen.errors.learning import NO_EPISODE, NOT_A_FIRST_SCENE
-from scenegen.errors.requests import UNKNOWN_LABEL, WRONG_VALUE
-from scenegen.errors.temporal import NOT_OVER_TIME
-from scenegen.lang.timed import Signal
+from scenegen.errors.learning import NO_EPISODE
 from scenegen.motions.monitor import HIGH, LOW, Watch
-from scenegen.motions.prepare import make_problem
-from scenegen.pose import LENGTHS
-from scenegen.sampling.request import SampleRequest
 
 Array = npt.NDArray[np.float64]
 Seen = npt.NDArray[np.float32]
-
-REWARDS = ("gain", "final")
-FAR = 1e6  # bounds beyond are seen as this
-EDGE = 1e-9  # metres by which a given scene may be over the edge
 
 
 class MotionTable(gymnasium.Env[Seen, Any]):
@@ -100,66 +85,42 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         size: tuple[int, int] = (480, 360),
     ) -> None:
         check_render(render_mode, view, size)
-        one_of("reward", reward, REWARDS)
-        self.scenes = load_spec(spec)
-        timed = self.scenes.over_time
-        if timed is None:
-            raise refused(NOT_OVER_TIME(file=self.scenes.declared.name), more=f"for scenes make {ID}")
-        self._timed, self._final = timed, reward == "final"
-        with as_gymnasium():
-            refuse_choices(self.scenes, "a motion")
-            self._problem, _ = make_problem(self.scenes.declared, SampleRequest({}, 1))
-        self.goal = self._labels(goal)
-        self.moves = MotionMoves(self._problem, moves, share)
-        self._starts = open_motions(self.scenes, source)
-        self._usual = self._read(phi)
-        self._views = make_views(self.scenes.declared)
-        self._nodes = [k for k, node in enumerate(timed.nodes) if not isinstance(node, Signal)]
-        self._nodes = sorted({*self._nodes, *timed.labels.values()})
-        named = {node: name for name, node in timed.labels.items()}
-        called = [named.get(node, f"formula {k}") for k, node in enumerate(self._nodes)]
-        ends = tuple(f"{name} {end}" for name in called for end in ("least", "most"))
-        self.names = (*self._views.names, "time left", *ends)
-        self.action_space = self.moves.space()
-        self.observation_space = spaces.Box(-1.0, 1.0, (len(self.names),), np.float32)
+        self.rules = rules = make_motion_rules(spec, goal, moves, share, reward, phi, source)
+        self.scenes, self.goal, self.moves, self.names = rules.scenes, rules.goal, rules.moves, rules.names
+        self.action_space, self.observation_space = rules.moves.space(), rules.space()
         self.render_mode, self.easel = render_mode, Easel(self.scenes.declared, view, size)
-        self.metadata = {**self.metadata, "render_fps": 1.0 / timed.horizon.dt}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / rules.timed.horizon.dt}
         self._stream: MotionStream | None = None
         self._watch: Watch | None = None
-        self._poses: list[Array] = []
+        self._rows: list[Array] = []  # (3N, 1) each
         self._drawn: dict[str, float] = {}
         self._over = False
 
     @property
     def space(self) -> PhiBox:
         """The phi of the source's motions, for a curriculum. Raises gymnasium.error.Error without a source."""
-        return self._starts.space
+        return self.rules.starts.space
 
     @property
     def motion(self) -> Array:
         """The poses so far, (moments, N, 3), metres and radians."""
-        return np.array(self._poses)
+        return np.array(self._rows).reshape(len(self._rows), len(self.scenes.objects), -1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode; see the class for options."""
-        options = dict(check_options(options))  # before the seed is used: a bad request changes nothing
-        nearest = bool(options.get("nearest", False))
-        if nearest and self._starts.given is None:
-            wanted = "False, or give motions as `source`"
-            raise refused(WRONG_VALUE(argument="nearest", value="True", wanted=wanted))
-        ranges = self._usual if options.get("phi") is None else self._read(options["phi"])
-        given = None if options.get("scene") is None else self._given(options["scene"])
+        wanted = self.rules.read(options)  # before the seed is used: a bad request changes nothing
         super().reset(seed=seed)
         if seed is not None or self._stream is None:
-            self._stream = MotionStream(self._starts, self.np_random)
-        if given is None:
-            poses, phi = self._stream.take(ranges, nearest=nearest)
+            self._stream = MotionStream(self.rules.starts, self.np_random)
+        if wanted.given is None:
+            poses, phi = self._stream.take(wanted.ranges, nearest=wanted.nearest)
             self._drawn = dict(zip(self.scenes.labels, phi.tolist(), strict=True))
         else:
-            poses, self._drawn = given, dict.fromkeys(self.scenes.labels, math.nan)
-        self._watch, _ = self._begun(poses)
-        self._poses, self._over, self._paid = [poses], False, 0.0
-        self._task = {} if given is not None else ranges.phi(self.scenes.labels)
+            poses, self._drawn = wanted.given, dict.fromkeys(self.scenes.labels, math.nan)
+        self._watch = Watch(self.rules.timed, *self.scenes.declared.box(), True, 1)
+        self._rows, self._over, self._paid = [poses.reshape(-1, 1)], False, 0.0
+        self._possible(self._watch, self._rows[0])
+        self._task = self.rules.task(wanted)
         return self._seen(), self._info(blocked=False, violated=False)
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
@@ -167,18 +128,18 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         if self._watch is None or self._over:
             state = "no episode has begun" if self._watch is None else "the episode is over"
             raise refused(NO_EPISODE(state=state, remedy="call reset()"), error.ResetNeeded)
-        watch, before = self._watch, self._poses[-1]
-        poses, mark = self.moves.after(before, action), watch.mark()
+        watch, before = self._watch, self._rows[-1]
+        rows, mark = self.moves.after(before, self.moves.checked(action, 1)), watch.mark()
         blocked = violated = False
-        if not self._possible(watch, poses):
-            blocked = not np.array_equal(poses, before)
+        if not self._possible(watch, rows):
+            blocked = not np.array_equal(rows, before)
             watch.back(mark)
-            poses = before
-            violated = not self._possible(watch, poses)
-        self._poses.append(poses)
+            rows = before
+            violated = not self._possible(watch, rows)
+        self._rows.append(rows)
         low, high = self._ends()
-        self._over = violated or watch.seen == self._timed.horizon.moments or (low >= high and self._can_wait())
-        if self._final:
+        self._over = violated or watch.seen == self.rules.timed.horizon.moments or (low >= high and self._can_wait())
+        if self.rules.final:
             reward = low if self._over else 0.0
         else:
             worth = low if math.isfinite(low) else self._paid  # nothing is certain yet
@@ -189,53 +150,42 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         """The last moment as (height, width, 3) if `render_mode` is "rgb_array"."""
         if self.render_mode is None:
             return None
-        if not self._poses:
+        if not self._rows:
             raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
-        return self.easel.draw(self._poses[-1].reshape(-1))
+        return self.easel.draw(self._rows[-1][:, 0])
 
     def close(self) -> None:
         """End the process that draws, if there is one."""
         self.easel.close()
 
-    def _begun(self, poses: Array) -> tuple[Watch, bool]:
-        """A monitor of motions that begin so, and whether the requirement can hold in one."""
-        watch = Watch(self._timed, *self.scenes.declared.box(), True, 1)
-        return watch, self._possible(watch, poses)
-
-    def _possible(self, watch: Watch, poses: Array) -> bool:
-        """Whether the requirement can still hold with these poses as the next moment."""
-        _, required = watch.add(poses[None])
+    def _possible(self, watch: Watch, rows: Array) -> bool:
+        """Whether the requirement can still hold with these poses (3N, 1) as the next moment."""
+        _, required = watch.add(rows.reshape(1, len(self.scenes.objects), -1))
         return required is None or bool(required[HIGH, 0] >= 0.0)
 
     def _can_wait(self) -> bool:
         """Whether the requirement holds if the objects stay where they are until the end."""
-        left = self._timed.horizon.moments - len(self._poses)
-        poses = np.array(self._poses + [self._poses[-1]] * left)
-        with np.errstate(all="ignore"):
-            return bool(self._problem.score(poses.transpose(1, 2, 0)[..., None])[-1, 0] >= 0.0)
+        left = self.rules.timed.horizon.moments - len(self._rows)
+        return bool(self.rules.waiting(np.array(self._rows + [self._rows[-1]] * left))[0])
 
     def _ends(self) -> tuple[float, float]:
         """What phi of the goal can be at least and at most."""
         assert self._watch is not None
-        bounds = self._watch.bounds([self._timed.labels[name] for name in self.goal])
+        bounds = self._watch.bounds([self.rules.timed.labels[name] for name in self.goal])
         low, high = bounds.min(axis=0)[:, 0]
         return float(low), float(high)
 
     def _seen(self) -> Seen:
-        watch, horizon = self._watch, self._timed.horizon
+        watch = self._watch
         assert watch is not None
-        bounds = np.clip(watch.bounds(self._nodes).reshape(-1), -FAR, FAR)
-        left = (horizon.moments - watch.seen) / horizon.steps
-        state = self._views(self._poses[-1].reshape(-1, 1))[0]
-        return np.concatenate([state, [left], bounds / (1.0 + np.abs(bounds))]).astype(np.float32)
+        found: Seen = self.rules.seen(self._rows[-1], np.array([watch.seen]), watch.bounds(self.rules.nodes))[0]
+        return found
 
     def _info(self, blocked: bool, violated: bool) -> dict[str, Any]:
         assert self._watch is not None
-        labels = self._timed.labels
+        labels = self.rules.timed.labels
         bounds = self._watch.bounds(list(labels.values()))[..., 0]
         low, _ = self._ends()
-        ends = {name: (one.low, one.high) for name, one in self._task.items()}
-        task = {name: ends.get(name, (None, None)) for name in labels}
         return {
             "phi": dict(zip(labels, bounds[:, LOW].tolist(), strict=True)),
             "phi_high": dict(zip(labels, bounds[:, HIGH].tolist(), strict=True)),
@@ -244,41 +194,5 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             "violated": violated,
             "start": dict(self._drawn),
             "moment": self._watch.seen - 1,
-            "task": {name: np.array([_end(low, -1.0), _end(high, 1.0)]) for name, (low, high) in task.items()},
+            "task": {name: ends.copy() for name, ends in zip(labels, self._task, strict=True)},
         }
-
-    def _given(self, scene: object) -> Array:
-        """A scene of the caller, (N, 3). Raises gymnasium.error.Error for one with which no motion begins."""
-        if not isinstance(scene, Mapping | np.ndarray | list | tuple):
-            wanted = "a pose (x, y, theta) for each object by name, or an array (N, 3)"
-            raise refused(WRONG_VALUE(argument="scene", value=f"of type {type(scene).__name__}", wanted=wanted))
-        with as_gymnasium():
-            poses = np.array(Monitor(self.scenes).read(scene))
-        if poses.ndim != 2:
-            raise refused(WRONG_VALUE(argument="scene", value=f"of shape {poses.shape}", wanted="one scene: (N, 3)"))
-        low, high = self._problem.lowest, self._problem.highest
-        for thing, axis in np.argwhere((poses < low - EDGE) | (poses > high + EDGE)).tolist():
-            if axis in LENGTHS or low[thing, axis] == high[thing, axis]:
-                reason = f"`{self._problem.names[thing]}` is outside of its limits"
-                raise refused(NOT_A_FIRST_SCENE(reason=reason))
-        if not self._begun(poses)[1]:
-            raise refused(NOT_A_FIRST_SCENE(reason="it violates what the spec requires"))
-        return poses
-
-    def _labels(self, goal: str | Sequence[str] | None) -> tuple[str, ...]:
-        wanted = self.scenes.labels if goal is None else names("goal", goal, "a label")
-        for name in wanted:
-            if name not in self.scenes.labels:
-                raise refused(UNKNOWN_LABEL(name=name, known=self.scenes.labels))
-        if not wanted:
-            raise refused(WRONG_VALUE(argument="goal", value="empty", wanted="a label, or leave it out"))
-        return wanted
-
-    def _read(self, phi: object) -> PhiRanges:
-        """The ranges of a request: (lo, hi) is for every label of the goal. Raises gymnasium.error.Error."""
-        places = [self.scenes.labels.index(name) for name in self.goal]
-        return read_ranges(self.scenes.labels, places, phi)
-
-
-def _end(value: float | None, sign: float) -> float:
-    return sign * math.inf if value is None else value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,7 @@ from scenegen.curriculum.moves import Moves
 from scenegen.errors.learning import NOTHING_TO_MOVE
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.motions.problem import MotionProblem
-from scenegen.pose import NAMES, PLACE, SIZE, THETA, TWO_PI, axis_of, owner, row_of
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
 
 Array = npt.NDArray[np.float64]
 
@@ -60,34 +61,35 @@ class MotionMoves:
         found: Space[int] | spaces.Box = self._moves.space()
         return found
 
-    def after(self, poses: Array, action: object) -> Array:
-        """Poses (N, 3) after an action: centres stay within their limits. Raises gymnasium.error.InvalidAction."""
-        rows = poses.reshape(-1, 1)
-        checked = self._moves.checked(action, 1)
+    def checked(self, actions: object, count: int) -> npt.NDArray[Any]:
+        """B actions as an array. Raises gymnasium.error.InvalidAction."""
+        return self._moves.checked(actions, count)
+
+    def after(self, rows: Array, actions: npt.NDArray[Any]) -> Array:
+        """Poses (3N, B) after checked actions: centres stay within their limits."""
         if self._moves.kind == "continuous":
-            checked = self._shortened(checked[0])[None]
-        moved = self._moves.apply(rows, checked)[:, 0].reshape(-1, SIZE)
-        low, high = self._lowest.reshape(-1, SIZE), self._highest.reshape(-1, SIZE)
+            actions = self._shortened(actions)
+        moved = self._moves.apply(rows, actions)
         for axis in PLACE:
-            moved[:, axis] = np.clip(moved[:, axis], low[:, axis], high[:, axis])
-        turned = moved[:, THETA] != poses[:, THETA]
-        theta = np.mod(moved[turned, THETA], TWO_PI)
-        moved[turned, THETA] = np.where(theta < TWO_PI, theta, 0.0)
+            at = along(axis)
+            moved[at] = np.clip(moved[at], self._lowest[at, None], self._highest[at, None])
+        at = along(THETA)
+        theta = np.mod(moved[at], TWO_PI)
+        moved[at] = np.where(moved[at] == rows[at], rows[at], np.where(theta < TWO_PI, theta, 0.0))
         return moved
 
     def _shortened(self, parts: Array) -> Array:
-        """Displacements within the unit disc, of one object alone where one moves in each step."""
+        """Displacements (B, K) within the unit disc, of one object alone where one moves in each step."""
         whose = np.array([owner(row) for row in self._moves.rows.tolist()])
         turns = np.array([axis_of(row) == THETA for row in self._moves.rows.tolist()])
-        size = np.zeros(whose.max() + 1)
+        size = np.zeros((len(parts), whose.max() + 1))
         out = parts.copy()
         for thing in np.unique(whose):
             flat = (whose == thing) & ~turns
-            far = float(np.hypot(*parts[flat])) if flat.any() else 0.0
-            if far > 1.0:
-                out[flat] /= far
-            turn = np.abs(parts[(whose == thing) & turns]).max(initial=0.0)
-            size[thing] = max(min(far, 1.0), float(turn))
+            far = np.hypot(*parts[:, flat].T) if flat.any() else np.zeros(len(parts))
+            out[:, flat] /= np.maximum(far, 1.0)[:, None]
+            turn = np.abs(parts[:, (whose == thing) & turns]).max(axis=1, initial=0.0)
+            size[:, thing] = np.maximum(np.minimum(far, 1.0), turn)
         if self._one:
-            out[whose != int(size.argmax())] = 0.0
+            out[whose != size.argmax(axis=1)[:, None]] = 0.0
         return out

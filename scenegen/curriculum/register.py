@@ -23,4 +23,8 @@ def register_environments() -> None:
         max_episode_steps=MAX_STEPS,
     )
     # its episodes end with the spec's horizon, so there is no limit of steps
-    gymnasium.register(id=MOTION_ID, entry_point="scenegen.curriculum.motion_env:MotionTable")
+    gymnasium.register(
+        id=MOTION_ID,
+        entry_point="scenegen.curriculum.motion_env:MotionTable",
+        vector_entry_point="scenegen.curriculum.motion_vector:MotionVector",
+    )

@@ -18,10 +18,12 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from scenegen.curriculum.env import TableTop
 from scenegen.curriculum.errors import refused
+from scenegen.curriculum.many import Array, Many, Mask
 from scenegen.curriculum.motion_env import MotionTable
+from scenegen.curriculum.motion_vector import MotionVector
 from scenegen.curriculum.request import check_options
 from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
-from scenegen.curriculum.vector import Array, Mask, TableTopVector
+from scenegen.curriculum.vector import TableTopVector
 from scenegen.errors.learning import NOT_A_STRATEGY, NOT_A_TASK, NOT_AN_ENVIRONMENT, STRATEGY_OUT_OF_REACH
 
 CALLS = ("next_task", "report")  # of a strategy
@@ -132,21 +134,22 @@ class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
 
 class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
-    """The same around a TableTopVector. Outcomes are reported table by table, in the order of the tables; `infos`, or
-    the `final_info` of the autoreset mode "SameStep", has them as `outcome`, (num_envs,) of objects, with the mask
-    `_outcome`. For `SyncVectorEnv`, wrap the single environments in `Curriculum`."""
+    """The same around a TableTopVector, or a MotionVector with a `source`. Outcomes are reported table by table, in the
+    order of the tables; `infos`, or the `final_info` of the autoreset mode "SameStep", has them as `outcome`,
+    (num_envs,) of objects, with the mask `_outcome`. For `SyncVectorEnv`, wrap the single environments in
+    `Curriculum`."""
 
-    def __init__(self, env: TableTopVector, strategy: Strategy) -> None:
-        _check(env, (TableTopVector,), strategy)
+    def __init__(self, env: TableTopVector | MotionVector, strategy: Strategy) -> None:
+        _check(env, (TableTopVector, MotionVector), strategy)
         super().__init__(env)
         self.strategy = strategy
-        self._tables: TableTopVector = env.unwrapped
+        self._tables: Many = env.unwrapped
         self._tables.chooser, self._tables.listener = self._next, self._hear
         self._fits = False
-        self._labels = self._tables.rules.target.labels
+        self._names, self._about = self._tables.names, self._tables.about
         self._tasks: list[PhiBox | None] = [None] * env.num_envs
         self._asked: dict[int, PhiBox] = {}  # tasks of episodes that are about to begin
-        self._phi = np.zeros((env.num_envs, self._labels))
+        self._phi = np.zeros((env.num_envs, len(self._names)))
         self._total, self._steps = np.zeros(env.num_envs), np.zeros(env.num_envs, dtype=np.intp)
         self._over = np.zeros(env.num_envs, dtype=np.bool_)
         self._told = np.full(env.num_envs, None, dtype=object)
@@ -203,7 +206,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
             return
         for number in np.flatnonzero(begun).tolist():
             self._tasks[number] = self._asked.get(number)
-        phi = [infos["phi"][name] for name in self._tables.rules.target.names[: self._labels]]
+        phi = [infos[self._about][name] for name in self._names]
         self._phi[begun] = np.stack(phi, axis=1)[begun]
         self._total[begun], self._steps[begun] = 0.0, 0
         self._over = self._over & ~begun

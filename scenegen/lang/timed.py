@@ -29,7 +29,7 @@ from scenegen.lang.core import (
     part,
 )
 from scenegen.lang.horizon import Horizon, Movers
-from scenegen.lang.windows import Arrays, extreme, until
+from scenegen.lang.windows import Arrays, doubled, extreme, until
 
 MOST_VALUES = 20_000_000  # operators times moments; larger specs are refused
 
@@ -159,6 +159,17 @@ class Numpy:
         out = everywhere(-math.inf)
         out[..., 0] = value
         return out
+
+    @staticmethod
+    def onto(kind: str, a: Any, b: Any) -> Any:
+        moments = b.shape[-1]
+        out = np.empty_like(a)
+        (np.minimum if kind == "min" else np.maximum)(a[..., :moments], b, out=out[..., :moments])
+        out[..., moments:] = a[..., moments:]
+        return out
+
+    def slide(self, kind: str, a: Any, width: int) -> Any:
+        return doubled(self, kind, a, width)
 
 
 def endless(timed: Timed) -> list[npt.NDArray[np.float64]]:

@@ -48,7 +48,7 @@ class Chains:
     def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> Chains:
         """Chains at the base distribution, allowed everywhere."""
         now = draw(problem, count, rng)
-        scores = problem.scores(poses_of(problem, now))
+        scores = problem.scores(poses_of(problem, now), stop)
         anywhere = np.full(len(scores), -np.inf)
         return cls(problem, rng, now, scores, Region(anywhere, -anywhere), np.ones(count), stop, count)
 
@@ -89,7 +89,7 @@ class Chains:
         return taken / max(1, moves * self.count)
 
     def _accept(self, new: Variables, good: Flags) -> int:
-        scores = self.problem.scores(poses_of(self.problem, new))
+        scores = self.problem.scores(poses_of(self.problem, new), self.stop)
         self.evaluations += self.count
         held = good & self.region.holds(list(scores))
         weight = self._weigh(self.region, scores)

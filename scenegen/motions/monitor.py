@@ -13,13 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds import label_bounds
-from scenegen.bounds.effort import Effort
 from scenegen.lang.headings import bare_rows
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.timed import Numpy, Timed, over_time
-from scenegen.motions.bounds import step_bounds
-from scenegen.pose import TWO_PI, as_rows, is_angle, owner
+from scenegen.motions.reach import Reach
+from scenegen.pose import TWO_PI, as_rows, is_angle
 from scenegen.primitives import NUMPY
 
 Array = npt.NDArray[np.float64]
@@ -37,6 +35,17 @@ class Mark:
     values: list[Array]
 
 
+def state_values(timed: Timed, state: Array) -> Array:
+    """The state's formulas, of objects and, where `timed.steps` is set, of where they were before: (3N or 6N, B) ->
+    (S, B)."""
+    if bare_rows(timed.state):
+        angles = [row for row in range(len(state)) if is_angle(row)]
+        state = state.copy()
+        state[angles] = np.mod(state[angles], TWO_PI)
+    values = evaluate(timed.state, list(state), NUMPY).values()
+    return np.stack([np.broadcast_to(one, state.shape[1]) for one in values])
+
+
 @dataclass(slots=True)
 class Watch:
     """B motions side by side, moment by moment. `lowest` and `highest` (3N,) are the limits of poses; with `reach`
@@ -50,16 +59,14 @@ class Watch:
     seen: int = 0
     _signals: Array = field(init=False)  # (S, 2, B, T + 1)
     _before: Array = field(init=False)  # (3N, B)
-    _steps: Array = field(init=False)  # (3N,): how far a step goes
+    _reach: Reach = field(init=False)
     _values: list[Array] = field(init=False)  # of every node over time, (2, B, T + 1)
 
     def __post_init__(self) -> None:
         timed, moments = self.timed, self.timed.horizon.moments
-        far = np.stack(self._bounds(self.lowest[:, None], self.highest[:, None]), axis=1)  # (S, 2, 1)
+        self._reach = Reach(timed, self.lowest, self.highest)
+        far = np.stack(self._reach.bounds(self.lowest[:, None], self.highest[:, None]), axis=1)  # (S, 2, 1)
         self._signals = np.broadcast_to(far[..., None], (len(far), 2, self.count, moments)).copy()
-        away, turn = step_bounds(timed)
-        rows = range(len(self.lowest))
-        self._steps = np.array([turn[owner(row)] if is_angle(row) else away[owner(row)] for row in rows])
 
     def add(self, poses: Array) -> tuple[dict[str, Array], Array | None]:
         """The next moment, (B, N, 3). By label the least and the largest phi that the motions can still have, (2, B),
@@ -67,12 +74,7 @@ class Watch:
         rows = as_rows(poses)
         before = self._before if self.seen else rows
         state = np.concatenate([rows, before]) if self.timed.steps else rows
-        if bare_rows(self.timed.state):
-            angles = [row for row in range(len(state)) if is_angle(row)]
-            state = state.copy()
-            state[angles] = np.mod(state[angles], TWO_PI)
-        values = list(evaluate(self.timed.state, list(state), NUMPY).values())
-        self._signals[..., self.seen] = np.stack([np.broadcast_to(one, self.count) for one in values])[:, None]
+        self._signals[..., self.seen] = state_values(self.timed, state)[:, None]
         self._before, self.seen = rows.copy(), self.seen + 1
         self._look_ahead()
         return self._outlook()
@@ -96,45 +98,17 @@ class Watch:
         if not left or not (self.reach or self.timed.steps):
             return
         many = left if self.reach else 1
-        low, high = self._boxes(np.arange(many + 1.0))  # (3N, B, many + 1)
+        low, high = self._reach.boxes(self._before[..., None], np.arange(many + 1.0))  # (3N, B, many + 1)
         if not self.reach:
             low[..., 1:], high[..., 1:] = self.lowest[:, None, None], self.highest[:, None, None]
         shape = (len(low), -1)
-        ends = self._bounds(
+        ends = self._reach.bounds(
             low[..., 1:].reshape(shape), high[..., 1:].reshape(shape), low[..., :-1].reshape(shape),
             high[..., :-1].reshape(shape),
         )  # fmt: skip
         ahead = self._signals[..., self.seen : self.seen + many]
         for end, value in zip((LOW, HIGH), ends, strict=True):
             ahead[:, end] = value.reshape(len(ahead), self.count, many)
-
-    def _boxes(self, steps: Array) -> tuple[Array, Array]:
-        """Where coordinates can be after so many steps from now, two (3N, B, K): within the limits and reach; a heading
-        that can pass the end of the circle can be anywhere."""
-        now = self._before[..., None]
-        with np.errstate(invalid="ignore"):
-            way = np.where(steps == 0.0, 0.0, self._steps[:, None] * steps)[:, None]
-        low, high = now - way, now + way
-        for row in range(len(now)):
-            least, most = self.lowest[row], self.highest[row]
-            if is_angle(row):
-                round_ = ((low[row] < 0.0) | (high[row] >= TWO_PI)) & (steps > 0.0)
-                low[row], high[row] = np.where(round_, 0.0, low[row]), np.where(round_, TWO_PI, high[row])
-                continue
-            inside = (now[row] >= least) & (now[row] <= most)
-            low[row] = np.where(inside, np.maximum(low[row], least), low[row])
-            high[row] = np.where(inside, np.minimum(high[row], most), high[row])
-        return low, high
-
-    def _bounds(
-        self, low: Array, high: Array, before_low: Array | None = None, before_high: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Bounds of the state's formulas over K boxes, two (S, K)."""
-        if self.timed.steps:
-            low = np.concatenate([low, low if before_low is None else before_low])
-            high = np.concatenate([high, high if before_high is None else before_high])
-        with np.errstate(over="ignore", invalid="ignore"):
-            return label_bounds(self.timed.state, low, high, Effort())
 
     def _outlook(self) -> tuple[dict[str, Array], Array | None]:
         def everywhere(value: float) -> Array:

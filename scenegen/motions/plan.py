@@ -22,6 +22,7 @@ from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.sampler import probability
 
 BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
+LEAST = 8  # the same, of very large motions
 PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
 ENOUGH = 4  # hits of the rarest cell that tell how rare it is
 MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
@@ -67,25 +68,31 @@ class MotionRejection(_MotionPlan):
         return self.wanted / self.share
 
     @property
+    def batch(self) -> int:
+        """Motions drawn for a piece."""
+        return self.problem.at_once(BATCH, LEAST)
+
+    @property
     def scenes_per_piece(self) -> float:
-        return BATCH * self.share
+        return self.batch * self.share
 
     def draw(self, k: int) -> Piece:
         self.stop.check()
-        made = draw(self.problem, BATCH, generator(self.seed, k))
+        made = draw(self.problem, self.batch, generator(self.seed, k))
         poses = within_a_turn(poses_of(self.problem, made))
-        scores = self.problem.scores(poses)
+        scores = self.problem.scores(poses, self.stop)
         cell = self.cells.find(scores)
         good = np.flatnonzero(cell >= 0)
-        share = len(good) / BATCH
+        share = len(good) / self.batch
         rows = columns(self.problem, made.take(good), poses[..., good])
         return Piece(rows, scores[:, good], cell[good], np.array([share, share**2, 1.0]))
 
     def account(self, tally: Tally) -> Account:
         total, square, _ = tally.facts or (0.0, 0.0, 0.0)
-        info = {"method": self.method, "seed": self.seed, "candidates": tally.pieces * BATCH, "pieces": tally.pieces}
+        drawn = tally.pieces * self.batch
+        info = {"method": self.method, "seed": self.seed, "candidates": drawn, "pieces": tally.pieces}
         info |= probability(tally.pieces, total, square)
-        return Account(info, f"{tally.pieces * BATCH:,} motions")
+        return Account(info, f"{drawn:,} motions")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,13 +178,13 @@ def effective_share(pieces: float, chains: int, watched: Array) -> float | None:
 
 def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
-    rng, drawn = generator(problem.request.seed, -2), 0
+    rng, drawn, batch = generator(problem.request.seed, -2), 0, problem.at_once(BATCH, LEAST)
     counts = np.zeros(problem.cells.count, dtype=np.intp)
-    while drawn < PILOT * BATCH and counts.min() < ENOUGH:
+    while drawn < PILOT * batch and counts.min() < ENOUGH:
         budget.check()
-        cell = problem.cells.find(problem.scores(poses_of(problem, draw(problem, BATCH, rng))))
+        cell = problem.cells.find(problem.scores(poses_of(problem, draw(problem, batch, rng)), budget))
         counts += np.bincount(cell[cell >= 0], minlength=len(counts))
-        drawn += BATCH
+        drawn += batch
     return counts, drawn
 
 

@@ -12,6 +12,7 @@ from scenegen.errors.motions import NO_BOUND_ON_STEPS
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.spec import CheckedSpec
 from scenegen.motions.bounds import phi_bounds, step_bounds
+from scenegen.motions.cost import cost
 from scenegen.motions.problem import MotionProblem
 from scenegen.motions.scores import TraceScores
 from scenegen.pose import PLACE, THETA, row_of, rows_of
@@ -48,6 +49,6 @@ def make_problem(
     made = MotionProblem(
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
-        moves=timed.moves, dt=timed.horizon.dt,
+        moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
     )  # fmt: skip
     return made, warnings

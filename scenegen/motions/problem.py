@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.pose import LENGTHS, TWO_PI, row_count
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.request import SampleRequest
@@ -17,6 +18,9 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]
+
+NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays
+WORK = 1 << 26  # of phi between two looks at the time: a fraction of a second
 
 GATES = ("(require)", "(limits)")  # two more rows of scores, at least 0 in every motion that counts
 
@@ -33,7 +37,8 @@ class MotionProblem:
 
     `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
-    processes. `scores` has the same rows, then the room (see GATES).
+    processes. `scores` has the same rows, then the room (see GATES). `cost` is about how many numbers it computes for a
+    motion.
     """
 
     names: tuple[str, ...]
@@ -47,6 +52,7 @@ class MotionProblem:
     request: SampleRequest
     moves: Moves = "one"
     dt: float = 1.0
+    cost: int = 0
     cells: Cells = field(init=False)
 
     def __post_init__(self) -> None:
@@ -86,9 +92,21 @@ class MotionProblem:
                 np.minimum(least, self.highest[thing, axis] - place.max(axis=0), out=least)
         return least
 
-    def scores(self, poses: Array) -> Array:
-        """phi of all labels, the requirement and the room, (N, 3, steps + 1, B) -> (L + 2, B)."""
-        out = np.empty((len(self.labels) + len(GATES), poses.shape[-1]))
-        out[:-1] = self.score(poses)
+    def at_once(self, wanted: int, fewest: int) -> int:
+        """How many motions to work on together: `wanted`, or less of large ones, so that they stay in memory and time
+        limits are kept; at least `fewest`."""
+        return min(wanted, max(fewest, min(NUMBERS // self.rows, WORK // max(1, self.cost))))
+
+    def scores(self, poses: Array, stop: Stop = NEVER) -> Array:
+        """phi of all labels, the requirement and the room, (N, 3, steps + 1, B) -> (L + 2, B). Raises what `stop`
+        raises, which is asked again and again where this takes long."""
+        count = poses.shape[-1]
+        some = max(1, WORK // max(1, self.cost))
+        out = np.empty((len(self.labels) + len(GATES), count))
+        for start in range(0, count, some):
+            if start:
+                stop.check()
+            part = slice(start, start + some)
+            out[:-1, part] = self.score(poses if some >= count else poses[..., part])
         out[-1] = self.room(poses)
         return out

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from scenegen.lang.spec import CheckedSpec
 from scenegen.motions.chains import Chains
+from scenegen.motions.cost import cost
 from scenegen.motions.prepare import make_problem
 from scenegen.motions.problem import GATES, MotionProblem
 from scenegen.sampling.interval import Estimate, ratio
-from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.tails import (
     COUNTED,
@@ -35,7 +35,6 @@ STREAM = 12  # random stream of these runs, apart from those of the samplers
 MOST, FEWEST = 4096, 256  # chains of a run
 DEPTH = 18  # levels that the effort of a run must cover
 WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
-SHARED = 6  # shapes cost less than in single scenes: a batch has all moments of a motion
 CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and once it is met
 
 
@@ -51,7 +50,7 @@ def measure(
         moves = 10 + problem.steps + len(problem.names)
         work = WORK // cost(spec)
         count = int(COUNTED * work) // (2 * len(labels) * ROUNDS * moves * DEPTH)
-        count = min(max(count, FEWEST), MOST) // ISLANDS * ISLANDS
+        count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
         base, weights, best = _require(problem, count, moves, seed, work, check)
         if not weights.any():
             return OutOfReach(best, base.evaluations)
@@ -71,15 +70,6 @@ def measure(
 
 def _go_on() -> None:
     """The default for `check`: never stops."""
-
-
-def cost(spec: CheckedSpec) -> int:
-    """About the cost of phi of one motion, in visits of nodes."""
-    timed = spec.timed
-    assert timed is not None
-    plain = len(timed.state.nodes)
-    shaped = (state_cost(timed.state) - plain) // SHARED
-    return (plain + shaped + len(timed.nodes) + 8 * len(timed.objects)) * timed.horizon.moments
 
 
 def _required(weights: Array) -> Estimate | None:

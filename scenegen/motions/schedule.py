@@ -15,6 +15,7 @@ from scenegen.sampling.splitting.chains import Region, which_cell
 STREAM = 11  # random numbers of motions, separate from those of scenes
 KEPT = 0.5
 FEWEST, PIECES = 64, 4
+AT_LEAST = 16  # chains, of motions so large that more would not fit
 LEVELS, STALL = 400, 20
 LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
 LONGEST = 32  # rounds of moves until then, at most
@@ -54,9 +55,10 @@ def statistics(problem: MotionProblem, chains: Chains) -> Array:
 def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
     """The schedule of a problem; None if its range is not reached. Raises StoppedError when time is up."""
     chains_of_piece = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
-    chains_of_piece = min(chains_of_piece, 4096)
+    chains_of_piece = problem.at_once(min(chains_of_piece, 4096), AT_LEAST)
     moves = 10 + problem.steps + len(problem.names)
-    chains = Chains.start(problem, max(512, chains_of_piece), generator(problem.request.seed, -1), budget)
+    many = problem.at_once(max(512, chains_of_piece), AT_LEAST)
+    chains = Chains.start(problem, many, generator(problem.request.seed, -1), budget)
     regions: list[Region] = []
     low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
     held = low.copy()

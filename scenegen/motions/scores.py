@@ -16,6 +16,7 @@ from scenegen.primitives import NUMPY
 Array = npt.NDArray[np.float64]
 
 STATES = 1 << 16  # states scored at a time, which stay in cache
+ALIVE = 1 << 25  # numbers alive meanwhile; large formulas get fewer states
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,8 @@ class TraceScores:
 
     def __call__(self, poses: Array) -> Array:
         count = poses.shape[-1]
-        some = max(1, STATES // poses.shape[2])
+        nodes = len(self.timed.state.nodes) + 2 * len(self.timed.nodes)
+        some = max(1, min(STATES, ALIVE // nodes) // poses.shape[2])
         if count <= some:
             return self._some(poses)
         parts = [poses[..., start : start + some] for start in range(0, count, some)]

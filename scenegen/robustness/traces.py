@@ -7,11 +7,13 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd import forward_ad
 
 from scenegen.lang.timed import Timed, over_time
+from scenegen.lang.windows import doubled
 from scenegen.pose import NAMES, SIZE, row_count
 from scenegen.robustness.compile import Robustness
-from scenegen.robustness.transforms import plain
+from scenegen.robustness.transforms import plain, transformed
 
 STATES = 1 << 18  # states at a time, where no gradient is wanted
 
@@ -23,17 +25,22 @@ class TraceRobustness:
     real-valued signals", FORMATS 2010, in discrete time with closed windows that end with the motion). Values are exact
     minima and maxima, differentiable; time grows with T log T at most, whatever the windows. Works in the dtype and on
     the device of its input.
+
+    With `compiled`, the formulas of a state are one kernel that torch.compile makes, for all moments of all motions;
+    windows over time, which are a few operations on whole arrays, stay as they are. So compiling takes as long as for
+    a scene, whatever T. Everything else that Robustness says of `compiled` holds here.
     """
 
-    def __init__(self, timed: Timed) -> None:
+    def __init__(self, timed: Timed, *, compiled: bool = False) -> None:
         self.timed = timed
+        self.compiled = compiled
         self.labels = tuple(timed.labels)
         self.objects = timed.objects
         self.horizon = timed.horizon
-        self._state = Robustness(timed.state)
+        self._state = Robustness(timed.state, compiled=compiled)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return TraceRobustness, (self.timed,)
+        return _again, (self.timed, self.compiled)
 
     def __call__(self, poses: Tensor, *, signals: bool = False) -> Tensor:
         """(B, T + 1, N, 3) poses -> (B, L); with `signals`, the value at every moment: (B, T + 1, L). What looks beyond
@@ -101,6 +108,10 @@ class TraceRobustness:
                 raise ValueError(f"{NAMES[axis]} of `{name}` at moment {moment} of motion {trace} is not finite")
 
 
+def _again(timed: Timed, compiled: bool) -> TraceRobustness:
+    return TraceRobustness(timed, compiled=compiled)
+
+
 class _Torch:
     """Arrays of torch, for scenegen.lang.windows."""
 
@@ -118,3 +129,38 @@ class _Torch:
         out: Tensor = everywhere(-math.inf)
         out[..., 0] = value
         return out
+
+    @staticmethod
+    def onto(kind: str, a: Tensor, b: Tensor) -> Tensor:
+        step = torch.minimum if kind == "min" else torch.maximum
+        moments = b.shape[-1]
+        if _followed(a) or _followed(b):
+            return torch.cat([step(a[..., :moments], b), a[..., moments:]], dim=-1)
+        out: Tensor = torch.empty_like(a)
+        step(a[..., :moments], b, out=out[..., :moments])
+        out[..., moments:] = a[..., moments:]
+        return out
+
+    def slide(self, kind: str, a: Tensor, width: int) -> Tensor:
+        """Forwards, a few passes of `doubled` are as fast as anything up to 10,000 moments; backwards each costs much.
+        So with gradients it is the algorithm of van Herk, Gil and Werman, linear in T: in blocks of `width` moments
+        the extremes from t to the end of its block, and those from the start of the next block on."""
+        if not _followed(a) or transformed(a):
+            passed: Tensor = doubled(self, kind, a, width)
+            return passed
+        moments = a.shape[-1]
+        blocks = -(-moments // width)
+        fill = math.inf if kind == "min" else -math.inf
+        a = torch.nn.functional.pad(a, (0, blocks * width - moments), value=fill)
+        a = a.reshape(*a.shape[:-1], blocks, width)
+        running = torch.cummin if kind == "min" else torch.cummax
+        ends = running(a.flip(-1), -1).values.flip(-1).flatten(-2)[..., :moments]
+        starts = running(a, -1).values.flatten(-2)[..., width - 1 : moments + width - 1]
+        out: Tensor = self.onto(kind, ends, starts)
+        return out
+
+
+def _followed(a: Tensor) -> bool:
+    """Whether something wants derivatives, or a transform is at work."""
+    backward = a.requires_grad and torch.is_grad_enabled()
+    return backward or transformed(a) or forward_ad.unpack_dual(a).tangent is not None  # type: ignore[no-untyped-call]

@@ -15,7 +15,7 @@ import scenegen
 from scenegen.lang.check import check_text
 from scenegen.lang.timed import Numpy
 from scenegen.lang.windows import extreme, until
-from scenegen.robustness.traces import TraceRobustness
+from scenegen.robustness.traces import TraceRobustness, _Torch
 
 from ..laws import examples
 from .slow_time import text, value
@@ -249,3 +249,37 @@ def test_windows_of_any_width_take_the_same_time():
         return best
 
     assert seconds(1000) < 50 * seconds(4)
+
+
+@pytest.mark.parametrize("kind", ["min", "max"])
+@pytest.mark.parametrize("moments", [1, 2, 6, 10])
+def test_windows_with_gradients(kind, moments):
+    """Another way than without: the same values, and slopes that go to extremes alone and add up to one each."""
+    numbers = np.random.default_rng(moments).integers(-3, 4, (4, moments)).astype(float)
+    for a in range(moments + 1):
+        for b in range(a, moments + 2):
+            plain = torch.from_numpy(numbers)
+            followed = plain.clone().requires_grad_()
+            found = extreme(_Torch(), kind, followed, a, b)
+            expected = extreme(_Torch(), kind, plain, a, b)
+            assert torch.equal(found, expected)
+            assert np.array_equal(expected.numpy(), extreme(Numpy(), kind, numbers, a, b))
+            for t in range(moments - a):
+                (slope,) = torch.autograd.grad(found[:, t].sum(), followed, retain_graph=True)
+                inside = torch.zeros(moments, dtype=torch.bool)
+                inside[t + a : t + b + 1] = True
+                assert ((slope == 0) | (inside & (plain == found[:, t : t + 1]))).all()
+                assert slope.sum(-1).tolist() == [1.0] * 4 and (slope >= 0).all()
+
+
+@pytest.mark.long
+def test_transforms_of_torch_func():
+    run = scenegen.parse(
+        "time 4 steps object a, b l: always[0, 2] (leftOf(a, b) until[0, 2] closeTo(a, b)) m: eventually next moved(a)"
+    ).trace_robustness()
+    poses = torch.rand(3, 5, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
+    assert torch.equal(torch.func.vmap(lambda one: run(one[None])[0])(poses), run(poses))
+    wanted = torch.autograd.functional.jacobian(run, poses)
+    assert wanted.abs().sum() > 0
+    for jacobian in (torch.func.jacrev, torch.func.jacfwd):
+        assert torch.allclose(jacobian(run)(poses), wanted, rtol=0.0, atol=1e-12)

@@ -1,0 +1,110 @@
+"""Nasty specs over time: whatever is asked, the answer comes in time, within the memory of a small machine."""
+
+import gc
+import importlib
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scenegen
+from scenegen.bounds.effort import StoppedError
+from scenegen.errors import RequestError
+from scenegen.motions.prepare import make_problem
+from scenegen.sampling.request import SampleRequest
+
+LIMIT, ROOM = 0.5, 4.0
+MEMORY = 1.5e9
+
+SPECS = {path.stem: path.read_text() for path in sorted((Path(__file__).parent / "nasty").glob("*.spec"))}
+
+
+def answered(call):
+    """Runs `call` with the limits: CPU seconds, which other work on the machine does not change, and bytes."""
+    gc.collect()
+    tracemalloc.start()
+    began = time.process_time()
+    try:
+        found = call()
+    except RequestError as refused:
+        found = refused
+    took, peak = time.process_time() - began, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert took < ROOM * (LIMIT + 1.0), f"{took:.1f} s"
+    assert peak < MEMORY, f"{peak / 1e9:.1f} GB"
+    return found
+
+
+def test_there_are_nasty_specs():
+    assert len(SPECS) >= 12
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SPECS)
+def test_motions_are_drawn_or_refused_in_time(name):
+    spec = answered(lambda: scenegen.parse(SPECS[name]))
+    phi = {spec.labels[0]: (0.0, None)}
+    found = answered(lambda: scenegen.sample_motions(spec, phi, 50, seed=1, timeout=LIMIT, keep_partial=True))
+    if isinstance(found, RequestError):
+        codes = {one.code for one in found.diagnostics}
+        assert codes <= {"no-time-to-tell", "no-time-to-check", "too-few-motions", "beyond-bounds"}, codes
+    else:
+        assert (found.phi[spec.labels[0]] >= 0.0).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["crowd", "long", "rare"])
+def test_ranges_with_two_ends_and_each_method(name):
+    spec = scenegen.parse(SPECS[name])
+    for method in ("rejection", "splitting"):
+        answered(
+            lambda method=method: scenegen.sample_motions(
+                spec, {spec.labels[0]: (-0.3, -0.1)}, 20, seed=1, timeout=LIMIT, method=method, keep_partial=True
+            )
+        )
+
+
+@pytest.mark.parametrize("name", ["long", "rare"])
+def test_training_refuses_a_spec_over_time_at_once(name, tmp_path):
+    importlib.import_module("scenegen.api.train")  # the import of torch is not measured
+    importlib.import_module("torch")
+    found = answered(lambda: scenegen.train(scenegen.parse(SPECS[name]), out=tmp_path / "model.safetensors"))
+    assert isinstance(found, RequestError) and {one.code for one in found.diagnostics} == {"time-not-here"}
+
+
+def test_large_motions_are_scored_in_groups_with_looks_at_the_time():
+    """The same values, and a stop is heeded between groups."""
+    problem, _ = make_problem(scenegen.parse(SPECS["wide"]).declared, SampleRequest({}, 1))
+    assert problem.at_once(4096, 8) < 64 < problem.at_once(4096, 64) + 1
+    rng = np.random.default_rng(0)
+    poses = rng.random((2, 3, problem.steps + 1, 100))
+
+    class Looks:
+        count, most = 0, 1000
+
+        def check(self):
+            self.count += 1
+            if self.count > self.most:
+                raise StoppedError
+
+    looks = Looks()
+    with np.errstate(all="ignore"):
+        found = problem.scores(poses, looks)
+        assert looks.count >= 1
+        single = np.concatenate([problem.scores(poses[..., k : k + 1]) for k in (0, 57, 99)], axis=1)
+        assert np.array_equal(found[:, [0, 57, 99]], single)
+        looks.count, looks.most = 0, 0
+        with pytest.raises(StoppedError):
+            problem.scores(poses, looks)
+
+
+def test_usual_motions_are_drawn_in_groups_of_the_usual_size():
+    """So seeds give what they gave before large motions were heeded."""
+    text = (
+        "object a, b, c, d, e\ntime 20 steps\nrequire forall p in objects: speed(p) <= 10 cm/s\nrequire noOverlap()\n"
+    )
+    spec = scenegen.parse(text + "task: (always farFrom(a, b, 10 cm)) & (closeTo(a, c) until closeTo(d, e))")
+    problem, _ = make_problem(spec.declared, SampleRequest({}, 1))
+    assert problem.at_once(4096, 8) == 4096

@@ -287,16 +287,10 @@ EMPTY_CHOICE = Kind(
     "empty-choice", "there is nothing to choose from", "this list is empty", "name the surfaces: on any of [a, b]"
 )
 SURFACE_TWICE = Kind("surface-twice", "`{surface}` is in this list twice", help="name each surface once")
-VARIES_WITH_CHOICE = Kind(
-    "varies-with-choice",
-    "`{function}` of `{name}` differs from scene to scene",
-    "`{chooser}` stands on one of several surfaces",
-    "let it stand on one surface, or say it with restsOn, z or apart",
-)
 TOO_MANY_CASES = Kind(
     "too-many-cases",
-    "these two can stand in more than {limit:,} ways",
-    help="let fewer of the things below them choose what they stand on",
+    "there are more than {limit:,} ways in which things can stand here",
+    help="let fewer of the things below or on top choose what they stand on",
 )
 LEVEL_COUNT = Kind(
     "level-count",

@@ -66,6 +66,15 @@ class SurfaceValue(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class ChosenValue(Value):
+    """What an object stands on where that is a choice: `options` has the value for each of the choice's surfaces."""
+
+    kind: ClassVar[str] = "a surface that differs from scene to scene"
+    chooser: int
+    options: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Row(Sequence[Value]):
     """The objects at some places in storage order, each made when it is asked for: an array may have thousands, and a
     text name it as often. `origin` is where the row was named."""

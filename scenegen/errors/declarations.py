@@ -129,7 +129,19 @@ CONSTANT_REQUIREMENT = Kind(
     "leave it out",
     "[[held in place by `at`: {held:list}]]",
 )
-IMPOSSIBLE_REQUIREMENT = Kind("impossible-requirement", "this can never hold", "no scene meets it", "remove it")
+IMPOSSIBLE_REQUIREMENT = Kind(
+    "impossible-requirement", "this can never hold", "no scene meets it", ("{meant}", "remove it")
+)
+STANDS_ELSEWHERE = Kind(
+    "stands-elsewhere",
+    "`{relation}({name}, {lower})` holds in no scene: `{name}` stands on {stands:list}",
+    "`{name}` was not declared to stand on `{lower}`",
+    (
+        "let it stand there in some scenes: {example}",
+        "let it stand there: `on {lower}` where it is declared, or `on any of [...]`",
+    ),
+    severity="warning",
+)
 CANNOT_BE_SATISFIED = Kind(
     "cannot-be-satisfied",
     "`{name}` can never be satisfied[[ with {counted}]][[: phi is at most {most:.4g}]]",

@@ -21,7 +21,7 @@ OF_SUPPORT = ("restsOn", "insideOf")  # relations of the prelude: a on or in b
 
 
 def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: Frame) -> None:
-    """Notices a call of one of OF_SUPPORT that is the same in every scene, since its first argument stands elsewhere. In
+    """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]
     if frame.where or lowering.heights is None or not isinstance(upper, ObjectValue) or upper.index >= FIRST:
@@ -70,7 +70,8 @@ def _level(lowering: Context, under: Support) -> float | None:
 def meant(lowering: Context, here: Span) -> str | None:
     """What to do about a requirement at some part of the text that asks for such a thing; None where it does not."""
     for one in lowering.noticed:
-        if one.kind is STANDS_ELSEWHERE and one.span is not None and one.facts["example"] is not None:
-            if one.span.source is here.source and here.start <= one.span.start and one.span.end <= here.end:
-                return f"let it stand there: {one.facts['example']}"
+        if one.kind is not STANDS_ELSEWHERE or one.span is None or one.facts["example"] is None:
+            continue
+        if one.span.source is here.source and here.start <= one.span.start and one.span.end <= here.end:
+            return f"let it stand there: {one.facts['example']}"
     return None

@@ -170,6 +170,8 @@ def _remedy(value: Value, wanted: str) -> str:
         return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
     if isinstance(value, NeighboursValue):
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
+    if isinstance(value, ListValue) and "surface" in wanted:
+        return "one of several in each scene is `on any of [...]`, with all of them in one list"
     if isinstance(value, ListValue):
         written = value.origin.text
         if not value.items:

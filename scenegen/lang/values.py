@@ -171,7 +171,10 @@ def _remedy(value: Value, wanted: str) -> str:
     if isinstance(value, NeighboursValue):
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
     if isinstance(value, ListValue) and "surface" in wanted:
-        return "one of several in each scene is `on any of [...]`, with all of them in one list"
+        written = value.origin.text
+        if written.startswith("[") or len(written) > LONGEST:
+            return "one of several in each scene is `on any of [...]`, with all of them in one list"
+        return f"take one of them, {written}[1], or one of them in each scene: on any of {written}"
     if isinstance(value, ListValue):
         written = value.origin.text
         if not value.items:

@@ -129,7 +129,19 @@ CONSTANT_REQUIREMENT = Kind(
     "leave it out",
     "[[held in place by `at`: {held:list}]]",
 )
-IMPOSSIBLE_REQUIREMENT = Kind("impossible-requirement", "this can never hold", "no scene meets it", "remove it")
+IMPOSSIBLE_REQUIREMENT = Kind(
+    "impossible-requirement", "this can never hold", "no scene meets it", ("{meant}", "remove it")
+)
+STANDS_ELSEWHERE = Kind(
+    "stands-elsewhere",
+    "`{relation}({name}, {lower})` holds in no scene: `{name}` stands on {stands:list}",
+    "`{name}` was not declared to stand on `{lower}`",
+    (
+        "let it stand there in some scenes: {example}",
+        "let it stand there: `on {lower}` where it is declared, or `on any of [...]`",
+    ),
+    severity="warning",
+)
 CANNOT_BE_SATISFIED = Kind(
     "cannot-be-satisfied",
     "`{name}` can never be satisfied[[ with {counted}]][[: phi is at most {most:.4g}]]",
@@ -287,16 +299,10 @@ EMPTY_CHOICE = Kind(
     "empty-choice", "there is nothing to choose from", "this list is empty", "name the surfaces: on any of [a, b]"
 )
 SURFACE_TWICE = Kind("surface-twice", "`{surface}` is in this list twice", help="name each surface once")
-VARIES_WITH_CHOICE = Kind(
-    "varies-with-choice",
-    "`{function}` of `{name}` differs from scene to scene",
-    "`{chooser}` stands on one of several surfaces",
-    "let it stand on one surface, or say it with restsOn, z or apart",
-)
 TOO_MANY_CASES = Kind(
     "too-many-cases",
-    "these two can stand in more than {limit:,} ways",
-    help="let fewer of the things below them choose what they stand on",
+    "there are more than {limit:,} ways in which things can stand here",
+    help="let fewer of the things below or on top choose what they stand on",
 )
 LEVEL_COUNT = Kind(
     "level-count",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from scenegen.lang import ast
 from scenegen.lang.context import Context
+from scenegen.lang.elsewhere import OF_SUPPORT, note_elsewhere
 from scenegen.lang.functions import function, key_of, list_function
 from scenegen.lang.heights import height_function
 from scenegen.lang.motion import step_function
@@ -71,6 +72,8 @@ def _expand(
             assert parameter.default is not None
             value = yield lowering.lower(parameter.default, {}, Frame(declared.source, places))
             values[parameter.name.id] = value.moved(value.origin)
+    if definition.name.id in OF_SUPPORT and declared.source is lowering.scope.prelude:
+        note_elsewhere(lowering, definition.name.id, values, node, frame)
     ordered = [values[parameter.name.id] for parameter in definition.parameters]
     key = (declared, *map(key_of, ordered))
     if key not in lowering.expansions:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
+from math import prod
 from typing import TYPE_CHECKING
 
 from scenegen.lang.spec import Choice, Support
+from scenegen.lang.values import ChosenValue, NumberValue, Value
 from scenegen.pose import X
 from scenegen.primitives.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import clipped
@@ -103,6 +105,13 @@ def picked(lowering: Context, choice: Choice, numbers: Sequence[int]) -> int:
     return found
 
 
+def of_options(lowering: Context, value: ChosenValue, number: Callable[[Value], NumberValue]) -> NumberValue:
+    """A number of what a choice picks: `number` gives it for each of the options."""
+    made = [number(one) for one in value.options]
+    choice = lowering.choices[value.chooser]
+    return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
+
+
 def level(lowering: Context, which: int) -> int:
     """How high an object's lowest point is above the table: a number of the core."""
     assert lowering.heights is not None
@@ -150,20 +159,29 @@ def by_cases(lowering: Context, things: Sequence[int], number: Callable[[Mapping
     """A number of the core that depends on what some objects stand on: `number` gives it for the supports of each case.
     None where there are too many cases."""
     free = choosers(lowering, things)
-    cases = 1
-    for one in free:
-        cases *= len(lowering.choices[one].options)
-    if cases > MOST_CASES:
+    return of_cases(lowering, {one: range(len(lowering.choices[one].options)) for one in free}, number)
+
+
+def of_cases(
+    lowering: Context, free: Mapping[int, Sequence[int]], number: Callable[[Mapping[int, Support]], int]
+) -> int | None:
+    """A number that depends on the choices of some objects: `free` says for each of a chooser's options which option
+    stands for it, one with the same number. `number` gives it for the supports of each case. None where there are too
+    many cases."""
+    apart = {one: sorted(set(classes)) for one, classes in free.items()}
+    if prod(map(len, apart.values())) > MOST_CASES:
         return None
     fixed = dict(lowering.supports)
     values = [
-        number({**fixed, **dict(zip(free, case, strict=True))})
-        for case in product(*(lowering.choices[one].options for one in free))
+        number({**fixed, **{one: lowering.choices[one].options[at] for one, at in zip(apart, case, strict=True)}})
+        for case in product(*apart.values())
     ]
-    for one in reversed(free):  # the last object's options lie side by side
-        size = len(lowering.choices[one].options)
-        chunks = [values[start : start + size] for start in range(0, len(values), size)]
-        values = [picked(lowering, lowering.choices[one], chunk) for chunk in chunks]
+    for one in reversed(apart):  # the last object's options lie side by side
+        size = len(apart[one])
+        chunks = [
+            dict(zip(apart[one], values[start : start + size], strict=True)) for start in range(0, len(values), size)
+        ]
+        values = [picked(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
     return values[0]
 
 

@@ -9,6 +9,7 @@ from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT,
 from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, CoreBuilder
 from scenegen.lang.core import Coord, Junction, Node, Temporal, children
+from scenegen.lang.elsewhere import meant
 from scenegen.lang.imports import Placed
 from scenegen.lang.interpret import phi
 from scenegen.lang.lower import Lowering
@@ -54,8 +55,9 @@ def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage
             with stage:
                 value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
                 part = lowering.coerce.formula(value, "what `require` demands")
+                here = one.statement.formula.span(one.source)
                 if part == FALSE or _never(part, lowering.builder):
-                    raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
                 part, *later = _by_time(part, lowering.builder)
                 parts.extend(later)
                 problem = clashing(lowering, part, lowering.supports)
@@ -63,7 +65,7 @@ def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage
                     raise SpecError(problem)
                 part = relaxed(lowering, part, frozenset(standing)) if declared else part
                 if part == FALSE:  # where heights and places are constants
-                    raise SpecError(IMPOSSIBLE_REQUIREMENT(one.statement.formula.span(one.source)))
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
                 parts.append(part)
     return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
 

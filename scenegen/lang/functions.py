@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors.language import ADDED_TO_A_LIST, EMPTY_LIST, ONE_ARGUMENT, SAME_ARGUMENT_TWICE
 from scenegen.lang import ast
+from scenegen.lang.choices import of_options
 from scenegen.lang.provenance import Frame
 from scenegen.lang.values import (
     LONGEST,
     AnyValue,
+    ChosenValue,
     ListValue,
     NeighboursValue,
     NumberValue,
@@ -71,13 +73,15 @@ def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Fram
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> NumberValue:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
     if name in NAMES:
         (value,) = values
         axis = NAMES.index(name)
+        if isinstance(value, ChosenValue) and axis != THETA:
+            return of_options(lowering, value, lambda one: function(lowering, name, [one], node, frame))
         if axis == THETA:
             return NumberValue(lowering.coerce.heading(value, what), ANGLE, origin=origin)
         return NumberValue(lowering.coerce.place(value, what)[axis], LENGTH, origin=origin)
@@ -88,7 +92,9 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
     units: list[Unit] = []
     args: list[int] = []
     shapes: list[Footprint] = []
-    for kind, value in zip(params, values, strict=True):
+    for at, (kind, value) in enumerate(zip(params, values, strict=True)):
+        if isinstance(value, ChosenValue) and kind != "number":
+            return _of_options(lowering, name, values, at, node, frame)
         if kind == "number":
             number = lowering.coerce.number(value, what)
             if name in _OF_ANGLES:
@@ -106,6 +112,16 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
     if len(shapes) == 2 and values[0] == values[1] and not isinstance(values[0], AnyValue):
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=name)
     return lowering.apply(name, units, args, tuple(shapes), node, frame)
+
+
+def _of_options(
+    lowering: Context, name: str, values: list[Value], at: int, node: ast.Call, frame: Frame
+) -> NumberValue:
+    """A call of a primitive, one of whose arguments is what a choice picks."""
+    chosen = values[at]
+    assert isinstance(chosen, ChosenValue)
+    rest = values[:at], values[at + 1 :]
+    return of_options(lowering, chosen, lambda one: function(lowering, name, [*rest[0], one, *rest[1]], node, frame))
 
 
 def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:

@@ -8,27 +8,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from scenegen.assets.surfaces import Surface, pocketed, slabs_of, surfaces_of
-from scenegen.errors.declarations import MEASURED_TOO_EARLY, TOO_MANY_CASES, VARIES_WITH_CHOICE
+from scenegen.assets.surfaces import pocketed, slabs_of, surfaces_of
+from scenegen.errors.declarations import MEASURED_TOO_EARLY, TOO_MANY_CASES
 from scenegen.errors.language import SAME_ARGUMENT_TWICE
 from scenegen.lang import ast
-from scenegen.lang.choices import MOST_CASES, by_cases, height_in, level, options_of
+from scenegen.lang.choices import MOST_CASES, by_cases, height_in, level, picked
 from scenegen.lang.functions import key_of
 from scenegen.lang.places import Area, board_gap
 from scenegen.lang.provenance import Frame
 from scenegen.lang.spec import Support
+from scenegen.lang.standing import base, load
 from scenegen.lang.template import FIRST, Depends
 from scenegen.lang.values import (
     AnyValue,
+    ChosenValue,
     ListValue,
     NumberValue,
     ObjectValue,
-    PointValue,
     RegionValue,
     SurfaceValue,
     Value,
 )
-from scenegen.pose import FLAT, PLACE
+from scenegen.pose import FLAT
 from scenegen.primitives import Footprint
 from scenegen.primitives.units import LENGTH
 from scenegen.scene.limits import BOARD
@@ -56,41 +57,21 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
     if name == "bodies":
         return _bodies(lowering, value)
     if name == "surfaces":
-        if isinstance(value, RegionValue | SurfaceValue):
+        if isinstance(value, RegionValue | SurfaceValue | ChosenValue):
             return ListValue((value,), origin=origin)
         which = _object(lowering, value, name)
-        return ListValue(surface_values(lowering, which, value), origin=origin)
+        upper = values[1] if len(values) > 1 else None
+        return ListValue(surface_values(lowering, which, value, upper), origin=origin)
     which = _object(lowering, value, name)
     if name == "others":
         rest = [one for one in range(len(lowering.heights)) if one != which]
         return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
-    _refuse_choice(lowering, name, which, node, frame)
     if name == "base":
-        under = lowering.supports.get(which)
-        if under is None or (under.carrier is None and not under.height):
-            return ObjectValue(which, origin=origin)
-        if under.carrier is None:
-            return RegionValue(under.name, lowering.areas[under.name], origin=origin)
-        surface = Surface(under.name.partition(".")[2], under.outline, under.height, walled=under.walled)
-        return SurfaceValue(under.carrier, surface, origin=origin)
-    return _load(lowering, which, value)
-
-
-def _refuse_choice(lowering: Context, name: str, which: int, node: ast.Call, frame: Frame) -> None:
-    """Raises SpecError for `base` of an object that stands on one of several surfaces, and for `load` of one on which
-    such an object may stand."""
-    for chooser, choice in lowering.choices.items():
-        below = [chooser]
-        for one in below if name == "load" else ():
-            below.extend(
-                under.carrier
-                for under in options_of(one, lowering.supports, lowering.choices)
-                if under.carrier is not None and under.carrier not in below
-            )
-        if (which in below) if name == "load" and choice.options else which == chooser:
-            names = lowering.builder.objects
-            facts = {"function": name, "name": names[which], "chooser": names[chooser]}
-            raise lowering.error(VARIES_WITH_CHOICE, node, frame, **facts)
+        return base(lowering, which, origin)
+    found = load(lowering, which, value)
+    if found is None:
+        raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
+    return found
 
 
 def _bodies(lowering: Context, value: Value) -> Value:
@@ -103,9 +84,11 @@ def _bodies(lowering: Context, value: Value) -> Value:
     return lowering.expansions[key][0] if boards else value
 
 
-def surface_values(lowering: Context, which: int, value: Value) -> tuple[SurfaceValue, ...]:
-    """The surfaces of an object."""
-    return tuple(SurfaceValue(which, one, origin=value.origin) for one in surfaces_of(lowering.shapes[which]))
+def surface_values(lowering: Context, which: int, value: Value, upper: Value | None = None) -> tuple[SurfaceValue, ...]:
+    """The surfaces of an object; where walls slope, as deep as what stands on it fits."""
+    footprint = lowering.coerce.covers(upper.index) if isinstance(upper, ObjectValue) else None
+    found = surfaces_of(lowering.shapes[which], footprint)
+    return tuple(SurfaceValue(which, one, origin=value.origin) for one in found)
 
 
 def _object(lowering: Context, value: Value, name: str) -> int:
@@ -118,6 +101,8 @@ def _height(lowering: Context, name: str, value: Value) -> int:
     assert lowering.heights is not None
     builder = lowering.builder
     match value:
+        case ChosenValue(chooser, options):
+            return picked(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
         case ObjectValue(which):
             own = lowering.shapes[which].height
             if name == "height":
@@ -253,21 +238,3 @@ def _inside(lowering: Context, upper: int, lower: int, above: float, supports: M
         return None
     shapes = (lowering.coerce.covers(upper), open_at[-1])  # the widest: walls lean outwards
     return lowering.builder.apply("room", (*_pose(lowering, upper), *_pose(lowering, lower)), shapes)
-
-
-def _load(lowering: Context, which: int, value: Value) -> PointValue:
-    from scenegen.assets.physics import mass_of
-
-    builder, coerce = lowering.builder, lowering.coerce
-    carried = [which]
-    for one in carried:
-        carried.extend(upper for upper, under in lowering.supports.items() if under.carrier == one)
-    masses = [mass_of(lowering.shapes[one]) for one in carried]
-    sums = []
-    for axis in PLACE:
-        parts = [
-            builder.apply("mul", (builder.const(mass / sum(masses)), coerce.coordinate(one, axis)))
-            for one, mass in zip(carried, masses, strict=True)
-        ]
-        sums.append(parts[0] if len(parts) == 1 else builder.apply("sum", parts))
-    return PointValue(sums[0], sums[1], origin=value.origin)

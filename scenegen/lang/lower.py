@@ -42,6 +42,7 @@ from scenegen.lang.temporal import temporal
 from scenegen.lang.time_syntax import UNITS_OF_TIME
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
+    ChosenValue,
     FormulaValue,
     ListValue,
     NumberValue,
@@ -333,6 +334,8 @@ class Lowering:
                 return name
             case SurfaceValue(place, surface):
                 return f"{self.builder.objects[place]}.{surface.name}"
+            case ChosenValue(chooser, _):
+                return f"base({self.builder.objects[chooser]})"
             case PointValue(x, y):
                 return f"({self.builder.text(x)}, {self.builder.text(y)})"
             case NumberValue(node, _):

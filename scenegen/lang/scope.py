@@ -157,10 +157,10 @@ HEIGHTS = {
     "height": "from the lowest to the highest point of a; metres",
     "top": "how high the highest point of a is above the table; metres",
     "apart": "the clearance of two bodies in space; where they share space, minus the smallest shift that parts them",
-    "surfaces": "the surfaces of a that other things can stand on, as a list",
+    "surfaces": "the surfaces of a that things can stand on, as a list; as deep as `upper` fits, if given",
     "others": "all objects but a, as a list",
     "bodies": "the items and, as boards, all regions at a height: what noCollision keeps apart",
-    "base": "the surface that a was declared to stand on; for an object on the table its own footprint",
+    "base": "the surface that a was declared to stand on, of several the one taken; on the table its own footprint",
     "load": "the centre of mass of a and all that stands on it, as a point",
 }
 
@@ -211,6 +211,7 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
     for name in HEIGHTS:
         names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
+    table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
     return table
 
 

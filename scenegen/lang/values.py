@@ -66,6 +66,15 @@ class SurfaceValue(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class ChosenValue(Value):
+    """What an object stands on where that is a choice: `options` has the value for each of the choice's surfaces."""
+
+    kind: ClassVar[str] = "a surface that differs from scene to scene"
+    chooser: int
+    options: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Row(Sequence[Value]):
     """The objects at some places in storage order, each made when it is asked for: an array may have thousands, and a
     text name it as often. `origin` is where the row was named."""
@@ -161,6 +170,11 @@ def _remedy(value: Value, wanted: str) -> str:
         return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
     if isinstance(value, NeighboursValue):
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
+    if isinstance(value, ListValue) and "surface" in wanted:
+        written = value.origin.text
+        if written.startswith("[") or len(written) > LONGEST:
+            return "one of several in each scene is `on any of [...]`, with all of them in one list"
+        return f"take one of them, {written}[1], or one of them in each scene: on any of {written}"
     if isinstance(value, ListValue):
         written = value.origin.text
         if not value.items:

@@ -36,6 +36,7 @@ from scenegen.sampling.rejection.draw import (
     misses,
     within,
 )
+from scenegen.sampling.rejection.sieve import sift
 from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
@@ -170,8 +171,16 @@ def make_plan(
     own: list[tuple[int, Cover, float]] = []
     draws = trial.tried
     seed = problem.request.seed
+    try:
+        sieve = sift(problem, trial, [cell for cell in possible if cell not in common], budget, min(most, together))
+    except StoppedError:
+        undecided = len(possible) - len(common)
+        raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+    together -= sieve.work
+    draws += sieve.tried
+    ruled_out |= sieve.empty
     for cell in possible:
-        if cell in common:
+        if cell in common or cell in sieve.empty or cell in sieve.barren:
             continue
         try:
             if budget.spent:

@@ -1,0 +1,79 @@
+"""Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
+
+Bounds seldom prove this, and a cover of each such cell takes as long as one of the whole range. Where all those covers
+would take long, one is made of each run of such cells first. If candidates from it miss all cells, they get no covers
+of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenegen.bounds.effort import StoppedError
+from scenegen.bounds.requirements import Ends
+from scenegen.sampling.problem import PLAN, Budget, Problem
+from scenegen.sampling.rejection.draw import explore
+from scenegen.sampling.rejection.trial import Trial, effort_of, make_cover
+
+WORTH = 6e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: under 1 s
+LEAST = 3  # cells of a run
+CHUNKS = 5  # drawn from the cover of a run
+
+
+@dataclass(frozen=True, slots=True)
+class Sieve:
+    """What is known of cells without covers of their own: those proved empty, and those that no candidate hit."""
+
+    empty: frozenset[int] = frozenset()
+    barren: frozenset[int] = frozenset()
+    tried: int = 0
+    work: float = 0.0
+
+
+def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, most: float) -> Sieve:
+    """Look at those of `cells` (sorted) together that no candidate of the trial hit.
+
+    Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
+    """
+    missed = [cell for cell in cells if not trial.hits[cell]]
+    if len(missed) * trial.work < WORTH:
+        return Sieve()
+    empty, barren = set[int](), set[int]()
+    effort, tried = effort_of(budget, most), 0
+    for run in _runs(missed):
+        if len(run) < LEAST:
+            continue
+        if budget.spent:
+            raise StoppedError
+        stream = (problem.request.seed, PLAN, run[0] + 1, run[-1] + 1)
+        cover = make_cover(problem, _wanted(problem, run), stream, effort)
+        if not cover.parts:
+            empty.update(run)
+            continue
+        rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
+        hits, count = explore(problem, cover, CHUNKS, rng, effort)
+        tried += count
+        if not hits[run].any():
+            barren.update(run)
+    return Sieve(frozenset(empty), frozenset(barren), tried, effort.used)
+
+
+def _runs(cells: Sequence[int]) -> list[list[int]]:
+    """Cells that follow one another."""
+    runs: list[list[int]] = []
+    for cell in cells:
+        if runs and cell == runs[-1][-1] + 1:
+            runs[-1].append(cell)
+        else:
+            runs.append([cell])
+    return runs
+
+
+def _wanted(problem: Problem, run: Sequence[int]) -> dict[int, Ends]:
+    """A demand that the scenes of all these cells meet."""
+    limits = [problem.cells.limits(cell) for cell in run]
+    low, high = np.min([ends[0] for ends in limits], axis=0), np.max([ends[1] for ends in limits], axis=0)
+    return problem.demand(low, high)

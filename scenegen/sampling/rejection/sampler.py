@@ -46,6 +46,7 @@ SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unr
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
 STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
+SIFTED = 0.25  # share of the work of all covers of a cell each that a look at these cells together may take
 LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
 
@@ -172,7 +173,7 @@ def make_plan(
     draws = trial.tried
     seed = problem.request.seed
     try:
-        sieve = sift(problem, trial, [cell for cell in possible if cell not in common], budget, min(most, together))
+        sieve = sift(problem, trial, [cell for cell in possible if cell not in common], budget, min(most, SIFTED * together))
     except StoppedError:
         undecided = len(possible) - len(common)
         raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None

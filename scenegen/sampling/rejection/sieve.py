@@ -1,8 +1,8 @@
 """Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
 
 Bounds seldom prove this, and a cover of each such cell takes as long as one of the whole range. Where all those covers
-would take long, one is made of each run of such cells first. If candidates from it miss all cells, they get no covers
-of their own.
+would take long, one is made of each run of such cells first. Cells that its candidates hit are served from it; if they
+miss all cells, these get no covers of their own.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenegen.bounds.effort import StoppedError
+from scenegen.bounds.prune import Cover
 from scenegen.bounds.requirements import Ends
 from scenegen.sampling.problem import PLAN, Budget, Problem
 from scenegen.sampling.rejection.draw import explore
@@ -23,27 +24,45 @@ LEAST = 3  # cells of a run
 CHUNKS = 5  # drawn from the cover of a run
 
 
-@dataclass(frozen=True, slots=True)
-class Sieve:
-    """What is known of cells without covers of their own: those proved empty, and those that no candidate hit."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Served:
+    """Cells that are taken from one cover; each of its candidates hits the rarest of them with the probability `rate`."""
 
+    cells: tuple[int, ...]
+    cover: Cover
+    rate: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sieve:
+    """What is known of cells that need no covers of their own: those that are served together, those proved empty, and
+    those that no candidate hit."""
+
+    served: tuple[Served, ...] = ()
     empty: frozenset[int] = frozenset()
     barren: frozenset[int] = frozenset()
     tried: int = 0
     work: float = 0.0
 
+    @property
+    def settled(self) -> frozenset[int]:
+        return self.empty.union(self.barren, *(one.cells for one in self.served))
 
-def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, most: float) -> Sieve:
-    """Look at those of `cells` (sorted) together that no candidate of the trial hit.
+
+def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, most: float, worth: float) -> Sieve:
+    """Look at those of `cells` (rising) together that no candidate of the trial hit. A cell is served with others where
+    it takes at most `worth` candidates for each scene that it is to get.
 
     Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
     """
     missed = [cell for cell in cells if not trial.hits[cell]]
     if len(missed) * trial.work < WORTH:
         return Sieve()
-    empty, barren = set[int](), set[int]()
+    served, empty, barren = list[Served](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0
-    for run in _runs(missed):
+    waiting = _runs(missed)
+    while waiting:
+        run = waiting.pop()
         if len(run) < LEAST:
             continue
         if budget.spent:
@@ -58,7 +77,12 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         tried += count
         if not hits[run].any():
             barren.update(run)
-    return Sieve(frozenset(empty), frozenset(barren), tried, effort.used)
+            continue
+        common = [cell for cell in run if hits[cell] * worth >= count]
+        if common:
+            served.append(Served(tuple(common), cover, float(hits[common].min()) / count))
+            waiting += _runs([cell for cell in run if cell not in common])
+    return Sieve(tuple(served), frozenset(empty), frozenset(barren), tried, effort.used)
 
 
 def _runs(cells: Sequence[int]) -> list[list[int]]:

@@ -243,8 +243,8 @@ def _alive(
     rounds: int,
     thin: float = 0.0,
 ) -> npt.NDArray[np.bool_]:
-    """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,). Where
-    a coordinate, distance or clearance has no more than `thin` left, only scenes of probability 0 are."""
+    """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,).
+    Boxes whose scenes have probability 0, as `improbable` finds with `thin`, do not count."""
     count = low.shape[1]
     every = [demand for demand in wanted for _ in range(count)]
     lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)))

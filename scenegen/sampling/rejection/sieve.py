@@ -26,7 +26,7 @@ CHUNKS = 5  # drawn from the cover of a run
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Served:
-    """Cells that are taken from one cover; each of its candidates hits the rarest of them with the probability `rate`."""
+    """Cells that are taken from one cover; a candidate hits the rarest of them with the probability `rate`."""
 
     cells: tuple[int, ...]
     cover: Cover

@@ -12,7 +12,7 @@ from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
 from scenegen.lang.core import gated
 from scenegen.sampling.problem import Budget, Problem, make_problem
-from scenegen.sampling.rejection import sampler, sieve
+from scenegen.sampling.rejection import sampler, sieve, trial
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -83,11 +83,11 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
     """The trial is told to have missed half of the cells: they are then served from one cover, with the same scenes."""
     problem = problem_of(KITCHEN, -0.3, -0.19, 4000)
     plain = sampler.make_plan(problem, Budget())
-    trial = make_trial(problem, Budget())
-    hits = trial.hits.copy()
+    first = make_trial(problem, Budget())
+    hits = first.hits.copy()
     hits[10:26] = 0
     monkeypatch.setattr(sieve, "WORTH", 0.0)
-    made = sampler.make_plan(problem, Budget(), dataclasses.replace(trial, hits=hits))
+    made = sampler.make_plan(problem, Budget(), dataclasses.replace(first, hits=hits))
     assert made.reachable == plain.reachable
     assert any(source.cells.sum() == 16 for source in made.sources)
     one, other = made.draw(0), plain.draw(0)
@@ -102,9 +102,13 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
 @pytest.mark.long
 def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of(KITCHEN, -0.3, 0.0)
-    made = []
-    whole = sampler.make_cover
-    monkeypatch.setattr(sampler, "make_cover", lambda *args: made.append(args) or whole(*args))
+    made: list[int] = []
+
+    def counted(*args: object) -> trial.Cover:
+        made.append(1)
+        return trial.make_cover(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(sampler, "make_cover", counted)
     monkeypatch.setattr(sieve, "WORTH", 0.0)
     plan = sampler.make_plan(problem, Budget())
     assert len(plan.reachable) == 14 and not made

@@ -33,7 +33,7 @@ def scenes(tmp_path: Path) -> scenegen.SceneSet:
 
 
 def corners(points: np.ndarray, places: np.ndarray) -> set[tuple[float, ...]]:
-    return {tuple(row) for row in np.column_stack([points, places]).round(4).tolist()}
+    return {tuple(row) for row in np.column_stack([points, places]).astype(float).round(4).tolist()}
 
 
 def wanted(scenes: scenegen.SceneSet, folder: Path) -> set[tuple[float, ...]]:

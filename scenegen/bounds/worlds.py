@@ -42,6 +42,11 @@ def worlds(core: Core, lowest: Array, highest: Array) -> tuple[Array, Array]:
     return low, high
 
 
+def chooses(core: Core) -> bool:
+    """Whether things choose their surfaces."""
+    return bool(_switches(core))
+
+
 def improbable(tape: Tape, lo: Array, hi: Array, thin: float) -> Bool:
     """Which of K boxes, (K,), hold scenes of probability 0 only: the interval of some number, of lo..hi (T, K), is at
     most `thin`, and each value of that number is one of a surface in the space of scenes."""

@@ -15,6 +15,7 @@ import numpy as np
 from scenegen.bounds.effort import StoppedError
 from scenegen.bounds.prune import Cover
 from scenegen.bounds.requirements import Ends
+from scenegen.bounds.worlds import chooses
 from scenegen.sampling.problem import PLAN, Budget, Problem
 from scenegen.sampling.rejection.draw import explore
 from scenegen.sampling.rejection.trial import Trial, effort_of, make_cover
@@ -51,12 +52,13 @@ class Sieve:
 
 def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, most: float, worth: float) -> Sieve:
     """Look at those of `cells` (rising) together that no candidate of the trial hit. A cell is served with others where
-    it takes at most `worth` candidates for each scene that it is to get.
+    it takes at most `worth` candidates for each scene that it is to get. Without choices of surfaces phi seldom jumps:
+    nothing is looked at.
 
     Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
     """
     missed = [cell for cell in cells if not trial.hits[cell]]
-    if len(missed) * trial.work < WORTH:
+    if len(missed) * trial.work < WORTH or not chooses(problem.core):
         return Sieve()
     served, empty, barren = list[Served](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0

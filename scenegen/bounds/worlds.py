@@ -52,7 +52,7 @@ def improbable(tape: Tape, lo: Array, hi: Array, thin: float) -> Bool:
     most `thin`, and each value of that number is one of a surface in the space of scenes."""
     smooth = _smooth(tape)
     narrow = hi - lo <= thin
-    out: Bool = narrow[smooth].any(axis=0)
+    out: Bool = np.asarray(narrow[smooth].any(axis=0))
     for index in np.flatnonzero(narrow.any(axis=1)):
         if isinstance(tape.nodes[index], Junction):  # it is as one of its parts is, if that is in its interval
             each = [smooth[arg] | (hi[arg] < lo[index]) | (lo[arg] > hi[index]) for arg in _parts(tape, int(index))]

@@ -23,15 +23,13 @@ INSTALL = {
 
 
 def need(package: str, purpose: str) -> None:
-    """Raises RequestError where a package of `INSTALL` is missing. `purpose` completes "torch is needed ...".
-
-    The package is looked for, not imported.
-    """
-    if not _found(package):
+    """Raises RequestError where a package of `INSTALL` is missing. `purpose` completes "torch is needed ..."."""
+    if not found(package):
         raise RequestError(NOT_INSTALLED(package=package, purpose=purpose, command=INSTALL[package]))
 
 
-def _found(package: str) -> bool:
+def found(package: str) -> bool:
+    """Whether a package is installed; it is looked for, not imported."""
     if sys.modules.get(package) is not None:
         return True
     try:

@@ -152,6 +152,7 @@ export interface Boot {
   model: string | null;
   scenes: Result | null;
   request: Partial<Request>;
+  missing: Record<string, string>; // formats that need an extra: what installs it
   // only in a page without a server
   alone?: {
     spec: Spec;

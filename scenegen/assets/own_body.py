@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from scenegen.assets.convex import convex_pieces
-from scenegen.assets.drawn import mesh_surfaces
+from scenegen.assets.drawn import mesh_surfaces, robot_surfaces
 from scenegen.assets.elements import Element, ElementsError, elements
 from scenegen.assets.filenames import local_name
 from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats, Mesh, box, disc, joined, revolve
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.surface import Budget
+from scenegen.assets.surface import Budget, Surface
 from scenegen.assets.urdf_tree import UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 
 SIDES, RINGS = 24, 8  # of round shapes
@@ -27,32 +27,40 @@ Read = Callable[[str], bytes]
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnBody:
     """Convex closed meshes in metres, z upwards, in the file's own frame; kilograms and the coefficient of sliding
-    friction, where the file says them."""
+    friction, where the file says them. `skins` are drawn, in the same frame: none where they were not asked for."""
 
     pieces: tuple[Mesh, ...]
     mass: float | None = None
     friction: float | None = None
+    skins: tuple[Surface, ...] = ()
 
     def moved(self, offset: Floats) -> OwnBody:
         """By an offset (3,) in metres."""
-        return OwnBody(tuple(one.moved(*offset.tolist()) for one in self.pieces), self.mass, self.friction)
+        pieces = tuple(one.moved(*offset.tolist()) for one in self.pieces)
+        skins = tuple(replace(one, vertices=one.vertices + offset) for one in self.skins)
+        return replace(self, pieces=pieces, skins=skins)
 
 
-def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None) -> OwnBody:
+def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, *, painted: bool = False) -> OwnBody:
     """The body of a .glb, .gltf, .obj or .stl file: convex pieces; no mass or friction, which such files do not have.
     `matrix` (3, 3) turns and scales it, without mirroring, to metres; without it, the file is in metres.
-    `read` as in `drawn.mesh_surfaces`; colours of .obj files are not read. Raises MeshError, and RequestError as
-    `convex_pieces`."""
-    mesh = _solid_mesh(name, data, read, Budget())
-    return OwnBody(convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ matrix.T, mesh.faces)))
+    `read` as in `drawn.mesh_surfaces`; `skins` and colours of .obj files are only read if `painted`. Raises MeshError,
+    and RequestError as `convex_pieces`."""
+    place = np.eye(3) if matrix is None else matrix
+    found = mesh_surfaces(name, data, read, Budget(), painted=painted)
+    mesh = joined([Mesh(one.vertices, one.faces) for one in found])
+    pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
+    skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
+    return OwnBody(pieces, skins=skins)
 
 
-def robot_body(data: bytes, read: Read) -> OwnBody:
+def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     """The body of a URDF file in the frame of its root link, all joints at zero: its collision shapes, and the visual
     ones of links that have none; boxes, cylinders and spheres as they are, meshes in convex pieces.
 
     The mass is the sum of the links' <inertial> masses, none where that is 0. The friction is the largest of those that
-    <contact><lateral_friction> and <gazebo><mu1> say. `read` gives the bytes of a file by its path relative to this
+    <contact><lateral_friction> and <gazebo><mu1> say. `skins` are the visual shapes, if
+    `painted`. `read` gives the bytes of a file by its path relative to this
     one. Raises UrdfError, with line and element, and RequestError as `convex_pieces`.
     """
     try:
@@ -66,7 +74,9 @@ def robot_body(data: bytes, read: Read) -> OwnBody:
             for place in (pose.then(origin_of(shape)),)
             for piece in reader.pieces(solid_of(shape))
         ]
-        return OwnBody(tuple(pieces), _mass([link for link, _ in links]), _friction(robot, [link for link, _ in links]))
+        bare = [link for link, _ in links]
+        skins = robot_surfaces(data, read) if painted else ()
+        return OwnBody(tuple(pieces), _mass(bare), _friction(robot, bare), skins)
     except ElementsError as error:
         raise UrdfError(str(error)) from None
 

@@ -35,7 +35,12 @@ def meshes(world: World) -> Iterator[tuple[str, bytes]]:
     """Additional files of this world's scenes: name, bytes."""
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
-            yield f"{_part(form, number)}.obj", obj.smooth(part)
+            paint = form.paints.get(number)
+            if paint is None:
+                yield f"{_part(form, number)}.obj", obj.smooth(part)
+            else:
+                yield f"{_part(form, number)}.obj", obj.painted(part, paint.places)
+                yield f"{_part(form, number)}.png", paint.png
 
 
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
@@ -70,7 +75,7 @@ def _model(world: World, folder: str, dressed: Dressed | None) -> tuple[Element,
     node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
     visual(root, world, dressed)
     _defaults(root)
-    _assets(root, world, dressed)
+    _assets(root, world, dressed, f"../{folder}" if textures else folder)
     place = node(root, "worldbody")
     _table(place, world, dressed)
     bodies = [_body(place, body) for body in world.colored(dressed)]
@@ -109,12 +114,17 @@ def _defaults(root: Element) -> None:
     node(solid, "geom", type="mesh", group="3", rgba="0.9 0.4 0.2 0.5")
 
 
-def _assets(root: Element, world: World, dressed: Dressed | None) -> None:
+def _assets(root: Element, world: World, dressed: Dressed | None, pictures: str) -> None:
     assets = node(root, "asset")
     materials(assets, world, dressed)
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
-            node(assets, "mesh", name=_part(form, number), file=f"{_part(form, number)}.obj", **_shell(part))
+            name = _part(form, number)
+            shell = {"inertia": "shell"} if form.shells else _shell(part)
+            node(assets, "mesh", name=name, file=f"{name}.obj", **shell)
+            if number in form.paints:
+                node(assets, "texture", name=name, type="2d", file=f"{pictures}/{name}.png")
+                node(assets, "material", name=name, texture=name)
     _hulls(assets, world)
     for number, patch in enumerate(world.patches, start=1):
         _sheet(assets, number, patch)
@@ -169,7 +179,9 @@ def _body(parent: Element, body: Body) -> Element:
     """An object without its place."""
     element = _solid(parent, body)
     for number, color in enumerate(body.colors, start=1):
-        node(element, "geom", class_="seen", mesh=_part(body.form, number), rgba=rgba(color))
+        name = _part(body.form, number)
+        paint = {"material": name} if number in body.form.paints else {}
+        node(element, "geom", class_="seen", mesh=name, **paint, rgba=rgba(color))
     _pieces(element, body)
     return element
 

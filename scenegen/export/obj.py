@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenegen.assets.mesh import Mesh, shaded
+from scenegen.assets.mesh import Floats, Mesh, shaded
 from scenegen.export.xml import short
 
 HEAD = "# scenegen, metres, z upwards"
@@ -20,6 +20,20 @@ def smooth(mesh: Mesh) -> bytes:
     faces = [f"f {' '.join(corners[k : k + 3])}" for k in range(0, len(corners), 3)]
     lines = [HEAD, *(f"v {place}" for place in places), *(f"vn {turn}" for turn in turns), *faces]
     return ("\n".join(lines) + "\n").encode()
+
+
+def painted(mesh: Mesh, places: Floats) -> bytes:
+    """One mesh with a normal at every corner and, of each vertex, its place in a picture, (V, 2)."""
+    vertices, normals, _ = shaded(mesh)
+    columns = (("v", vertices), ("vt", places[mesh.faces.ravel()]), ("vn", normals.round(6)))
+    known: list[dict[str, int]] = [{}, {}, {}]
+    corners = [
+        "/".join(str(one.setdefault(short(row), len(one) + 1)) for one, row in zip(known, rows, strict=True))
+        for rows in zip(*(values.tolist() for _, values in columns), strict=True)
+    ]
+    lines = [f"{name} {row}" for (name, _), one in zip(columns, known, strict=True) for row in one]
+    faces = [f"f {' '.join(corners[k : k + 3])}" for k in range(0, len(corners), 3)]
+    return ("\n".join([HEAD, *lines, *faces]) + "\n").encode()
 
 
 def plain(mesh: Mesh) -> bytes:

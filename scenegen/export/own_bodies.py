@@ -14,10 +14,11 @@ from scenegen.scene.data import SceneFile, ShapeData
 from scenegen.scene.own_files import is_read, own_file, reason_of
 
 
-def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
+def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
     """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
     shape is `mesh` or `asset` of a glTF, .obj or .stl file, or `urdf`. `folder` is where the spec lay; a file outside
-    it is not read. Objects from other mesh files have none, and collide as their outline.
+    it is not read. With `painted`, they have what is drawn, with
+    colours and textures, too. Objects from other mesh files have none, and collide as their outline.
 
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
@@ -28,7 +29,7 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
         key = item.shape.model_dump_json()
         try:
             if key not in known:
-                known[key] = _body(folder, item.shape) if is_read(item.shape, folder) else None
+                known[key] = _body(folder, item.shape, painted) if is_read(item.shape, folder) else None
         except (MeshError, UrdfError) as error:
             raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
         body = known[key]
@@ -39,11 +40,11 @@ def own_bodies_of(file: SceneFile, folder: Path) -> dict[str, OwnBody]:
     return bodies
 
 
-def _body(folder: Path, shape: ShapeData) -> OwnBody:
+def _body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
     file = own_file(folder, shape)
     if file.is_robot:
-        made = robot_body(file.data, file.beside)
+        made = robot_body(file.data, file.beside, painted=painted)
     else:
-        made = mesh_body(file.path, file.data, file.beside, file.matrix)
+        made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
         made = replace(made, mass=file.mass, friction=file.friction)
     return made.moved(file.offset)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
-from scenegen.assets.mesh import Floats
+from scenegen.assets.mesh import Floats, Mesh
 from scenegen.assets.palette import LINEN, RGB, of_regions
 from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
 from scenegen.export.inertia import inertia
+from scenegen.export.paints import paints_of
 from scenegen.export.world import LEAST_MASS, WOOD, Body, Form, Patch, Record, World, piece_of
 from scenegen.export.xml import check_names, printable
 from scenegen.formats.blocks import Block, counts_in
@@ -106,8 +107,8 @@ def world_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> World:
 def bodies_of(
     names: Sequence[str], shapes: Sequence[Shape], fixed: Collection[str], own: Own = NOTHING
 ) -> tuple[Body, ...]:
-    """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their convex
-    pieces. Raises DataError for one without a volume."""
+    """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their skins or,
+    without these, as their convex pieces. Raises DataError for one without a volume."""
     colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
     forms = _forms(names, shapes, own)
     return tuple(
@@ -124,6 +125,8 @@ def bodies_of(
 
 
 def _colors(shape: Shape, color: RGB, own: OwnBody | None) -> tuple[RGB, ...]:
+    if own is not None and own.skins:
+        return tuple(skin.color or color for skin in own.skins)
     return tuple(part.color for part in parts_of(shape, color)) if own is None else (color,) * len(own.pieces)
 
 
@@ -151,12 +154,15 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tupl
             same = sum(other.asset == shape.asset for other, _ in forms)
             solids = collision_of(shape) if mine is None else mine.pieces
             pieces = tuple(piece_of(solid) for solid in solids)
+            skins = () if mine is None else mine.skins
             parts = tuple(part.mesh for part in parts_of(shape, WOOD)) if mine is None else solids
+            parts = tuple(Mesh(skin.vertices, skin.faces) for skin in skins) or parts
             try:
                 mass = inertia(solids)
             except ValueError:
                 raise DataError(NO_VOLUME(name=name)) from None
-            forms[shape, mine] = Form(f"{shape.asset}{same + 1 if same else ''}", parts, pieces, mass)
+            form = f"{shape.asset}{same + 1 if same else ''}"
+            forms[shape, mine] = Form(form, parts, pieces, mass, paints_of(skins), bool(skins))
     return forms
 
 

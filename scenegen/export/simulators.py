@@ -84,7 +84,8 @@ def write_worlds(
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
     `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
-    (`own_bodies_of`). With a `dressing`, for a folder and a format of `WITH_LOOKS`, there are `textures/` and
+    (`own_bodies_of`), and in formats of `WITH_LOOKS` what is drawn of
+    them. With a `dressing`, for a folder and a format of `WITH_LOOKS`, there are `textures/` and
     looks.jsonl, too.
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
@@ -96,7 +97,7 @@ def write_worlds(
     if sources is not None:
         from scenegen.export.own_bodies import own_bodies_of
 
-        own = own_bodies_of(header, sources)
+        own = own_bodies_of(header, sources, painted=to in WITH_LOOKS)
     together = is_file(out, to)
     if together and header.counts:
         raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))

@@ -6,7 +6,7 @@ the table's top is z = 0, as in pictures.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,16 +29,27 @@ class Piece:
     box: tuple[list[float], list[float]] | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Paint:
+    """A picture on a part, which its colour is multiplied with: the bytes of a `png` file, and where in it each vertex
+    is, `places` (V, 2), v = 0 the lower edge."""
+
+    png: bytes
+    places: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """The data that objects of one shape share. `name` is part of file names; `parts` are drawn, the convex `pieces`
     collide. In the object's frame: the middle of its footprint at the origin, z = 0 its lowest point, heading along
-    x."""
+    x. `paints` are those of the parts, by their numbers from 1; `shells` says that parts need not enclose a volume."""
 
     name: str
     parts: tuple[Mesh, ...]
     pieces: tuple[Piece, ...]
     inertia: Inertia
+    paints: dict[int, Paint] = field(default_factory=dict)
+    shells: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +13,11 @@ import numpy.typing as npt
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.contract import ROUNDS, contract, start
+from scenegen.bounds.contract import ROUNDS, contract, size_of, start
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.tape import Tape, make_tape
+from scenegen.bounds.worlds import improbable, worlds
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK
 from scenegen.lang.core import REQUIRE, Core, gated
@@ -33,8 +35,7 @@ Array = npt.NDArray[np.float64]
 PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
 
 LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
-
-
+THIN = 2e-8  # of the size of coordinates: more than the slack of contraction
 GRACE = 0.5  # seconds
 
 
@@ -96,6 +97,10 @@ class Problem:
     def wanted(self, cell: int | None = None) -> dict[int, Ends]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
+        return self.demand(low, high)
+
+    def demand(self, low: Array, high: Array) -> dict[int, Ends]:
+        """That phi of every label lies in low..high, (L,) each, as demands on formula nodes of the core."""
         return _wanted(self.core, low, high)
 
     def phi(self, rows: Array) -> Array:
@@ -219,7 +224,31 @@ def _possible(
         limits = map(cells.limits, range(cells.count))
         return frozenset(cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all())
     wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
-    shape = (len(lowest), cells.count)
-    lo, hi = start(tape, wanted, *(np.broadcast_to(ends[:, None], shape) for ends in (lowest, highest)))
-    alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
+    boxes = lowest[:, None], highest[:, None]
+    alive = _alive(tape, wanted, *boxes, effort, rounds)
+    choices = worlds(core, lowest, highest)
+    if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
+        narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
+        thin = THIN * size_of(lowest, highest)
+        alive &= _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
     return frozenset(map(int, np.flatnonzero(alive)))
+
+
+def _alive(
+    tape: Tape,
+    wanted: Sequence[Mapping[int, Ends]],
+    low: Array,
+    high: Array,
+    effort: Effort,
+    rounds: int,
+    thin: float = 0.0,
+) -> npt.NDArray[np.bool_]:
+    """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,).
+    Boxes whose scenes have probability 0, as `improbable` finds with `thin`, do not count."""
+    count = low.shape[1]
+    every = [demand for demand in wanted for _ in range(count)]
+    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)))
+    alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
+    if thin > 0.0:
+        alive &= ~improbable(tape, lo, hi, thin)
+    return alive.reshape(len(wanted), count).any(axis=1)

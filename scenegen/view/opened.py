@@ -17,6 +17,7 @@ from scenegen.errors.motions import DAMAGED_MOTIONS
 from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
 from scenegen.formats.motions.table import is_motions
 from scenegen.formats.registry import FORMATS
+from scenegen.needs import INSTALL, found
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
 from scenegen.view.folder import Folder, Refused, digest
@@ -41,7 +42,7 @@ class Opened:
     request: dict[str, Any] = field(default_factory=dict)
 
     def data(self) -> dict[str, Any]:
-        """What the page is told at first."""
+        """What the page is told at first; `missing` are formats with what installs them."""
         return {
             "text": self.text,
             "name": self.name,
@@ -51,6 +52,7 @@ class Opened:
             "model": None if self.model is None else self.model.name,
             "scenes": self.scenes,
             "request": self.request,
+            "missing": {} if found("pxr") else {"usd": INSTALL["pxr"]},
         }
 
 

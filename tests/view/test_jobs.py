@@ -217,8 +217,10 @@ def test_downloads_can_be_read_back(tmp_path, format_):
     assert back.phi["task"].tolist() == scenes.phi["task"].tolist()
 
 
-@pytest.mark.parametrize("format_", ["mjcf", "sdf"])
+@pytest.mark.parametrize("format_", ["mjcf", "sdf", "usd"])
 def test_simulators_get_an_archive(tmp_path, format_):
+    if format_ == "usd":
+        pytest.importorskip("pxr")
     scenes = scenegen.sample(scenegen.parse(TEXT), n=2)
     (name,) = do("download", tmp_path, format=format_, poses=scenes.poses.tolist(), into=str(tmp_path))
     names = zipfile.ZipFile(tmp_path / name).namelist()

@@ -55,6 +55,13 @@ def test_refusals(words, told, capsys, tmp_path, monkeypatch):
     assert told in re.sub(r"\s+", " ", capsys.readouterr().err)
 
 
+def test_the_page_is_told_what_a_format_needs(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenegen.view.opened.found", lambda package: package == "pxr")
+    assert open_(tmp_path).data()["missing"] == {}
+    monkeypatch.setattr("scenegen.view.opened.found", lambda package: False)
+    assert open_(tmp_path).data()["missing"] == {"usd": 'pip install "scenegen[usd]"'}
+
+
 @pytest.mark.long
 def test_a_page_is_exported(tmp_path):
     (tmp_path / "two.spec").write_text(TEXT)

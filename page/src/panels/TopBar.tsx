@@ -143,8 +143,9 @@ function TakeMenu() {
         <>
           <h2>{shown.value.length} {moving ? "motions" : "scenes"}</h2>
           <div class="formats">
-            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ...(moving ? [] : [["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"]])].map(([format, name]) => <button key={format} data-format={format} disabled={none} onClick={close(() => void download(format))}>{name}</button>)}
+            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ...(moving ? [] : [["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"], ["usd", "USD (Isaac Sim)"]])].map(([format, name]) => <button key={format} data-format={format} disabled={none || !!boot.missing[format]} onClick={close(() => void download(format))}>{name}</button>)}
           </div>
+          {moving || !boot.missing.usd ? null : <p class="hint-line">USD: <code>{boot.missing.usd}</code>, then start <code>scenegen view</code> again.</p>}
         </>
       )}
       {moving && !alone ? (

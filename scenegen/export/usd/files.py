@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scenegen.export.usd.form import body_file
+from scenegen.export.usd.form import body_file, picture
 from scenegen.export.usd.scene import Scene
 from scenegen.export.world import World
 from scenegen.export.xml import check_room
@@ -31,6 +31,8 @@ def meshes(world: World) -> Iterator[tuple[str, bytes]]:
         if body.form.name not in named:
             named.add(body.form.name)
             yield f"{body.form.name}{ENDING}", body_file(body)
+            for number, paint in body.form.paints.items():
+                yield picture(body.form, number), paint.png
 
 
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from scenegen.assets.mesh import shaded
 from scenegen.export.usd.axes import principal
-from scenegen.export.usd.looks import Look, cover, material, materials
+from scenegen.export.usd.looks import SHADER, Look, cover, material, materials
 from scenegen.export.usd.stage import Stage
-from scenegen.export.world import Body
+from scenegen.export.world import Body, Form
 
 CONTACT = "contact"  # the name of the material for contacts
 
@@ -14,6 +14,11 @@ CONTACT = "contact"  # the name of the material for contacts
 def part(root: str, number: int) -> tuple[str, str]:
     """The path of a mesh that is drawn, and the name of its material."""
     return f"{root}/visuals/part_{number}", f"part_{number}"
+
+
+def picture(form: Form, number: int) -> str:
+    """The name of the file with the texture of a part, beside that of the form."""
+    return f"{form.name}_{number}.png"
 
 
 def body_file(body: Body) -> bytes:
@@ -31,6 +36,10 @@ def body_file(body: Body) -> bytes:
         stage.mesh(path, mesh, shaded(mesh)[1])
         material(stage, root, name, Look(color))
         cover(stage, root, path, name, color)
+        paint = body.form.paints.get(number)
+        if paint is not None:
+            stage.places(path, paint.places[mesh.faces.ravel()])
+            stage.image(f"{place}/{name}", SHADER, f"./{picture(body.form, number)}", color)
     stage.guide(f"{root}/collisions")
     for number, piece in enumerate(body.form.pieces, start=1):
         path = f"{root}/collisions/piece_{number}"

@@ -62,6 +62,12 @@ class Stage:
             made.CreateNormalsAttr(_vectors(normals.round(6)))
             made.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
 
+    def places(self, path: str, places: Floats) -> None:
+        """Where in a picture each corner of a mesh's triangles is, (3F, 2), v = 0 the lower edge."""
+        kind, each = Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        primvar = UsdGeom.PrimvarsAPI(self._prim(path)).CreatePrimvar("st", kind, each)
+        primvar.Set(Vt.Vec2fArray.FromNumpy(places.astype(np.float32)))
+
     def box(self, path: str, center: Triple, sizes: Triple) -> None:
         """A box along the axes of what it is in."""
         made = UsdGeom.Cube.Define(self._stage, path)

@@ -36,6 +36,7 @@ from scenegen.sampling.rejection.draw import (
     misses,
     within,
 )
+from scenegen.sampling.rejection.sieve import Served, sift
 from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
@@ -45,6 +46,7 @@ SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unr
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
 STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
+SIFTED = 0.25  # share of the work of all covers of a cell each that a look at these cells together may take
 LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
 
@@ -167,11 +169,22 @@ def make_plan(
     rate = trial.hits / trial.tried
     common = _served(rate, possible, problem.request.n / len(possible))
     ruled_out: set[int] = set()
-    own: list[tuple[int, Cover, float]] = []
+    own: list[Served] = []
     draws = trial.tried
     seed = problem.request.seed
-    for cell in possible:
-        if cell in common:
+    try:
+        rare = [cell for cell in possible if cell not in common]
+        worth = OWN * len(possible) / problem.request.n
+        sieve = sift(problem, trial, rare, budget, min(most, SIFTED * together), worth)
+    except StoppedError:
+        undecided = len(possible) - len(common)
+        raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+    together -= sieve.work
+    draws += sieve.tried
+    ruled_out |= sieve.empty
+    own += sieve.served
+    for cell in rare:
+        if cell in sieve.settled:
             continue
         try:
             if budget.spent:
@@ -185,13 +198,13 @@ def make_plan(
             rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
             counts, tried = explore(problem, mine, SEARCH, rng, effort, cell)
         except StoppedError:
-            undecided = len(possible) - len(common) - len(own) - len(ruled_out)
+            undecided = len(possible) - len(common) - sum(len(one.cells) for one in own) - len(ruled_out)
             raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
         together -= effort.used
         draws += tried
         if counts[cell]:
-            own.append((cell, mine, counts[cell] / tried))
-    found = common.union(cell for cell, _, _ in own)
+            own.append(Served((cell,), mine, counts[cell] / tried))
+    found = common.union(*(one.cells for one in own))
     if not found:
         if len(ruled_out) == len(possible):
             raise RequestError(impossible(problem, effort_of(budget)))
@@ -257,21 +270,21 @@ def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:
 
 
 def _balance(
-    problem: Problem, cover: Cover, rate: Array, common: frozenset[int], own: list[tuple[int, Cover, float]]
+    problem: Problem, cover: Cover, rate: Array, common: frozenset[int], own: list[Served]
 ) -> tuple[tuple[Source, ...], float]:
     """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
     the request will need."""
-    share = SPARE * problem.request.n / (len(common) + len(own))
-    need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / mine for _, _, mine in own)]
+    share = SPARE * problem.request.n / (len(common) + sum(len(one.cells) for one in own))
+    need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / one.rate for one in own)]
     size = _size(problem, sum(need))
     parts = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
     sources = [_source(problem, cover, served, parts[0], need[0])]
-    for (cell, mine, _), candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
+    for one, candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
-        only[cell] = True
-        sources.append(_source(problem, mine, only, candidates, all_))
+        only[list(one.cells)] = True
+        sources.append(_source(problem, one.cover, only, candidates, all_))
     return tuple(sources), float(sum(need))
 
 

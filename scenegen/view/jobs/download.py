@@ -21,7 +21,7 @@ from scenegen.view.jobs.source import spec_of
 from scenegen.view.limits import MAX_PLAYED
 
 FILES = ("json", "jsonl", "parquet")
-FOLDERS = ("mjcf", "sdf")
+FOLDERS = ("mjcf", "sdf", "usd")
 PLAYED = "gif"  # of motions alone
 
 

@@ -1,0 +1,116 @@
+"""Where phi jumps: cells without scenes are proved empty or found out together, and the others keep their scenes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import scenegen
+from scenegen.bounds.worlds import worlds
+from scenegen.errors import RequestError
+from scenegen.lang.check import check_text
+from scenegen.lang.core import gated
+from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.rejection import sampler, sieve, trial
+from scenegen.sampling.rejection.trial import make_trial
+from scenegen.sampling.request import Range, SampleRequest
+
+KITCHEN = """workspace [-0.5, 0.5] x [-0.6, 0.6]
+region place = rect(-0.05, -0.25, 0, -0.2)
+object stove = box(0.15, 0.15, 0.03) at (-0.3, 0.3, 0 deg)
+object bowl = bowl on any of [workspace, plate]
+object plate = plate on place
+require apart(stove, bowl) >= 0
+require apart(bowl, plate) >= 0
+goal: restsOn(bowl, plate, 4 mm) & dist(bowl, plate) <= 0.03 m
+"""
+HOUSE = """workspace [0, 5] x [0, 4]
+region board = rect(0, 0, 1.2, 0.7) at 0.75 m
+object cup[2] = cup on any of [workspace, board]
+require apart(cup[1], cup[2]) >= 0
+goal: restsOn(cup[1], board) & restsOn(cup[2], board)
+"""
+
+
+def problem_of(text: str, low: float, high: float, n: int = 50) -> Problem:
+    return make_problem(check_text(text, "test.spec"), SampleRequest(n=n, seed=0, phi={"goal": Range(low, high)}))
+
+
+@pytest.mark.parametrize("text", [KITCHEN, HOUSE])
+def test_each_box_has_one_choice_and_together_they_are_the_whole(text: str) -> None:
+    spec = check_text(text, "test.spec")
+    lowest, highest = spec.box()
+    low, high = worlds(gated(spec.core), lowest, highest)
+    free = highest > lowest
+    sizes = ((high - low)[free] / (highest - lowest)[free, None]).prod(axis=0)
+    assert low.shape[1] == (2 if text == KITCHEN else 4)
+    assert sizes.sum() == pytest.approx(1.0, abs=1e-6)
+    assert np.isclose(low.min(axis=1), lowest).all() and np.isclose(high.max(axis=1), highest).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("text", [KITCHEN, HOUSE])
+@pytest.mark.parametrize("ends", [(-0.3, 0.0), (-0.8, 0.1), (-0.02, 0.004)])
+def test_no_cell_with_scenes_is_excluded(text: str, ends: tuple[float, float]) -> None:
+    spec = scenegen.parse(text)
+    cells = [scenegen.sample(spec, {"goal": one}, n=2000, seed=1) for one in ((None, 0.0), (0.0, None))]
+    phi = np.concatenate([one.phi["goal"] for one in cells])
+    try:
+        problem = problem_of(text, *ends)
+    except RequestError:
+        assert not ((phi >= ends[0]) & (phi <= ends[1])).any()
+        return
+    rows = np.stack([phi, np.ones_like(phi)])  # the second is the requirement
+    hit = set(problem.cells.find(rows).tolist()) - {-1}
+    assert hit <= problem.possible
+
+
+@pytest.mark.long
+def test_what_phi_jumps_over_is_refused() -> None:
+    with pytest.raises(RequestError, match="no scene can have") as raised:
+        problem_of(HOUSE, -0.3, 0.0)
+    assert raised.value.diagnostics[0].code == "no-such-scene"
+
+
+def test_a_value_that_many_scenes_share_stays_possible() -> None:
+    """phi is 0.001 wherever both cups are well inside the board: at the very edge of the range."""
+    assert problem_of(HOUSE, -0.5, 0.001).possible == {31}
+
+
+@pytest.mark.long
+def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The trial is told to have missed half of the cells: they are then served from one cover, with the same scenes."""
+    problem = problem_of(KITCHEN, -0.3, -0.19, 4000)
+    plain = sampler.make_plan(problem, Budget())
+    first = make_trial(problem, Budget())
+    hits = first.hits.copy()
+    hits[10:26] = 0
+    monkeypatch.setattr(sieve, "WORTH", 0.0)
+    made = sampler.make_plan(problem, Budget(), dataclasses.replace(first, hits=hits))
+    assert made.reachable == plain.reachable
+    assert any(source.cells.sum() == 16 for source in made.sources)
+    one, other = made.draw(0), plain.draw(0)
+    for cell in (10, 17, 25):
+        mine, its = one.rows[:, one.cell == cell], other.rows[:, other.cell == cell]
+        assert min(mine.shape[1], its.shape[1]) > 50
+        for row in np.flatnonzero(problem.highest > problem.lowest):
+            assert stats.ks_2samp(mine[row], its[row]).pvalue > 1e-4
+    assert np.array_equal(np.unique(problem.cells.find(one.phi)), np.unique(one.cell))
+
+
+@pytest.mark.long
+def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of(KITCHEN, -0.3, 0.0)
+    made: list[int] = []
+
+    def counted(*args: object) -> trial.Cover:
+        made.append(1)
+        return trial.make_cover(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(sampler, "make_cover", counted)
+    monkeypatch.setattr(sieve, "WORTH", 0.0)
+    plan = sampler.make_plan(problem, Budget())
+    assert len(plan.reachable) == 14 and not made
+    monkeypatch.setattr(sieve, "WORTH", np.inf)
+    assert sampler.make_plan(problem, Budget()).reachable == plan.reachable and made

@@ -80,8 +80,8 @@ export function chooser(now: Spec, name: string): number {
 }
 
 /** The text that a job is about. */
-export function about(): { text: string; path: string | null } {
-  return { text: text.value, path: saved.value.path };
+export function about(): { text: string; path: string | null; counts?: Record<string, number> } {
+  return { text: text.value, path: saved.value.path, counts: request.value.counts };
 }
 
 // For tests: what is on the page, without reading it off the screen.

@@ -48,6 +48,12 @@ export async function check(): Promise<void> {
   }
 }
 
+/** Ask for another number of things, where the spec draws it. */
+export function setCount(name: string, count: number): void {
+  request.value = { ...request.value, counts: { ...request.value.counts, [name]: count } };
+  void check();
+}
+
 function take(found: Spec): void {
   const before = spec.value;
   const same = before?.sha256 === found.sha256;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from scenegen.lang.check import check_file
 from scenegen.view.control import control
 
 UNTITLED = "untitled.spec"
+Counts = tuple[tuple[str, int], ...]
 
 
 def path_of(message: dict[str, Any]) -> Path:
@@ -22,24 +24,48 @@ def path_of(message: dict[str, Any]) -> Path:
 
 
 def spec_of(message: dict[str, Any]) -> Spec:
-    """The checked spec. What it imports is read from the folder that was opened. Raises SpecError."""
+    """The checked spec. What it imports is read from the folder that was opened. Of one that draws how many things there
+    are, that with the numbers of the message. Raises SpecError."""
     path, root, text = path_of(message), Path(message["root"]), str(message["text"])
+    wanted = wanted_counts(message)
     if "import" in text:  # the files it imports may change between two messages
-        return _checked(path, root, text)
-    return _kept(path, root, text)
+        return _checked(path, root, text, wanted)
+    return _kept(path, root, text, wanted)
 
 
-def _checked(path: Path, root: Path, text: str) -> Spec:
+def wanted_counts(message: Mapping[str, Any]) -> Counts:
+    """The numbers of things that a message asks for, by name. Raises DataError for what are no numbers."""
+    given = message.get("counts") or {}
+    if not isinstance(given, dict) or not all(type(one) is int for one in given.values()):
+        raise DataError(NO_MESSAGE(reason="no numbers of things"))
+    return tuple(sorted(given.items()))
+
+
+def with_numbers(spec: Spec, wanted: Counts) -> tuple[Spec, dict[str, int]]:
+    """The spec with as many things as wanted, and these numbers. Of what the message does not say, or what the spec no
+    longer allows, there are as many as there can be."""
+    asked = dict(wanted)
+    numbers = {
+        name: asked[name] if least <= asked.get(name, least - 1) <= most else most
+        for name, (least, most) in spec.counts.items()
+    }
+    if not numbers:
+        return spec, numbers
+    for known, member in spec.members:  # they are checked already, and their formulas point into the text
+        if known == numbers:
+            return member, numbers
+    raise AssertionError("every combination of numbers has a member")
+
+
+def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     try:
         data = text.encode()
     except UnicodeEncodeError:
         raise DataError(NO_MESSAGE(reason="half of a character in the text")) from None
-    return Spec(check_file(path, data, root))
+    return with_numbers(Spec(check_file(path, data, root)), wanted)[0]
 
 
-@lru_cache(maxsize=2)
-def _kept(path: Path, root: Path, text: str) -> Spec:
-    return _checked(path, root, text)
+_kept = lru_cache(maxsize=2)(_checked)
 
 
 def refusal(error: ScenegenError) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from scenegen.lsp.answers import Question, answer
 from scenegen.view.jobs.assist import page_of
 from scenegen.view.jobs.calm import calmly
 from scenegen.view.jobs.describe import describe, numbers_data
-from scenegen.view.jobs.source import wanted_counts, with_numbers
+from scenegen.view.jobs.source import inside, wanted_counts, with_numbers
 
 
 def check(message: dict[str, Any]) -> Iterator[Any]:
@@ -29,4 +29,5 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
             described = None
     yield {"spec": described}
     # what clashes takes as long to find out as scenes, which somebody waits for
-    yield {"problems": calmly(lambda: answer(page, Question("diagnostics")))}
+    problems = calmly(lambda: answer(page, Question("diagnostics")))
+    yield {"problems": [{**one, "message": inside(one["message"], message["root"])} for one in problems or []]}

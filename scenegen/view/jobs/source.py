@@ -68,13 +68,19 @@ def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
 _kept = lru_cache(maxsize=2)(_checked)
 
 
-def refusal(error: ScenegenError) -> dict[str, Any]:
-    """What the page shows of an error: the first problem in parts, and all of them as text."""
+def inside(text: str, root: str | None) -> str:
+    """A text that names files of the folder as the page does, without the folder."""
+    return text.replace(f"{str(root).rstrip('/')}/", "") if root else text
+
+
+def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
+    """What the page shows of an error: the first problem in parts, and all of them as text. Files of the folder `root`
+    are named as the page names them."""
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        **{part: one.text(part, control) for part in ("title", "label", "note", "help")},
+        **{part: inside(one.text(part, control), root) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
-    return {**found, "text": render_all(error.diagnostics, spell=control)}
+    return {**found, "text": inside(render_all(error.diagnostics, spell=control), root)}

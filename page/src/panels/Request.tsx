@@ -18,7 +18,7 @@ export function RequestPanel() {
         <div class="fields">
           {(now.numbers ?? []).map((one) => (
             <label key={one.name}>
-              {one.assets.length ? `which ${one.name}` : `how many ${one.name}`}
+              {one.assets.length ? `${one.name}: which` : `${one.name}: how many`}
               <select data-count={one.name} value={one.now} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
                 {Array.from({ length: one.most - one.least + 1 }, (_, k) => one.least + k).map((k) => <option key={k} value={k}>{one.assets[k - 1] ?? k}</option>)}
               </select>

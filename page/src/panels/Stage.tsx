@@ -15,14 +15,14 @@ export let table: Table3d | null = null;
 
 export function Stage() {
   return (
-    <section class={`stage${stale.value || wrong.value ? " stale" : ""}`} aria-label="scene">
+    <section class={`stage${stale.value ? " stale" : wrong.value ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
       <Phi />
       <Tools />
       <Chosen />
       <Warnings />
       <Trouble />
-      {spec.value && wrong.value && scenes.value ? <div class="first">the spec has a mistake; these are the scenes from before it</div> : null}
+      {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these are the scenes from before it</div> : null}
       {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
     </section>
   );
@@ -89,7 +89,7 @@ function Three() {
 function Phi() {
   const now = spec.value;
   const found = report.value;
-  if (!now || !found || stale.value || wrong.value) return null;
+  if (!now || !found || stale.value) return null;
   const all: [string, number][] = Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
   if (found.require && found.require[0] < 0) all.push(["require", found.require[0]]);
   return (

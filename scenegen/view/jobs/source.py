@@ -24,8 +24,8 @@ def path_of(message: dict[str, Any]) -> Path:
 
 
 def spec_of(message: dict[str, Any]) -> Spec:
-    """The checked spec. What it imports is read from the folder that was opened. Of one that draws how many things there
-    are, that with the numbers of the message. Raises SpecError."""
+    """The checked spec. What it imports is read from the folder that was opened. Of one that draws how many things
+    there are, that with the numbers of the message. Raises SpecError."""
     path, root, text = path_of(message), Path(message["root"]), str(message["text"])
     wanted = wanted_counts(message)
     if "import" in text:  # the files it imports may change between two messages

@@ -20,6 +20,7 @@ export function command(): string {
   words.push("-n", String(n), "--seed", String(seed));
   if (method !== "auto" && method !== "model") words.push("--method", method);
   if (spread !== "flat") words.push("--spread", spread);
+  for (const { name, now, assets } of spec.value?.numbers ?? []) words.push("--count", quoted(`${name}=${assets[now - 1] ?? now}`));
   for (const [name, pose] of Object.entries(fix) as [string, Pose][]) words.push("--fix", quoted(`${name}=${pose.join(",")}`));
   words.push("--out", spec.value?.time ? "motions.jsonl" : "scenes.json");
   return words.join(" ");

@@ -85,7 +85,7 @@ function Help() {
     <div class="veil" onClick={() => (help.value = false)}>
       <div class="help-box" role="dialog" aria-modal="true" aria-label="keys" onClick={(event) => event.stopPropagation()}>
         <header><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
-        <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={k}>{one}</kbd>)}</dt><dd>{what}</dd></div>)}</dl>
+        <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S), /).map((way, w) => [w ? <span key={`or ${w}`}>or</span> : null, ...way.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={`${w} ${k}`}>{one}</kbd>)])}</dt><dd>{what}</dd></div>)}</dl>
         <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click holds it. phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is at least 0, and the lower, the harder.</p>
       </div>
     </div>

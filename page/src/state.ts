@@ -13,6 +13,7 @@ export const saved = signal<{ path: string | null; sha: string | null; text: str
   name: boot.name,
 });
 export const spec = signal<Spec | null>(null);
+export const wrong = signal(false); // the text has a mistake: what is shown is of the last text that had none
 export const problems = signal<Problem[]>([]);
 export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.model ? "model" : "auto", spread: "flat", fix: {} });
 export const result = signal<Result | null>(null);
@@ -80,8 +81,8 @@ export function chooser(now: Spec, name: string): number {
 }
 
 /** The text that a job is about. */
-export function about(): { text: string; path: string | null } {
-  return { text: text.value, path: saved.value.path };
+export function about(): { text: string; path: string | null; counts?: Record<string, number> } {
+  return { text: text.value, path: saved.value.path, counts: request.value.counts };
 }
 
 // For tests: what is on the page, without reading it off the screen.
@@ -97,6 +98,9 @@ effect(() => {
     spec: spec.value,
     busy: busy.value,
     preview: preview.value,
+    wrong: wrong.value,
+    refusal: refusal.value,
+    problems: problems.value,
     rested: rested.value && !preparing.value,
     explaining: explaining.value,
     measuring: measuring.value,

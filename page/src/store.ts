@@ -4,7 +4,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing } from "./state";
+import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, PackedMesh, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
@@ -33,6 +33,8 @@ export async function check(): Promise<void> {
     await ask("check", about(), (part) => {
       if (mine !== checks) return;
       if ("spec" in part) {
+        wrong.value = !part.spec;
+        refusal.value = null; // what was said of the text before
         if (part.spec) take(part.spec);
         else {
           void stop("sample");
@@ -46,6 +48,12 @@ export async function check(): Promise<void> {
   } finally {
     if (mine === checks && busy.value === "check") busy.value = "";
   }
+}
+
+/** Ask for another number of things, where the spec draws it. */
+export function setCount(name: string, count: number): void {
+  request.value = { ...request.value, counts: { ...request.value.counts, [name]: count } };
+  void check();
 }
 
 function take(found: Spec): void {
@@ -250,7 +258,7 @@ export function explain(): void {
 async function explainNow(): Promise<void> {
   if (!poses.value.length || !spec.value) return;
   explaining.value = true;
-  const mine = poses.value;
+  const mine = poses.value, mineText = text.value;
   try {
     const moving = spec.value.time ? path.value : null;
     const found = await askOne<Report>("evaluate", { ...about(), poses: [moving ?? mine], on: on.value && [on.value], why: true });
@@ -264,7 +272,7 @@ async function explainNow(): Promise<void> {
       }
     });
   } catch (error) {
-    if (!(error instanceof Ended)) refuse(error);
+    if (!(error instanceof Ended) && text.value === mineText && poses.value === mine) refuse(error);
   } finally {
     explaining.value = false;
     if (askAgain) {

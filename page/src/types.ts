@@ -50,6 +50,7 @@ export interface Spec {
   table: [number, number, number, number];
   thickness: number;
   tall: number;
+  numbers?: Count[]; // what it draws the number of; the rest of this is of the spec with these numbers
   objects: Thing[];
   regions: Region[];
   labels: { name: string; bounds: [number, number] }[];
@@ -99,7 +100,17 @@ export interface Result extends Report {
 
 export type Ends = [number | null, number | null];
 
+/** How many of something there are, of a spec that draws it; of an object of a category, which asset it is. */
+export interface Count {
+  name: string;
+  least: number;
+  most: number;
+  now: number;
+  assets: string[];
+}
+
 export interface Request {
+  counts?: Record<string, number>;
   phi: Record<string, Ends>;
   n: number;
   seed: number;

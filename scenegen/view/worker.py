@@ -42,7 +42,7 @@ def do(line: socket.socket, message: dict[str, Any]) -> None:
             line.sendall(packed({"part": part}))
         line.sendall(packed({"done": None}))
     except ScenegenError as error:
-        line.sendall(packed({"refused": refusal(error)}))
+        line.sendall(packed({"refused": refusal(error, message.get("root"))}))
     except MemoryError:
         line.sendall(packed({"refused": refusal(ScenegenError(OUT_OF_MEMORY()))}))
     except (BrokenPipeError, ConnectionResetError):

@@ -391,3 +391,21 @@ def test_a_page_without_a_server(tab, tmp_path):
         ".grid button[data-scene] span", "all => all.map(one => JSON.parse(one.dataset.phi).task)"
     )
     assert 0 < len(shown) < 40 and all(phi >= 0 for phi in shown)
+
+
+def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(serve, tab):
+    one = tab(serve("breakfast").link)
+    one.ready()
+    one.write("object block[2..4] = box(5 cm, 5 cm, 5 cm)\nobject mug\ntask: leftOf(block[1], mug)\n")
+    one.until("$.result && $.poses.length === 5 && !$.busy")
+    one.page.select_option("[data-count=block]", "3")
+    one.until("$.result && $.poses.length === 4 && !$.busy")
+    one.page.click("button:has-text('Download')")
+    assert "--count block=3" in one.page.inner_text(".command")
+    one.page.keyboard.press("Escape")
+    one.write("object mug\ntask: leftOf(mug")
+    one.until("$.wrong")
+    assert one.page.inner_text(".behind-note").startswith("the spec has a mistake")
+    one.write("object mug, plate\ntask: leftOf(mug, plate)\n")
+    one.until("!$.wrong && $.result && $.poses.length === 2")
+    assert not one.page.query_selector(".behind-note")

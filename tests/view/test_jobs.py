@@ -271,3 +271,39 @@ def test_large_formulas_are_folded_and_cut(tmp_path):
     described, _ = do("check", tmp_path, text=text)
     assert len(dumps(described)) < 100_000
     assert Path(tmp_path).is_dir()
+
+
+def test_numbers_that_a_spec_draws_are_fixed_for_the_page(tmp_path):
+    text = "object block[2..4] = box(5 cm, 5 cm, 5 cm)\nobject mug\ntask: leftOf(block[1], mug)\n"
+    for counts, wanted in (({}, 4), ({"block": 3}, 3), ({"block": 9}, 4), ({"gone": 2}, 4)):
+        described, _ = do("check", tmp_path, text=text, counts=counts)
+        assert described["spec"]["numbers"] == [{"name": "block", "least": 2, "most": 4, "now": wanted, "assets": []}]
+        assert len(described["spec"]["objects"]) == wanted + 1
+        (start, end), *_ = described["spec"]["trees"]["task"]["spans"]
+        assert text[start:end] == "leftOf(block[1], mug)"  # it points into what was written
+        asked = {"text": text, "counts": counts, "request": {"phi": {"task": [0, None]}, "n": 2}}
+        (found,) = do("sample", tmp_path, **asked)
+        same = scenegen.sample(
+            scenegen.parse(text).with_counts({"block": wanted}), phi={"task": (0, None)}, n=2, seed=0
+        )
+        assert np.array_equal(found["poses"], same.poses)
+    with pytest.raises(DataError):
+        do("sample", tmp_path, text=text, counts={"block": "3"}, request={"n": 1})
+
+
+def test_assets_that_a_spec_draws_are_fixed_for_the_page(tmp_path):
+    kinds = 'asset("red", box(0.1, 0.06, 0.2)), asset("blue", cylinder(0.04, 0.1))'
+    text = f'object mug of category("mug", [{kinds}]), plate\ntask: leftOf(mug, plate)\n'
+    described, _ = do("check", tmp_path, text=text)
+    (one,) = described["spec"]["numbers"]
+    assert one["now"] == one["most"] and one["assets"] == ["red", "blue"]
+    other, _ = do("check", tmp_path, text=text, counts={"mug": 1})
+    shown = [each["spec"]["objects"][0] for each in (described, other)]
+    assert [each["name"] for each in shown] == ["mug:blue", "mug:red"]
+    assert described["spec"]["sha256"] != other["spec"]["sha256"]
+
+
+def test_problems_name_the_file_without_the_folder(tmp_path):
+    _, found = do("check", tmp_path, text="")
+    assert found["problems"][0]["message"].startswith("untitled.spec is empty")
+    assert str(tmp_path) not in found["problems"][0]["message"]

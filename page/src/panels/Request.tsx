@@ -1,6 +1,6 @@
 // What scenes are wanted.
 import { alone, boot, request, spec } from "../state";
-import { change, next, sample } from "../store";
+import { change, next, sample, setCount } from "../store";
 import { Handles } from "./Handles";
 
 export function RequestPanel() {
@@ -16,6 +16,14 @@ export function RequestPanel() {
       {now.labels.map((one) => <Handles key={one.name} name={one.name} />)}
       {alone ? null : (
         <div class="fields">
+          {(now.numbers ?? []).map((one) => (
+            <label key={one.name}>
+              {one.assets.length ? `${one.name}: which` : `${one.name}: how many`}
+              <select data-count={one.name} value={one.now} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
+                {Array.from({ length: one.most - one.least + 1 }, (_, k) => one.least + k).map((k) => <option key={k} value={k}>{one.assets[k - 1] ?? k}</option>)}
+              </select>
+            </label>
+          ))}
           {now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
           <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="others: the next seed (n)" aria-label="next seed">↻</button></span></label>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>

@@ -5,7 +5,7 @@ import { Table3d, type Tag } from "../scene/table3d";
 import { marks, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view } from "../state";
+import { alone, bases, busy, chooser, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
 import { sample, select, step } from "../store";
 import { Code } from "./Explain";
 import { degrees, signed } from "../words";
@@ -15,13 +15,14 @@ export let table: Table3d | null = null;
 
 export function Stage() {
   return (
-    <section class={`stage${stale.value ? " stale" : ""}`} aria-label="scene">
+    <section class={`stage${stale.value ? " stale" : wrong.value ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
       <Phi />
       <Tools />
       <Chosen />
       <Warnings />
       <Trouble />
+      {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these are the scenes from before it</div> : null}
       {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
     </section>
   );
@@ -161,7 +162,7 @@ function Standing({ name, surfaces, column }: { name: string; surfaces: string[]
 /** What is worth knowing of the scenes, such as that there are fewer than wanted. */
 function Warnings() {
   const found = result.value?.warnings ?? [];
-  if (!found.length || preview.value || busy.value === "sample") return null;
+  if (!found.length || wrong.value || preview.value || busy.value === "sample") return null;
   return (
     <ul class="warnings" aria-label="warnings">
       {found.map(({ code, title }) => <li key={code + title}>{title} <Code code={code} /></li>)}

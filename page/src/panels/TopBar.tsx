@@ -6,7 +6,7 @@ import { format } from "../editor/editor";
 import { download, list, openFile, openText, save, type Listing } from "../files";
 import { connected } from "../server";
 import { link } from "../share";
-import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved } from "../state";
+import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved, wrong } from "../state";
 import { theme, toggleTheme } from "../theme";
 
 export const menu = signal<"" | "file" | "take" | "save">("");
@@ -69,6 +69,7 @@ function Status() {
     const method = String(found.sampler.method ?? "");
     words = `${shown.value.length} ${found.motions ? "motion" : "scene"}${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
   }
+  if (wrong.value) words = "the spec has a mistake";
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
   return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
 }

@@ -11,7 +11,8 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.lsp.answers import Question, answer
 from scenegen.view.jobs.assist import page_of
 from scenegen.view.jobs.calm import calmly
-from scenegen.view.jobs.describe import describe
+from scenegen.view.jobs.describe import describe, numbers_data
+from scenegen.view.jobs.source import inside, wanted_counts, with_numbers
 
 
 def check(message: dict[str, Any]) -> Iterator[Any]:
@@ -21,9 +22,12 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
     described = None
     if isinstance(found, CheckedSpec):
         try:
-            described = describe(Spec(found))
+            family = Spec(found)
+            spec, numbers = with_numbers(family, wanted_counts(message))
+            described = {**describe(spec), "numbers": numbers_data(family, numbers)}
         except SpecError:  # phi beyond what computers can hold: a problem that the list tells
             described = None
     yield {"spec": described}
     # what clashes takes as long to find out as scenes, which somebody waits for
-    yield {"problems": calmly(lambda: answer(page, Question("diagnostics")))}
+    problems = calmly(lambda: answer(page, Question("diagnostics")))
+    yield {"problems": [{**one, "message": inside(one["message"], message["root"])} for one in problems or []]}

@@ -78,6 +78,15 @@ def _time(spec: Spec) -> dict[str, Any] | None:
     return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves, "most": timed.most_of(spec)}
 
 
+def numbers_data(family: Spec, numbers: dict[str, int]) -> list[dict[str, Any]]:
+    """The numbers of things that a spec draws: those of which it has how many now, and between what. Of an object of a
+    category, the number is that of its asset, from 1."""
+    return [
+        {"name": name, "least": least, "most": most, "now": numbers[name], "assets": list(family.assets.get(name, ()))}
+        for name, (least, most) in family.counts.items()
+    ]
+
+
 def formulas_of(spec: Spec) -> dict[str, Any]:
     """The formula of each label, and what is required, as a tree."""
     if spec.over_time is None:

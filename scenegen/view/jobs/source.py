@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from scenegen.lang.check import check_file
 from scenegen.view.control import control
 
 UNTITLED = "untitled.spec"
+Counts = tuple[tuple[str, int], ...]
 
 
 def path_of(message: dict[str, Any]) -> Path:
@@ -22,33 +24,63 @@ def path_of(message: dict[str, Any]) -> Path:
 
 
 def spec_of(message: dict[str, Any]) -> Spec:
-    """The checked spec. What it imports is read from the folder that was opened. Raises SpecError."""
+    """The checked spec. What it imports is read from the folder that was opened. Of one that draws how many things
+    there are, that with the numbers of the message. Raises SpecError."""
     path, root, text = path_of(message), Path(message["root"]), str(message["text"])
+    wanted = wanted_counts(message)
     if "import" in text:  # the files it imports may change between two messages
-        return _checked(path, root, text)
-    return _kept(path, root, text)
+        return _checked(path, root, text, wanted)
+    return _kept(path, root, text, wanted)
 
 
-def _checked(path: Path, root: Path, text: str) -> Spec:
+def wanted_counts(message: Mapping[str, Any]) -> Counts:
+    """The numbers of things that a message asks for, by name. Raises DataError for what are no numbers."""
+    given = message.get("counts") or {}
+    if not isinstance(given, dict) or not all(type(one) is int for one in given.values()):
+        raise DataError(NO_MESSAGE(reason="no numbers of things"))
+    return tuple(sorted(given.items()))
+
+
+def with_numbers(spec: Spec, wanted: Counts) -> tuple[Spec, dict[str, int]]:
+    """The spec with as many things as wanted, and these numbers. Of what the message does not say, or what the spec no
+    longer allows, there are as many as there can be."""
+    asked = dict(wanted)
+    numbers = {
+        name: asked[name] if least <= asked.get(name, least - 1) <= most else most
+        for name, (least, most) in spec.counts.items()
+    }
+    if not numbers:
+        return spec, numbers
+    for known, member in spec.members:  # they are checked already, and their formulas point into the text
+        if known == numbers:
+            return member, numbers
+    raise AssertionError("every combination of numbers has a member")
+
+
+def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     try:
         data = text.encode()
     except UnicodeEncodeError:
         raise DataError(NO_MESSAGE(reason="half of a character in the text")) from None
-    return Spec(check_file(path, data, root))
+    return with_numbers(Spec(check_file(path, data, root)), wanted)[0]
 
 
-@lru_cache(maxsize=2)
-def _kept(path: Path, root: Path, text: str) -> Spec:
-    return _checked(path, root, text)
+_kept = lru_cache(maxsize=2)(_checked)
 
 
-def refusal(error: ScenegenError) -> dict[str, Any]:
-    """What the page shows of an error: the first problem in parts, and all of them as text."""
+def inside(text: str, root: str | None) -> str:
+    """A text that names files of the folder as the page does, without the folder."""
+    return text.replace(f"{str(root).rstrip('/')}/", "") if root else text
+
+
+def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
+    """What the page shows of an error: the first problem in parts, and all of them as text. Files of the folder `root`
+    are named as the page names them."""
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        **{part: one.text(part, control) for part in ("title", "label", "note", "help")},
+        **{part: inside(one.text(part, control), root) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
-    return {**found, "text": render_all(error.diagnostics, spell=control)}
+    return {**found, "text": inside(render_all(error.diagnostics, spell=control), root)}

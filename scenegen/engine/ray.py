@@ -203,8 +203,11 @@ def _ray() -> Any:
 
 def _join(ray: Any, workers: int | None, address: str | None) -> None:
     given = address or os.environ.get("RAY_ADDRESS")
+    own: contextlib.AbstractContextManager[None] = (
+        _search_path_for_children() if given is None else contextlib.nullcontext()
+    )
     try:
-        with contextlib.nullcontext() if given else _search_path_for_children():
+        with own:
             ray.init(
                 address=given or "local",  # None would join any cluster that runs on this machine
                 num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,

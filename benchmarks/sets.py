@@ -3,8 +3,11 @@
     python -m benchmarks.sets memory --scenes 10_000_000     docs/images/set_memory.png
     python -m benchmarks.sets reading SET
     python -m benchmarks.sets engines --scenes 5_000_000     one and two workers, local and Ray
+    python -m benchmarks.sets engines --scenes 30_000 --spec benchmarks/tables/dinner4.spec --phi 0:
 
 The spec is table_setting with phi from -0.1 to 0.1, seed 0. CPU seconds are those of all processes, of Ray's too.
+`engines` runs each engine twice: for one scene, which is what starting and ending take, and for all. The throughput is
+that of the difference. The plan is in it: that of one scene is small.
 """
 
 from __future__ import annotations
@@ -16,14 +19,22 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "images" / "set_memory.png"
-REQUEST = ("table_setting", "--phi", "-0.1:0.1", "--timeout", "36000", "-q")
+REQUEST = ("table_setting", "--phi=-0.1:0.1")
+ENGINES = {
+    "one worker": ("--workers", "1"),
+    "two workers": ("--workers", "2"),
+    "Ray, two cores": ("--workers", "2", "--engine", "ray"),
+}
 
 
-def command(out: str, scenes: int, *more: str) -> list[str]:
-    return [sys.executable, "-m", "scenegen", "sample", *REQUEST, "-n", str(scenes), "--out", out, *more]
+def command(out: str, scenes: int, *more: str, request: Sequence[str] = REQUEST) -> list[str]:
+    fixed = ("--timeout", "36000", "-q", "-n", str(scenes), "--out", out)
+    return [sys.executable, "-m", "scenegen", "sample", *request, *fixed, *more]
 
 
 def processes(root: int) -> dict[int, tuple[float, float]]:
@@ -99,19 +110,45 @@ def reading(location: str) -> None:
         print(f"{how}: {count:,} scenes, {count / cpu / 1e6:.2f} million per CPU s, {count / wall / 1e6:.2f} per s")
 
 
-def engines(scenes: int) -> None:
-    """One and two local workers, and Ray with two cores: seconds, and CPU seconds of all processes."""
-    for options in (("--workers", "1"), ("--workers", "2"), ("--workers", "2", "--engine", "ray")):
-        with tempfile.TemporaryDirectory() as folder:
-            start, spent = time.monotonic(), {}
-            run = subprocess.Popen(command(f"{folder}/set/", scenes, *options))
-            while run.poll() is None:
-                spent |= {pid: cpu for pid, (_, cpu) in processes(run.pid).items()}
-                time.sleep(0.3)
-            wall, cpu = time.monotonic() - start, sum(spent.values())
-            if run.returncode:
-                sys.exit(f"the run ended with status {run.returncode}")
-        print(f"{' '.join(options)}: {wall:.1f} s, {cpu:.1f} CPU s, {scenes / wall:,.0f} scenes/s", flush=True)
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Seconds of one run of the command: on the clock, of its own process, and of all processes below it."""
+
+    wall: float
+    own: float
+    others: float
+
+    def without(self, start: Cost) -> Cost:
+        return Cost(self.wall - start.wall, self.own - start.own, self.others - start.others)
+
+    def __str__(self) -> str:
+        return f"{self.wall:.1f} s, {self.own:.1f} + {self.others:.1f} CPU s"
+
+
+def cost(scenes: int, request: Sequence[str], options: Sequence[str]) -> Cost:
+    """One run into an empty folder. CPU seconds are read four times a second, so the last moments are not in them."""
+    with tempfile.TemporaryDirectory() as folder:
+        start, spent = time.monotonic(), {}
+        run = subprocess.Popen(command(f"{folder}/set/", scenes, *options, request=request))
+        while run.poll() is None:
+            spent |= {pid: cpu for pid, (_, cpu) in processes(run.pid).items()}
+            time.sleep(0.25)
+        wall = time.monotonic() - start
+        if run.returncode:
+            sys.exit(f"the run ended with status {run.returncode}")
+    own = spent.pop(run.pid, 0.0)
+    return Cost(wall, own, sum(spent.values()))
+
+
+def engines(scenes: int, request: Sequence[str], only: Sequence[str]) -> None:
+    """One and two local workers, and Ray with two cores. CPU seconds are those of the command + of other processes."""
+    for name in only:
+        options = ENGINES[name]
+        start = cost(1, request, options)
+        whole = cost(scenes, request, options)
+        rest = whole.without(start)
+        rate = f"{scenes / rest.wall:,.0f} scenes/s" if rest.wall > 0 else "no time measured"
+        print(f"{name}: {whole}; start {start}; the rest {rest}: {rate}", flush=True)
 
 
 def main() -> None:
@@ -119,11 +156,16 @@ def main() -> None:
     parser.add_argument("what", choices=["memory", "reading", "engines"])
     parser.add_argument("location", nargs="?")
     parser.add_argument("--scenes", type=lambda text: int(text.replace("_", "")), default=10_000_000)
+    parser.add_argument("--spec", default=REQUEST[0], help="of `engines`")
+    parser.add_argument("--phi", default="-0.1:0.1", help="of `engines`")
+    parser.add_argument("--only", choices=list(ENGINES), action="append", help="of `engines`: may be repeated")
     given = parser.parse_args()
     if given.what == "reading":
         reading(given.location or parser.error("reading needs a set"))
+    elif given.what == "memory":
+        memory(given.scenes)
     else:
-        {"memory": memory, "engines": engines}[given.what](given.scenes)
+        engines(given.scenes, (given.spec, f"--phi={given.phi}"), given.only or list(ENGINES))
 
 
 if __name__ == "__main__":

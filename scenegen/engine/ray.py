@@ -203,15 +203,32 @@ def _ray() -> Any:
 
 def _join(ray: Any, workers: int | None, address: str | None) -> None:
     given = address or os.environ.get("RAY_ADDRESS")
-    # Workers on this machine import what this process imports; other machines have scenegen installed.
-    paths = os.pathsep.join(entry for entry in sys.path if entry)
-    options: dict[str, Any] = {"runtime_env": {"env_vars": {"PYTHONPATH": paths}}} if given is None else {}
+    own: contextlib.AbstractContextManager[None] = (
+        _search_path_for_children() if given is None else contextlib.nullcontext()
+    )
     try:
-        ray.init(
-            address=given or "local",  # None would join any cluster that runs on this machine
-            num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,
-            include_dashboard=None if given else False, **options,
-        )  # fmt: skip
+        with own:
+            ray.init(
+                address=given or "local",  # None would join any cluster that runs on this machine
+                num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,
+                include_dashboard=None if given else False,
+            )  # fmt: skip
     except (ConnectionError, OSError, ValueError, RuntimeError) as error:
         said = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
         raise RequestError(CLUSTER_NOT_FOUND(address=given, reason=said)) from error
+
+
+@contextlib.contextmanager
+def _search_path_for_children() -> Iterator[None]:
+    """Workers on this machine import what this process imports; other machines have scenegen installed. Ray's processes
+    inherit it: a `runtime_env` would say the same, but Ray does not use the workers that it has started for one, and
+    asks another process to prepare it."""
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(entry for entry in sys.path if entry)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONPATH"]
+        else:
+            os.environ["PYTHONPATH"] = before

@@ -130,7 +130,7 @@ PHI_MISSED = Kind(
 )
 BEYOND_TRAINING = Kind(
     "beyond-training",
-    "[[with {counted}: ]]the model was trained on phi of `{label}` from {low:.4g} to {high:.4g}; beyond that it guesses",
+    "[[with {counted}: ]]the model was trained on phi of `{label}` from {low:.4g} to {high:.4g}; beyond it guesses",
     help="narrow <phi>, or leave <raw> out",
     severity="warning",
 )

@@ -251,5 +251,4 @@ def _alive(
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin > 0.0:
         alive &= ~improbable(tape, lo, hi, thin)
-    found: npt.NDArray[np.bool_] = alive.reshape(len(wanted), count).any(axis=1)
-    return found
+    return np.asarray(alive.reshape(len(wanted), count).any(axis=1))

@@ -57,7 +57,7 @@ def test_raw_scenes_are_told_of_more(raw, said):
     assert len(found) == said and all(one.severity == "warning" for one in found)
     assert "cover 0.50 at task 0" in found[0].title
     if raw:
-        assert "from -1 to 0.2; beyond that it guesses" in found[1].title
+        assert "from -1 to 0.2; beyond it guesses" in found[1].title
         assert found[2].title == "1 of 2 raw scenes do not meet what the spec requires"
 
 

@@ -46,6 +46,7 @@ SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unr
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
 STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
+HOPELESS, SEEN = 2.0, 0.2  # times the work that is left, and share of it spent, at which covers are given up
 SIFTED = 0.25  # share of the work of all covers of a cell each that a look at these cells together may take
 LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
@@ -159,8 +160,9 @@ def make_plan(
     """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
 
     `most` is the work that each cover may take, see scenegen.bounds.effort; `together` is that of all covers of a cell
-    each. Raises TooMuchError if that does not suffice; RequestError if there is provably no scene, and if time is up
-    before it is known which cells get scenes, because a time limit must not change the scenes.
+    each: they are given up as soon as those that are made show that it cannot suffice. Raises TooMuchError if it does
+    not; RequestError if there is provably no scene, and if time is up before it is known which cells get scenes,
+    because a time limit must not change the scenes.
     """
     trial = make_trial(problem, budget, most) if trial is None else trial
     if problem.cells.count == 1:
@@ -183,9 +185,11 @@ def make_plan(
     draws += sieve.tried
     ruled_out |= sieve.empty
     own += sieve.served
-    for cell in rare:
-        if cell in sieve.settled:
-            continue
+    rest = [cell for cell in rare if cell not in sieve.settled]
+    allowed = together
+    for done, cell in enumerate(rest):
+        if _hopeless(allowed, together, done, len(rest)):
+            raise TooMuchError
         try:
             if budget.spent:
                 raise StoppedError
@@ -214,6 +218,14 @@ def make_plan(
         return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out), budget)
     sources, expected = _balance(problem, trial.cover, rate, common, own)
     return Rejection(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected, budget)
+
+
+def _hopeless(allowed: float, left: float, done: int, count: int) -> bool:
+    """Whether covers of `done` of `count` cells took so much of the work allowed that all will take far more."""
+    if not done or math.isinf(allowed):
+        return False
+    spent = allowed - left
+    return spent >= SEEN * allowed and spent / done * (count - done) > HOPELESS * left
 
 
 def first_look(problem: Problem, budget: Budget) -> Rejection | None:

@@ -164,22 +164,21 @@ def _bars(runs: Sequence[Run]) -> str:
     several = len(each) > 1
     lines = []
     for name, enough, count in _all_bars():
-        part = count(runs)
-        spread = [f"{100.0 * bound(map(count, each)):.1f} %" for bound in (min, max)] if several else []
-        lines.append(
-            [name, f"{100.0 * part:.1f} %", "yes" if part >= enough else "no", *([" to ".join(spread)] * several)]
-        )
+        part = count(runs) or 0.0
+        parts = [part_ for some in each if (part_ := count(some)) is not None]
+        spread = f"{100.0 * min(parts):.1f} % to {100.0 * max(parts):.1f} %" if len(parts) > 1 else "-"
+        lines.append([name, f"{100.0 * part:.1f} %", "yes" if part >= enough else "no", *[spread] * several])
     specs = len({run.seed for run in each[0]}) if several else 0
     return table(["bar", "met by", "held", *[f"each of {len(each)} training seeds, on {specs} specs"] * several], lines)
 
 
-def _all_bars() -> list[tuple[str, float, Callable[[Sequence[Run]], float]]]:
-    """Name, the share that has to meet it, and what share of some runs does."""
+def _all_bars() -> list[tuple[str, float, Callable[[Sequence[Run]], float | None]]]:
+    """Name, the share that has to meet it, and what share of some runs does; None where none was measured."""
 
-    def of_rows(met: Callable[[Row], bool]) -> Callable[[Sequence[Run]], float]:
+    def of_rows(met: Callable[[Row], bool]) -> Callable[[Sequence[Run]], float | None]:
         return lambda runs: _share([met(row) for row in _rows(runs)])
 
-    def of_runs(met: Callable[[Run], bool], known: Callable[[Run], object]) -> Callable[[Sequence[Run]], float]:
+    def of_runs(met: Callable[[Run], bool], known: Callable[[Run], object]) -> Callable[[Sequence[Run]], float | None]:
         return lambda runs: _share([met(run) for run in runs if not run.failed and known(run)])
 
     return [
@@ -190,8 +189,8 @@ def _all_bars() -> list[tuple[str, float, Callable[[Sequence[Run]], float]]]:
     ]
 
 
-def _share(met: Sequence[bool]) -> float:
-    return sum(met) / max(1, len(met))
+def _share(met: Sequence[bool]) -> float | None:
+    return sum(met) / len(met) if met else None
 
 
 def _alike(runs: Sequence[Run]) -> list[list[Run]]:

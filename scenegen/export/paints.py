@@ -6,7 +6,6 @@ import io
 from collections.abc import Sequence
 
 import numpy as np
-from PIL import Image
 
 from scenegen.assets.surface import Surface
 from scenegen.export.world import Paint
@@ -26,6 +25,8 @@ def paints_of(skins: Sequence[Surface]) -> dict[int, Paint]:
 
 def _png(data: bytes) -> bytes:
     """MuJoCo reads no JPEG. Transparency is left out."""
+    from PIL import Image  # only objects with textures need it
+
     out = io.BytesIO()
     with Image.open(io.BytesIO(data)) as picture:
         picture.convert("RGB").save(out, "PNG")

@@ -80,7 +80,7 @@ def run(seed: int, number: int, timeout: float) -> Run:
         begun = time.monotonic()
         with said.open("wb") as stream:
             process = subprocess.Popen(words, stdout=stream, stderr=stream)
-        status, used = _wait(process, begun + timeout + STUCK)
+        status, used, memory = _wait(process, begun + timeout + STUCK)
         wall = time.monotonic() - begun
         cpu = used.ru_utime + used.ru_stime
         text = said.read_text(encoding="utf-8", errors="replace")
@@ -97,23 +97,36 @@ def run(seed: int, number: int, timeout: float) -> Run:
     # a busy machine stretches the second after the deadline as it stretches everything
     if wall > timeout + LATE * max(1.0, wall / max(cpu, 0.1)):
         fault = fault or "the answer came late"
-    memory = used.ru_maxrss * 1024  # Linux counts in KiB
     if memory > MEMORY:
         fault = fault or "too much memory"
     return Run(number, kind, method, wall, cpu, memory, first, fault)
 
 
-def _wait(process: subprocess.Popen[bytes], until: float) -> tuple[int, resource.struct_rusage]:
-    """The exit status and what the process used; one that does not end is killed."""
+def _wait(process: subprocess.Popen[bytes], until: float) -> tuple[int, resource.struct_rusage, int]:
+    """The exit status, what the process used, and its largest memory in bytes; one that does not end is killed.
+
+    The peak of `wait4` is at least that of the process that started it, which may be larger than it ever gets."""
+    memory = 0
     while True:
+        memory = max(memory, _peak(process.pid))
         pid, status, used = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
-            return process.returncode, used
+            return process.returncode, used, memory
         if time.monotonic() > until:
             process.kill()
             until = float("inf")
         time.sleep(0.02)
+
+
+def _peak(pid: int) -> int:
+    """The largest memory of a process so far, in bytes; 0 where it is not told."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
+    except OSError:
+        return 0
+    lines = [line for line in status.splitlines() if line.startswith("VmHWM:")]
+    return int(lines[0].split()[1]) * 1024 if lines else 0
 
 
 def _verify(case: Table, out: Path) -> tuple[str, str]:

@@ -66,6 +66,9 @@ class Project:
             wanted = (base.resolve().parent / path).resolve()
         except (OSError, RuntimeError, ValueError):
             raise SpecError(CANNOT_FIND_IMPORT(here, path=path)) from None
+        with contextlib.suppress(OSError):  # a name that no file can have
+            if wanted.is_symlink():  # links in a circle, which `resolve` leaves as they are from Python 3.13 on
+                raise SpecError(CANNOT_FIND_IMPORT(here, path=path))
         if not wanted.is_relative_to(root):
             raise SpecError(OUTSIDE_FOLDER(here, path=wanted, folder=root))
         return wanted

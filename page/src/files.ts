@@ -3,7 +3,7 @@ import { editor, replaceText } from "./editor/editor";
 import { asShown, path } from "./motions";
 import { table } from "./panels/Stage";
 import { http } from "./server";
-import { edited, message, on, poses, request, result, saved, selected, shown, text, view } from "./state";
+import { about, edited, message, on, poses, request, result, saved, selected, shown, view } from "./state";
 import { check } from "./store";
 
 export interface Listing {
@@ -67,7 +67,7 @@ export async function download(format: string): Promise<void> {
   const all = format === "gif" ? [path.value] : shown.value.map(one);
   const surfaces = found.on && shown.value.map((k) => (edited.value && k === selected.value ? on.value : found.on![k]));
   const sampler = edited.value ? { ...found.sampler, edited: selected.value + 1 } : found.sampler;
-  const body = { format, text: text.value, path: saved.value.path, poses: all, on: surfaces, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
+  const body = { ...about(), format, poses: all, on: surfaces, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
   if (format === "gif") message.value = "drawing the motion…";
   try {
     const answer = await http("/api/download", { method: "POST", body: JSON.stringify(body) });

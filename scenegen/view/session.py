@@ -42,6 +42,7 @@ class Message(BaseModel):
     why: bool = False
     want: list[str] = Field(default=[], max_length=2000)
     request: dict[str, Any] = Field(default={}, max_length=20)
+    counts: dict[str, int] = Field(default={}, max_length=64)
     timeout: float | None = Field(None, gt=0, le=60)
 
 

@@ -393,7 +393,7 @@ def test_a_page_without_a_server(tab, tmp_path):
     assert 0 < len(shown) < 40 and all(phi >= 0 for phi in shown)
 
 
-def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(serve, tab):
+def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(serve, tab, tmp_path):
     one = tab(serve("breakfast").link)
     one.ready()
     one.write("object block[2..4] = box(5 cm, 5 cm, 5 cm)\nobject mug\ntask: leftOf(block[1], mug)\n")
@@ -402,6 +402,9 @@ def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(s
     one.until("$.result && $.poses.length === 4 && !$.busy")
     one.page.click("button:has-text('Download')")
     assert "--count block=3" in one.page.inner_text(".command")
+    one.page.keyboard.press("Escape")
+    scenes = json.loads(download(one, "json", tmp_path).read_text())["scenes"]
+    assert len(scenes) == 16 and all(len(each["poses"]) == 4 for each in scenes)
     one.page.keyboard.press("Escape")
     one.write("object mug\ntask: leftOf(mug")
     one.until("$.wrong")

@@ -36,6 +36,7 @@ class DownloadRequest(BaseModel):
     on: list[Any] | None = Field(None, max_length=MAX_SCENES)
     request: dict[str, Any] = Field(default={}, max_length=20)
     sampler: dict[str, Any] = Field(default={}, max_length=40)
+    counts: dict[str, int] = Field(default={}, max_length=64)
 
 
 def route(shared: Shared) -> Route:

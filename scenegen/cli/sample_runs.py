@@ -232,15 +232,15 @@ def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Mode
 
 
 def looks_like_model(path: Path) -> bool:
-    """By its ending, or by how safetensors files begin: the header's length in 8 bytes, then the header. A folder is
-    one of models."""
-    if path.suffix == ".safetensors":
+    """By its ending, by the spec in a folder of models, or by how safetensors files begin: the header's length in 8
+    bytes, then the header."""
+    from scenegen.api.family import is_family
+
+    if path.suffix == ".safetensors" or is_family(path):
         return True
     if path.suffix == ".spec":
         return False
     try:
-        if path.is_dir():
-            return True
         if not path.is_file():
             return False
         with path.open("rb") as file:

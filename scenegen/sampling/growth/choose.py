@@ -18,6 +18,7 @@ Array = npt.NDArray[np.float64]
 WAYS = 12  # ways that an object may jump between at a time
 LARGEST = 40  # objects up to which clusters are looked for
 SCALES = 4.0  # clusters are held together by distances down to the table's width over 2 to this power
+FAR = 0.5  # share of their moves that go anywhere: across what lies between two parts of the table
 
 
 def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
@@ -77,7 +78,8 @@ def cluster(particles: Particles, tally: Tally | None) -> None:
         if (more == member).all():
             break
         member = more
-    step = (2.0 * rng.random((2, particles.count)) - 1.0) * (0.5 * width * 2.0 ** -(SCALES * rng.random()))
+    longest = width if rng.random() < FAR else 0.5 * width * 2.0 ** -(SCALES * rng.random())
+    step = (2.0 * rng.random((2, particles.count)) - 1.0) * longest
     new_x, new_y = np.where(member, x + step[0], x), np.where(member, y + step[1], y)
     close = (np.abs(new_x[:, None] - new_x) <= reach) & (np.abs(new_y[:, None] - new_y) <= reach)
     allowed = ~(close & member & ~member[:, None]).any(axis=(0, 1)) & ~member.all(axis=0)

@@ -20,7 +20,7 @@ Index = npt.NDArray[np.intp]
 
 FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
 MOST_POSES = 1 << 21  # poses tried for one object in all scenes, at most
-HITS = 12.0  # poses that meet all clauses that a scene should have among its tries
+HITS = 6.0  # poses that meet all clauses that a scene should have among its tries
 EVEN = 0.9  # effective share of the scenes after weighting from which on no moves are made
 SWEEPS, MOST_SWEEPS = 3.0, 24  # sweeps after a step for each scene that a carried weight stands for, but for one
 AFFORDED, PAID = 2e4, 0.3  # evaluations that they may take, and how many for each evaluation of growth before them

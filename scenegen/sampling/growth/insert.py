@@ -73,10 +73,23 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
 
 
 def _score(particles: Particles, boxes: Boxes, poses: Array, new: Sequence[New], stage: int) -> tuple[Array, int]:
-    """What each pose (R, M, P) counts, (M, P): 0 where a clause is not met, else the chance that choices are met which
-    it touches, over the density with which it was drawn; and how many meet all clauses but the pairs."""
-    machine, cell = particles.machine, particles.cell
+    """What each pose (R, M, P) of the stage's object counts, (M, P): 0 where a clause is not met, else the chance that
+    choices are met which it touches, over the density with which it was drawn; and how many meet all clauses but the
+    pairs."""
+    machine = particles.machine
     thing = machine.order[stage]
+    value, attracted = scored(particles, boxes, poses, thing, stage)
+    if new and attracted:
+        tried, column = np.nonzero(value)
+        mine = {row: values[tried, column] for row, values in zip(machine.touch[thing].rows, poses, strict=True)}
+        value[tried, column] *= chances_of(particles, new, mine, column, stage)
+    return value, attracted
+
+
+def scored(particles: Particles, boxes: Boxes, poses: Array, thing: int, stage: int) -> tuple[Array, int]:
+    """What each pose (R, M, P) of an object counts, choices apart, (M, P): 0 where a clause over it and objects placed
+    by a stage is not met, else one over the density with which it was drawn; and how many meet all but the pairs."""
+    machine, cell = particles.machine, particles.cell
     touch = machine.touch[thing]
     rows: list[Array] = list(particles.scenes)
     for row, values in zip(touch.rows, poses, strict=True):
@@ -88,20 +101,14 @@ def _score(particles: Particles, boxes: Boxes, poses: Array, new: Sequence[New],
         machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), good.size)
     attracted = int(np.count_nonzero(good))
     if touch.layers and attracted:
-        _keep_clear(particles, poses, good, stage)
+        _keep_clear(particles, poses, good, thing, stage)
     density = boxes.density(poses)
-    value = np.where(density > 0.0, good / np.where(density > 0.0, density, 1.0), 0.0)
-    if new and good.any():
-        tried, column = np.nonzero(good)
-        mine = {row: values[tried, column] for row, values in zip(touch.rows, poses, strict=True)}
-        value[tried, column] *= chances_of(particles, new, mine, column, stage)
-    return value, attracted
+    return np.where(density > 0.0, good / np.where(density > 0.0, density, 1.0), 0.0), attracted
 
 
-def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_], stage: int) -> None:
-    """Take out of `good` (M, P) the poses (R, M, P) that are too near to something."""
+def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_], thing: int, stage: int) -> None:
+    """Take out of `good` (M, P) the poses (R, M, P) of an object that are too near to something."""
     machine, cell, scenes = particles.machine, particles.cell, particles.scenes
-    thing = machine.order[stage]
     touch = machine.touch[thing]
     place = {axis_of(row): values for row, values in zip(touch.rows, poses, strict=True)}
     if good.mean() > MANY:  # most are to be looked at: try by try, the scenes are read where they are

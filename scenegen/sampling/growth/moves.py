@@ -1,8 +1,8 @@
 """Local moves: Metropolis steps that change one object, or a few, and score what touches these alone.
 
-All keep the uniform distribution over the scenes that meet the clauses in force: walks, redraws over the box, swaps and
-rigid motions are symmetric; a redraw over the room is weighed by the branches that hold the old and the new pose. A
-kind of move and its objects are drawn once for all scenes, steps for each scene alone.
+All keep the uniform distribution over the scenes that meet the clauses in force: walks, swaps and rigid motions are
+symmetric; for redraws see reinsert.py. A kind of move and its objects are drawn once for all scenes, steps for each
+scene alone.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.room import Room
+from scenegen.sampling.growth.reinsert import carry, reinsert
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-KINDS = ("redraw", "shift", "turn", "jump", "cluster")
+KINDS = ("redraw", "shift", "turn", "carry", "jump", "cluster")
 FINEST = 9  # step lengths go down to the box's over 2 to this power
+TRIES = 4  # places tried for an object, before a plan knows better
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first
 JUMPS = 0.25  # jumps between the ways of a choice for each walk
-CLUSTERS = 2  # cluster moves in a sweep
+CLUSTERS = 6  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
 MOST_TRADES = 8
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
@@ -40,12 +41,13 @@ SWAPS = 0.5  # swaps for each object that has kin
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
     of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
-    `redraws` is how often an object is redrawn for each of its turns, `jumps` how often it jumps between the ways of a
-    choice."""
+    `redraws` and `carries` are how often an object, and all that hangs from it, is lifted for each of its turns, and
+    how many places are tried then; `jumps` is how often an object jumps between the ways of a choice."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
-    redraws: Mapping[int, float] = field(default_factory=dict)
+    redraws: Mapping[int, tuple[float, int]] = field(default_factory=dict)
+    carries: Mapping[int, tuple[float, int]] = field(default_factory=dict)
     jumps: float = JUMPS
 
     def makes(self, kind: str) -> bool:
@@ -65,14 +67,17 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
         thing = placed[place]
         taken += _walk(particles, thing, settings, tally)
         room = machine.room(thing, particles.stage)
-        often = settings.redraws.get(thing, REDRAWS / DEAR if room.nodes else REDRAWS)
+        often, tries = settings.redraws.get(thing, (REDRAWS / DEAR if room.nodes else REDRAWS, TRIES))
         if settings.makes("redraw") and rng.random() < often:
-            _redraw(particles, thing, room, tally)
+            reinsert(particles, thing, room, tries, tally)
         group = [one for one in machine.groups[thing] if machine.at[one] <= particles.stage]
         if len(group) > 1 and settings.makes("shift"):
             _shift(particles, thing, group, settings, tally)
         if len(group) > 1 and settings.makes("turn"):
             _turn(particles, thing, group, tally)
+        often, tries = settings.carries.get(thing, (REDRAWS, TRIES))
+        if len(group) > 1 and settings.makes("carry") and rng.random() < often:
+            carry(particles, group, tries, tally)
         if settings.makes("jump") and rng.random() < settings.jumps:
             jump(particles, thing, tally)
     if settings.makes("cluster"):
@@ -124,22 +129,6 @@ def _width(particles: Particles, row: int) -> Array | float:
         return float(graph.high[row, 0] - graph.low[row, 0])
     width: Array = (graph.high[row] - graph.low[row])[particles.cell]
     return width
-
-
-def _redraw(particles: Particles, thing: int, room: Room, tally: Tally | None) -> None:
-    machine, rng = particles.machine, particles.rng
-    rows = machine.touch[thing].rows
-    boxes = room.boxes(particles.scenes, particles.cell)
-    machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
-    poses = boxes.draw(1, rng)[:, 0]
-    allowed = boxes.volumes.sum(axis=0) > 0.0
-    if len(room.branches) > 1:
-        old = np.maximum(boxes.holding(particles.scenes[list(rows)]), 1.0)
-        allowed &= rng.random(particles.count) * boxes.holding(poses) < old
-    good = attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), allowed)
-    if tally is not None:
-        tally.note("redraw", len(good), int(good.sum()))
-        tally.note(f"redraw of {thing}", len(good), int(good.sum()))
 
 
 def _swap(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.sampling.growth.full import too_full
-from scenegen.sampling.growth.grow import Grown, Step, Stuck, explore
+from scenegen.sampling.growth.grow import HITS, Grown, Step, Stuck, explore
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, Settings, sweep
@@ -35,10 +35,15 @@ OF_A_CELL = 12  # scenes of each cell of the range in an island, at least
 NUMBERS = 1 << 22  # coordinates of a population at most
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
-TAKEN, OFTEN = 0.1, 0.25  # share of an object's redraws that must be taken for it to be redrawn at so many turns
+MOST_TRIES = 32  # of a place for an object that is lifted
+CALLS = 2.0  # what such a move costs before the first try, in tries
+REDRAWN, CARRIED = 0.25, 0.5  # times that an object, and all that hangs from it, is lifted for each of its turns
+TRIED = 0.5  # the same, while it is found out how many find a place
+TAKEN, SELDOM = 0.1, 0.25  # share of these that must find a place; so many times fewer are made of those that do not
 EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
 FAMILIES = 12.0  # effective ancestors below which a larger population is grown
-AGAIN = 2  # times that a population is made four times larger
+AGAIN = 2  # times that a population is made larger
+MORE_HITS = 2.0 * HITS  # of larger ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,19 +133,21 @@ def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
     problem = machine.problem
     possible = tuple(sorted(problem.possible))
     most = max(64, min(MOST, NUMBERS // len(problem.lowest)))
-    count = min(most, max(LEAST, ISLANDS * OF_A_CELL * len(possible)))
+    wanted = min(MOST // 2, int(SPARE * problem.request.n))  # half as many would cost nearly as much
+    count = min(most, max(LEAST, wanted, ISLANDS * OF_A_CELL * len(possible)))
     rng = generator(problem.request.seed, -1)
     for attempt in range(again + 1):
         tally = Tally()
         before = machine.work
-        grown, steps = explore(machine, *spread_over(possible, count), rng, tally)
+        hits = HITS if attempt == 0 else MORE_HITS
+        grown, steps = explore(machine, *spread_over(possible, count), rng, tally, hits=hits)
         last = attempt == again or count >= most
         if isinstance(grown, Stuck):
             if last or not grown.placed.attracted:
                 return Stalled(machine, grown, machine.work)
         elif last or _ancestors(grown.particles) >= FAMILIES:
             break
-        count = min(most, 4 * count)
+        count = min(most, max(2 * count, 4 * LEAST))
     assert isinstance(grown, Grown)
     cost = machine.work - before
     reached = tuple(map(int, np.unique(grown.particles.cell)))
@@ -170,7 +177,8 @@ def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> t
     """The settings tuned on whole scenes, how long these are moved, see settle.py, and the share of walks taken.
     Growing them took `cost`."""
     final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
-    trial = Settings({}, redraws=dict.fromkeys(particles.placed, OFTEN))
+    lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
+    trial = Settings({}, redraws=lift, carries=lift)
     for _ in range(2):
         sweep(particles, trial, final)
     settings = tuned(final)
@@ -201,13 +209,24 @@ def tuned(tally: Tally) -> Settings:
         rate = tally.rate(kind)
         if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
             kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
-    redraws = {}
+    redraws, carries = {}, {}
     for thing in tally.steps:
-        rate = tally.rate(f"redraw of {thing}")
-        if rate is not None and rate >= TAKEN:  # a redraw brings an object anywhere at once
-            redraws[thing] = OFTEN
+        if (rate := tally.rate(f"redraw of {thing}")) is not None:
+            redraws[thing] = lifted(rate, REDRAWN)
+        if (rate := tally.rate(f"carry of {thing}")) is not None:
+            carries[thing] = lifted(rate, CARRIED)
     jumps = tally.rate("jump")
-    return Settings(odds, tuple(kinds), redraws, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
+    return Settings(odds, tuple(kinds), redraws, carries, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
+
+
+def lifted(free: float, often: float) -> tuple[float, int]:
+    """How often something is lifted off the table for each of its turns, and how many places are tried then: those that
+    bring it elsewhere at the least cost, where a share of all places is `free`."""
+    tries = 2 ** np.arange(int(np.log2(MOST_TRIES)) + 1)
+    taken = 1.0 - (1.0 - free) ** tries
+    best = int(np.argmax(taken / (CALLS + tries)))
+    often *= 1.0 if taken[best] >= TAKEN else SELDOM if taken[best] >= SELDOM * TAKEN else 0.0
+    return often, int(tries[best])
 
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:

@@ -27,6 +27,8 @@ LONGEST = 400  # sweeps at most
 FEW = 4  # sweeps at least
 SURE = 12  # sweeps from which on scenes that seem to differ are trusted to do so: a larger population tells more
 PAID = 0.4  # share of what all scenes will cost that may be spent to see how many sweeps are best
+SET_UP = 0.5  # what a further population costs however small it is, of what one as large as the first one does
+NOISE = 1.1  # the design effect is known to about so much
 TRIED, HELPED = 0.15, 0.8  # the same, as long as scenes are nearly as much alike as in the beginning
 
 
@@ -75,14 +77,16 @@ def settle(
         each = (machine.work - begun) / done
         now = Settled(done, thin, effect, each)
         pieces = wanted * thin / particles.count - 1.0
-        cost = each * done + max(0.0, pieces) * (grown + each * done)
+        rest = 0.0 if pieces <= 0.0 else SET_UP + pieces
+        cost = each * done + rest * (grown + each * done)
         if cost < cheapest:
             cheapest, best = cost, now
         slowest = max(slowest, thin)
         assert best is not None
         spent = (machine.work - begun) / cheapest
         enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
-        if enough or done >= LONGEST or spent > (PAID if thin < HELPED * slowest else TRIED):
+        helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
+        if enough or done >= LONGEST or (not helps and spent > (PAID if thin < HELPED * slowest else TRIED)):
             return (now if thin <= 1.0 else best), now
 
 

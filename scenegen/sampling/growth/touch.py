@@ -97,11 +97,12 @@ class Touch:
         stage: int,
         good: Bool,
         columns: Index | None = None,
+        but: Sequence[int] = (),
     ) -> None:
         """Take out of `good` (B,) the poses, x, y and heading (B,) each, that are too near to something in `scenes`
-        (3N, P). Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
+        (3N, P), but for some objects. Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
         for layer in self.layers:
-            _clear(layer, pose, scenes, cell, stage, columns, good)
+            _clear(layer, pose, scenes, cell, stage, columns, good, but)
 
 
 def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
@@ -125,10 +126,13 @@ def _clear(
     stage: int,
     columns: Index | None,
     good: Bool,
+    but: Sequence[int],
 ) -> None:
-    """Take out of `good` (B,) the columns in which something in force is too near."""
+    """Take out of `good` (B,) the columns in which something in force is too near, but for some objects."""
     x, y, theta = pose
     live = layer.stages <= stage
+    if but and layer.fixed is None:
+        live[list(but)] = False
     if not live.any():
         return
     square = np.where(live[:, None], layer.square, -1.0)

@@ -7,7 +7,9 @@ from scipy import stats
 from scenegen.sampling.growth import moves
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
+from scenegen.sampling.growth.insert import scored
 from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.reinsert import carry, reinsert
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.request import Range
 
@@ -23,6 +25,7 @@ SPECS = {
     "ways": ("(leftOf(a, b) & leftOf(b, c)) | (leftOf(a, c) & leftOf(b, c))", {"task": Range(0.02)}),
     "chains": ("(closeTo(a, b, 0.2) & closeTo(b, c, 0.2)) | (leftOf(a, b) & belowOf(b, c) & closeTo(a, c, 0.4))",
                POSITIVE),
+    "sides": ("closeTo(b, a, 0.15) & (leftOf(a, c) & belowOf(c, b) | leftOf(c, a) & belowOf(b, c))", POSITIVE),
     "boxes": ("workspace [0, 0.6] x [0, 0.5]\nobject a = box(0.2, 0.1, 0.1), b = box(0.2, 0.1, 0.1)\n"
               "require noOverlap()\nrequire insideWorkspace()\ntask: farFrom(a, b, 0.0)", POSITIVE),
 }  # fmt: skip
@@ -35,8 +38,18 @@ def walk(particles):
 
 def redraw(particles):
     for thing in particles.placed:
-        room = particles.machine.room(thing, particles.stage)
-        moves._redraw(particles, thing, room, None)
+        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 1, None)
+
+
+def redraw_of_many(particles):
+    for thing in particles.placed:
+        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 8, None)
+
+
+def carried(particles):
+    for group in particles.machine.groups.values():
+        if len(group) > 1:
+            carry(particles, [thing for thing in group if thing in particles.placed], 8, None)
 
 
 def shift(particles):
@@ -82,15 +95,18 @@ def everything(particles):
 
 
 CASES = [
-    ("discs", walk), ("discs", redraw), ("discs", swap), ("discs", shuffle), ("discs", trade), ("discs", everything),
-    ("group", walk), ("group", redraw), ("group", shift), ("group", turn), ("group", everything),
-    ("branches", walk), ("branches", redraw), ("branches", everything),
-    ("ways", walk), ("ways", redraw), ("ways", everything),
+    ("discs", walk), ("discs", redraw), ("discs", redraw_of_many),
+    ("discs", swap), ("discs", shuffle), ("discs", trade), ("discs", everything),
+    ("group", walk), ("group", redraw), ("group", carried), ("group", shift), ("group", turn), ("group", everything),
+    ("branches", walk), ("branches", redraw), ("branches", redraw_of_many), ("branches", everything),
+    ("ways", walk), ("ways", redraw), ("ways", redraw_of_many), ("ways", everything),
     ("ways", jumps),
     ("chains", jumps),
+    ("chains", redraw_of_many),
     ("chains", clusters),
     ("chains", everything),
-    ("boxes", walk), ("boxes", redraw), ("boxes", swap), ("boxes", everything),
+    ("sides", carried), ("sides", everything),
+    ("boxes", walk), ("boxes", redraw), ("boxes", redraw_of_many), ("boxes", swap), ("boxes", everything),
 ]  # fmt: skip
 
 
@@ -157,7 +173,20 @@ def careless(particles):
         attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
 
 
-@pytest.mark.parametrize(("name", "move"), [("discs", drifting), ("overlapping", careless)])
+def greedy(particles):
+    """Tries in the room, of which one is taken wherever there is one, however many branches hold it."""
+    for thing in particles.placed:
+        room = particles.machine.room(thing, particles.stage)
+        boxes = room.boxes(particles.scenes, particles.cell)
+        poses = boxes.draw(8, particles.rng)
+        value, _ = scored(particles, boxes, poses, thing, particles.stage)
+        which = value.argmax(axis=0)
+        taken = np.flatnonzero(value.max(axis=0) > 0.0)
+        for row, values in zip(particles.machine.touch[thing].rows, poses, strict=True):
+            particles.scenes[row, taken] = values[which[taken], taken]
+
+
+@pytest.mark.parametrize(("name", "move"), [("discs", drifting), ("overlapping", careless), ("overlapping", greedy)])
 def test_moves_that_do_not_keep_it_are_seen(name, move):
     text = "closeTo(a, (0.4, 0.5), 0.2) | closeTo(a, (0.6, 0.5), 0.3)"
     machine = machine_of(*SPECS[name]) if name in SPECS else machine_of(text)
@@ -171,7 +200,7 @@ def test_moves_that_do_not_keep_it_are_seen(name, move):
     "leftOf(a, b) & closeTo(b, c, 0.2) | belowOf(a, b) & closeTo(a, c, 0.2) | leftOf(b, a) & closeTo(c, b, 0.3)",
     "closeTo(a, b, 0.2) | closeTo(b, c, 0.2) | closeTo(a, c, 0.2)",
 ])  # fmt: skip
-@pytest.mark.parametrize("move", [walk, jumps, everything])
+@pytest.mark.parametrize("move", [walk, redraw_of_many, jumps, everything])
 def test_before_its_last_object_a_choice_counts_by_its_chance(text, move):
     """Two of three objects are placed: scenes that promise more are so much more frequent, and moves keep it so."""
     machine = machine_of(text)

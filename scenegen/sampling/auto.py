@@ -100,7 +100,7 @@ def _without_pruning(problem: Problem, budget: Budget) -> Rejection | None:
         return None
     moving = int((problem.lowest < problem.highest).sum())
     cheap, work = max(EASY, GROWN * moving * problem.request.n), work_of(plan)
-    if EASY < work <= PRUNED * cheap:
+    if 2.0 * PRUNED * FIRST < work <= PRUNED * cheap:  # less pruning has not been enough
         try:
             pruned = plan_rejection(problem, budget, make_trial(problem, budget, work / PRUNED), work / PRUNED)
         except TooMuchError:

@@ -17,14 +17,15 @@ from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.reinsert import carry, reinsert
+from scenegen.sampling.growth.reinsert import reinsert, relocate
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-KINDS = ("redraw", "shift", "turn", "carry", "jump", "cluster")
+LIFTS = ("redraw", "relocate")
+KINDS = (*LIFTS, "shift", "turn", "jump", "cluster")
 FINEST = 9  # step lengths go down to the box's over 2 to this power
 TRIES = 4  # places tried for an object, before a plan knows better
 REDRAWS = 0.25  # redraws of an object for each walk
@@ -41,13 +42,13 @@ SWAPS = 0.5  # swaps for each object that has kin
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
     of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
-    `redraws` and `carries` are how often an object, and all that hangs from it, is lifted for each of its turns, and
-    how many places are tried then; `jumps` is how often an object jumps between the ways of a choice."""
+    `redraws` and `relocations` are how often an object, and all that hangs from it, is lifted for each of its turns,
+    and how many places are tried then; `jumps` is how often an object jumps between the ways of a choice."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
     redraws: Mapping[int, tuple[float, int]] = field(default_factory=dict)
-    carries: Mapping[int, tuple[float, int]] = field(default_factory=dict)
+    relocations: Mapping[int, tuple[float, int]] = field(default_factory=dict)
     jumps: float = JUMPS
 
     def makes(self, kind: str) -> bool:
@@ -75,9 +76,9 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
             _shift(particles, thing, group, settings, tally)
         if len(group) > 1 and settings.makes("turn"):
             _turn(particles, thing, group, tally)
-        often, tries = settings.carries.get(thing, (REDRAWS, TRIES))
-        if len(group) > 1 and settings.makes("carry") and rng.random() < often:
-            carry(particles, group, tries, tally)
+        often, tries = settings.relocations.get(thing, (REDRAWS, TRIES))
+        if len(group) > 1 and settings.makes("relocate") and rng.random() < often:
+            relocate(particles, group, tries, tally)
         if settings.makes("jump") and rng.random() < settings.jumps:
             jump(particles, thing, tally)
     if settings.makes("cluster"):

@@ -19,7 +19,7 @@ from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.grow import HITS, Grown, Step, Stuck, explore
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, Settings, sweep
+from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, Settings, sweep
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.settle import Settled, apart, part_of, settle
 from scenegen.sampling.growth.tally import Tally
@@ -37,7 +37,7 @@ SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apa
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
 MOST_TRIES = 32  # of a place for an object that is lifted
 CALLS = 2.0  # what such a move costs before the first try, in tries
-REDRAWN, CARRIED = 0.25, 0.5  # times that an object, and all that hangs from it, is lifted for each of its turns
+REDRAWN, RELOCATED = 0.25, 0.5  # times that an object, and all that hangs from it, is lifted for each of its turns
 TRIED = 0.5  # the same, while it is found out how many find a place
 TAKEN, SELDOM = 0.1, 0.25  # share of these that must find a place; so many times fewer are made of those that do not
 EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
@@ -178,7 +178,7 @@ def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> t
     Growing them took `cost`."""
     final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
     lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
-    trial = Settings({}, redraws=lift, carries=lift)
+    trial = Settings({}, redraws=lift, relocations=lift)
     for _ in range(2):
         sweep(particles, trial, final)
     settings = tuned(final)
@@ -204,19 +204,20 @@ def tuned(tally: Tally) -> Settings:
     for thing, (tried, taken) in tally.steps.items():
         gain = (taken + 0.05) / (tried + 1.0) * sizes
         odds[thing] = 0.7 * gain / gain.sum() + 0.3 / (FINEST + 1)
-    kinds = [kind for kind in KINDS if (rate := tally.rate(kind)) is None or rate >= USELESS]
+    rates = {kind: tally.rate(kind) for kind in KINDS if kind not in LIFTS}  # how often these are made is found below
+    kinds = [*LIFTS, *(kind for kind, rate in rates.items() if rate is None or rate >= USELESS)]
     for kind in tally.tried:
         rate = tally.rate(kind)
         if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
             kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
-    redraws, carries = {}, {}
+    redraws, relocations = {}, {}
     for thing in tally.steps:
         if (rate := tally.rate(f"redraw of {thing}")) is not None:
             redraws[thing] = lifted(rate, REDRAWN)
-        if (rate := tally.rate(f"carry of {thing}")) is not None:
-            carries[thing] = lifted(rate, CARRIED)
+        if (rate := tally.rate(f"relocate of {thing}")) is not None:
+            relocations[thing] = lifted(rate, RELOCATED)
     jumps = tally.rate("jump")
-    return Settings(odds, tuple(kinds), redraws, carries, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
+    return Settings(odds, tuple(kinds), redraws, relocations, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
 
 
 def lifted(free: float, often: float) -> tuple[float, int]:

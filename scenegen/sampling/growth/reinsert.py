@@ -50,7 +50,7 @@ def reinsert(particles: Particles, thing: int, room: Room, tries: int, tally: Ta
     _set(particles, (thing,), {row: poses[place, which, taken] for place, row in enumerate(rows)}, taken)
 
 
-def carry(particles: Particles, group: Sequence[int], tries: int, tally: Tally | None) -> None:
+def relocate(particles: Particles, group: Sequence[int], tries: int, tally: Tally | None) -> None:
     """Move objects that hang together to one of `tries` places, as they stand to each other."""
     machine, rng = particles.machine, particles.rng
     graph, cell, count = machine.graph, particles.cell, particles.count
@@ -69,8 +69,8 @@ def carry(particles: Particles, group: Sequence[int], tries: int, tally: Tally |
     _keep(particles, group, moved, good)
     hits = int(np.count_nonzero(good))
     if tally is not None:
-        tally.note("carry", good.size, hits)
-        tally.note(f"carry of {group[0]}", good.size, hits)
+        tally.note("relocate", good.size, hits)
+        tally.note(f"relocate of {group[0]}", good.size, hits)
     if not hits:
         return
     value = good.astype(np.float64)

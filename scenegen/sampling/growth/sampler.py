@@ -66,7 +66,7 @@ class Growth(Plan):
             odds,
             recipe.settings.kinds,
             sorted(recipe.settings.redraws.items()),
-            sorted(recipe.settings.carries.items()),
+            sorted(recipe.settings.relocations.items()),
             recipe.settings.jumps,
             recipe.cells,
             (recipe.count, recipe.settle, recipe.thin),

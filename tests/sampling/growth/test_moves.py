@@ -9,7 +9,7 @@ from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.insert import scored
 from scenegen.sampling.growth.moves import Settings, sweep
-from scenegen.sampling.growth.reinsert import carry, reinsert
+from scenegen.sampling.growth.reinsert import reinsert, relocate
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.request import Range
 
@@ -46,10 +46,10 @@ def redraw_of_many(particles):
         reinsert(particles, thing, particles.machine.room(thing, particles.stage), 8, None)
 
 
-def carried(particles):
+def relocated(particles):
     for group in particles.machine.groups.values():
         if len(group) > 1:
-            carry(particles, [thing for thing in group if thing in particles.placed], 8, None)
+            relocate(particles, [thing for thing in group if thing in particles.placed], 8, None)
 
 
 def shift(particles):
@@ -97,7 +97,7 @@ def everything(particles):
 CASES = [
     ("discs", walk), ("discs", redraw), ("discs", redraw_of_many),
     ("discs", swap), ("discs", shuffle), ("discs", trade), ("discs", everything),
-    ("group", walk), ("group", redraw), ("group", carried), ("group", shift), ("group", turn), ("group", everything),
+    ("group", walk), ("group", redraw), ("group", relocated), ("group", shift), ("group", turn), ("group", everything),
     ("branches", walk), ("branches", redraw), ("branches", redraw_of_many), ("branches", everything),
     ("ways", walk), ("ways", redraw), ("ways", redraw_of_many), ("ways", everything),
     ("ways", jumps),
@@ -105,7 +105,7 @@ CASES = [
     ("chains", redraw_of_many),
     ("chains", clusters),
     ("chains", everything),
-    ("sides", carried), ("sides", everything),
+    ("sides", relocated), ("sides", everything),
     ("boxes", walk), ("boxes", redraw), ("boxes", redraw_of_many), ("boxes", swap), ("boxes", everything),
 ]  # fmt: skip
 

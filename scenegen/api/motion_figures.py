@@ -20,6 +20,7 @@ from scenegen.formats.files import check_writable, write_whole
 from scenegen.formats.folder import whole_files
 from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.lang.check import check_text
+from scenegen.lang.counts import combinations
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
@@ -120,6 +121,12 @@ def _one(
 ) -> dict[str, bytes]:
     from PIL import Image
 
+    if spec.counts:
+        counts = motions.counts(number)
+        spec = next(
+            one for numbers, one in zip(combinations(spec.counts), spec.members, strict=True) if numbers == counts
+        )
+        motions, number = motions.alone(number), 0
     signals = over_time(spec, motions.poses[number])
     values = np.nan_to_num(signals[label], posinf=0.0, neginf=0.0).tolist()
     times = np.arange(len(motions.poses[number])) * motions.header.time.dt

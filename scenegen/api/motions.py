@@ -21,6 +21,7 @@ from scenegen.errors.temporal import NOT_OVER_TIME
 from scenegen.formats.motions.table import MotionArrays, scenes_header
 from scenegen.formats.motions.table import read_motions as read
 from scenegen.formats.motions.table import write_motions as write
+from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scene.data import RequestData
 from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
@@ -32,7 +33,8 @@ Array = npt.NDArray[np.float64]
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionSet:
     """n motions of N objects over T steps: `poses` (n, T + 1, N, 3), x and y in metres and theta in radians, objects in
-    the order of `objects`. `phi` and `facts` map names to (n,) values. `header` is the motion file without motions."""
+    the order of `objects`, NaN for those that are not there. `phi` and `facts` map names to (n,) values. `header` is
+    the motion file without motions."""
 
     poses: Array
     phi: Mapping[str, Array]
@@ -46,6 +48,19 @@ class MotionSet:
     @property
     def objects(self) -> tuple[str, ...]:
         return tuple(one.name for one in self.header.objects)
+
+    @property
+    def counts(self) -> dict[str, npt.NDArray[np.intp]]:
+        """How many things there are, (n,) by array of objects, where that is drawn, in pairs. Of an object of a
+        category the number of its asset, from 1."""
+        if not self.header.counts:
+            return {}
+        return dict(zip((one.name for one in self.header.counts), self._arrays().numbers, strict=True))
+
+    @property
+    def present(self) -> npt.NDArray[np.bool_]:
+        """(n, N): which objects are there."""
+        return ~np.isnan(self.poses[:, 0, :, X])
 
     @property
     def times(self) -> Array:

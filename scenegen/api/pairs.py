@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +11,16 @@ from scenegen.api.motions import MotionSet
 from scenegen.api.request import Phi, check_request, read_phi
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec, check_spec, refuse_choices
-from scenegen.errors import RequestError
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.pose import as_poses
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scene.data import RequestData
 from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_int
+
+if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
 
 START, GOAL = "start.", "goal."  # before a label: its phi at that end
 
@@ -40,31 +44,48 @@ def pairs(
 
     `phi` holds `start.LABEL` and `goal.LABEL`; `facts` are `moved`, the number of objects whose place differs, and
     `distance`, the metres between their centres, summed. Every pair is scored once more before it is returned. The
-    same arguments give the same pairs. Raises RequestError where there is no start or no goal, and where fewer than n
-    pairs were found.
+    same arguments give the same pairs.
+
+    Where the spec draws how many things there are, start and goal have as many, and numbers have equal shares of the
+    pairs; those that have none are left out, with a warning. Objects that are not there have NaN.
+
+    Raises RequestError where there is no start or no goal, and where fewer than n pairs were found.
     """
-    from scenegen.motions.pairs import Starts, draw_pairs
+    from scenegen.motions.numbered_pairs import draw_numbered
+    from scenegen.motions.pairs import Pairs, Starts, draw_pairs
     from scenegen.sampling.problem import Budget, make_problem
 
     check_spec(spec)
+    drawn = spec.drawn
     refuse_choices(spec, "a pair")
     if moved is not None and as_int("moved", moved) < 1:
         raise RequestError(OUT_OF_RANGE(argument="moved", value=moved, wanted="at least 1"))
     ends = {name: Range(0.0) for name in spec.labels} if goal is None else read_phi(spec, goal)
     wanted = check_request(spec, SampleRequest(ends, n, seed=seed, timeout=timeout))
     budget = Budget(wanted.timeout)
-    targets = make_problem(spec.checked, wanted, budget)
     begins = {} if start is None else read_phi(spec, start)
-    first = make_problem(spec.checked, replace(wanted, phi=begins), budget)
-    found = draw_pairs(targets, Starts(first, targets if start is None else None), moved, budget)
+
+    def drawn_of(checked: CheckedSpec, wanted: SampleRequest) -> Pairs:
+        targets = make_problem(checked, wanted, budget)
+        first = make_problem(checked, replace(wanted, phi=begins), budget)
+        return draw_pairs(targets, Starts(first, targets if start is None else None), moved, budget)
+
+    sampler: dict[str, object] = {"kind": "pairs", "seed": seed, "moved": moved}
+    warnings: tuple[Diagnostic, ...] = ()
+    if spec.counts:
+        numbered = draw_numbered(drawn, wanted, budget, drawn_of)
+        found, warnings = numbered.pairs, numbered.warnings
+        sampler |= {"goals_without_start": found.given_up, **numbered.info}
+    else:
+        found = drawn_of(drawn, wanted)
+        sampler |= {"goals_without_start": found.given_up}
     if found.shortfall is not None:
         raise RequestError(found.shortfall)
     phi = {f"{START}{name}": values for name, values in zip(spec.labels, found.start_phi, strict=True)}
     phi |= {f"{GOAL}{name}": values for name, values in zip(spec.labels, found.goal_phi, strict=True)}
     facts = {"moved": found.moved.astype(np.float64), "distance": found.distance}
-    sampler = {"kind": "pairs", "seed": seed, "moved": moved, "goals_without_start": found.given_up}
     poses = np.stack([as_poses(found.start), as_poses(found.goal)], axis=1)
-    return MotionSet(poses, phi, facts, _header(spec, begins, ends, n, sampler))
+    return MotionSet(poses, phi, facts, _header(spec, begins, ends, n, sampler), warnings)
 
 
 def _header(
@@ -73,8 +94,9 @@ def _header(
     """The file without its pairs: one step of one second from start to goal."""
     phi = {f"{START}{name}": (one.low, one.high) for name, one in start.items()}
     phi |= {f"{GOAL}{name}": (one.low, one.high) for name, one in goal.items()}
-    scenes = make_header(spec.checked, sampler, RequestData(phi={}, n=n))
+    scenes = make_header(spec.drawn, sampler, RequestData(phi={}, n=n))
     return MotionFile(
-        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions, sampler=sampler,
-        time=TimeData(steps=1), request=MotionRequestData(phi=phi, n=n), motions=[],
+        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, counts=scenes.counts,
+        regions=scenes.regions, sampler=sampler, time=TimeData(steps=1), request=MotionRequestData(phi=phi, n=n),
+        motions=[],
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,13 +99,25 @@ def _of_motions(
 ) -> Exported:
     starts, ends = motions.scenes(0), motions.scenes(-1)
     check_count(starts)
-    grounded = ground(motions.header.spec.source, OF_SCENES, facts, own)
-    problems = Problems(grounded, goal_labels(grounded, goal), vocabulary([grounded]), whole_goal)
+    source = motions.header.spec.source
+    named: dict[tuple[str, int], str] = {}
+    parts = [
+        (ground(source, OF_SCENES, facts, own, counts=counts, parts=named), counts, which)
+        for counts, which in starts.parts()
+    ]
+    words = vocabulary([grounded for grounded, _, _ in parts])
+    made = [Problems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
     said = "its first moment, and its last one as the goal."
-    comments = {number: f"Motion {number}: {said}" for number in numbers(len(motions))}
-    texts = problems.of_pairs(rows_of(grounded.spec, starts), rows_of(grounded.spec, ends), comments)
-    made = write(out, zip(comments, texts, strict=True), problems.domain, len(motions))
-    return replace(made, warnings=unsaid([problems]))
+
+    def texts() -> Iterator[tuple[int, str]]:
+        for problems, (grounded, counts, which) in zip(made, parts, strict=True):
+            some = (one.only(counts, which) if counts else one for one in (starts, ends))
+            first, last = (rows_of(grounded.spec, one) for one in some)
+            comments = {place + 1: f"Motion {place + 1}: {said}" for place in which.tolist()}
+            yield from zip(comments, problems.of_pairs(first, last, comments), strict=True)
+
+    files = write(out, texts(), made[0].domain, len(motions))
+    return replace(files, warnings=unsaid(made))
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

@@ -15,11 +15,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, ValidationError
 
-from scenegen.assets.filenames import ending_of
+from scenegen.assets.filenames import ending_of, local_name
 from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats
 from scenegen.assets.outline import OutlineError, Shadow
-from scenegen.assets.urdf import GLTF, PLAIN, mesh_points
+from scenegen.assets.urdf import GLTF, PLAIN, ROBOT, Placed, mesh_points, robot_shadow
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.primitives import Footprint
 
@@ -76,9 +76,10 @@ Number = Annotated[FiniteFloat, BeforeValidator(_not_bool)]
 
 
 class Entry(BaseModel):
-    """One asset: `scale` is how many metres a unit of its file is, `up` which axis of the file points up; the mesh is
-    then turned by `roll`, `pitch` and `yaw`, degrees about the fixed x, y and z axes in that order. With `center` the
-    middle of its outline comes to its origin. `mass` is in kg, `friction` the coefficient of sliding friction."""
+    """One asset: `scale` is how many metres a unit of its file is, `up` which axis of the file points up; it is then
+    turned by `roll`, `pitch` and `yaw`, degrees about the fixed x, y and z axes in that order. With `center` the middle
+    of its outline comes to its origin. `mass` is in kg, `friction` the coefficient of sliding friction; without them, a
+    URDF file's own count."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     name: Word
@@ -96,18 +97,27 @@ class Entry(BaseModel):
     friction: Annotated[Number, Field(ge=0.0, le=MOST_FRICTION)] | None = None
 
     @property
-    def is_mesh(self) -> bool:
+    def is_read(self) -> bool:
         """Whether its file is one that can be read."""
-        return ending_of(self.file) in (*GLTF, *PLAIN)
+        return ending_of(self.file) in (*GLTF, *PLAIN, ROBOT)
+
+    @property
+    def is_robot(self) -> bool:
+        return ending_of(self.file) == ROBOT
 
     @property
     def matrix(self) -> Floats:
         """(3, 3): from the vertices of the file, as they are read (z up), to metres in the object's frame."""
+        return self.turn * self.scale
+
+    @property
+    def turn(self) -> Floats:
+        """(3, 3): the rotation alone."""
         own = "y" if ending_of(self.file) in GLTF else "z"
         turn = np.array(UPRIGHT[self.up or own], dtype=np.float64) @ np.array(UPRIGHT[own], dtype=np.float64).T
         for axis, degrees in enumerate((self.roll, self.pitch, self.yaw)):
             turn = _about(axis, degrees) @ turn
-        return turn * self.scale
+        return turn
 
 
 def _about(axis: int, degrees: float) -> Floats:
@@ -201,15 +211,18 @@ class Fitted:
 
 
 def fitted(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Fitted:
-    """The asset whose file has these bytes; `read` gives those of a file that a glTF names. Raises UrdfError,
+    """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises UrdfError,
     AssetSizeError where it is far too large or small for a thing on a table, and what `read` raises."""
-    points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
-    low, high = points.min(axis=0), points.max(axis=0)
+    if not entry.is_read:
+        kind = f"{ending_of(entry.file)} files" if ending_of(entry.file) else "a file without an ending"
+        known = "convert it to .glb, .gltf, .obj or .stl, with Blender or trimesh for instance"
+        raise UrdfError(f"{kind} cannot be read here: {known}")
+    shadow_at = _robot_shadows(entry, data, read) if entry.is_robot else _mesh_shadows(entry, data, read)
+    low, high = shadow_at(np.zeros(3)).spread
     _check_size(float((high - low).max()), entry.scale)
     middle = (low + high) / 2.0 if entry.center else np.zeros(3)
     offset = -np.round(np.array([middle[0], middle[1], low[2]]) / SHARE) * SHARE
-    shadow = Shadow()
-    shadow.points(np.eye(3), offset, points)
+    shadow = shadow_at(offset)
     height = round(shadow.top - shadow.bottom, 9)
     if height < SMALLEST / 1000.0:
         raise UrdfError("it has no height")
@@ -217,6 +230,28 @@ def fitted(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Fitted:
         return Fitted(shadow.footprint(), height, offset)
     except OutlineError as error:
         raise UrdfError(str(error)) from None
+
+
+def _robot_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+    known: dict[str, bytes] = {}
+
+    def mesh(name: str) -> bytes:
+        if name not in known:
+            known[name] = read(local_name(name))
+        return known[name]
+
+    return lambda at: robot_shadow(data, mesh, Placed(entry.turn, entry.scale, at))
+
+
+def _mesh_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+    points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
+
+    def at(offset: Floats) -> Shadow:
+        shadow = Shadow()
+        shadow.points(np.eye(3), offset, points)
+        return shadow
+
+    return at
 
 
 def _check_size(size: float, scale: float) -> None:

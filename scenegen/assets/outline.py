@@ -64,6 +64,13 @@ class Shadow:
         rims = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-length / 2, length / 2)])
         self.corners.append((rims @ turn.T + at)[:, :2])
 
+    @property
+    def spread(self) -> tuple[Floats, Floats]:
+        """The lowest and the highest x, y and z (3,) of what has been added."""
+        parts = [*self.corners, *(np.array([[x - r, y - r], [x + r, y + r]]) for x, y, r in self.discs)]
+        points = np.concatenate(parts)
+        return np.array([*points.min(axis=0), self.bottom]), np.array([*points.max(axis=0), self.top])
+
     def _heights(self, bottom: float, top: float) -> None:
         self.bottom, self.top = min(self.bottom, bottom), max(self.top, top)
 

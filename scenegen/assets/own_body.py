@@ -40,6 +40,12 @@ class OwnBody:
         skins = tuple(replace(one, vertices=one.vertices + offset) for one in self.skins)
         return replace(self, pieces=pieces, skins=skins)
 
+    def turned(self, matrix: Floats) -> OwnBody:
+        """Turned and scaled by a matrix (3, 3) that does not mirror; the mass stays."""
+        pieces = tuple(Mesh(one.vertices @ matrix.T, one.faces) for one in self.pieces)
+        skins = tuple(replace(one, vertices=one.vertices @ matrix.T) for one in self.skins)
+        return replace(self, pieces=pieces, skins=skins)
+
 
 def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, *, painted: bool = False) -> OwnBody:
     """The body of a .glb, .gltf, .obj or .stl file: convex pieces; no mass or friction, which such files do not have.

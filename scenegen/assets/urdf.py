@@ -25,6 +25,7 @@ MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they ar
 MOST_BYTES = 128_000_000  # of all mesh files together
 PLAIN = (".obj", ".stl")
 GLTF = (".glb", ".gltf")
+ROBOT = ".urdf"
 
 
 @dataclass(slots=True)
@@ -71,14 +72,29 @@ def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[
     return measured(mesh_shadow(name, data, read), "for a mesh in millimetres write a URDF with scale")
 
 
-def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes]) -> Shadow:
-    """The shadow of what `outline` measures. Raises UrdfError."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Where and how large a robot is: `turn` (3, 3) a rotation of its root frame, then `scale`, then the origin at `at`
+    (3,), metres."""
+
+    turn: Floats = field(default_factory=lambda: np.eye(3))
+    scale: float = 1.0
+    at: Floats = field(default_factory=lambda: np.zeros(3))
+
+    def then(self, inner: Pose) -> Pose:
+        """The frame of a shape, whose sizes are still the file's."""
+        return Pose(self.turn @ inner.turn, self.scale * (self.turn @ inner.at) + self.at)
+
+
+def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes], placed: Placed | None = None) -> Shadow:
+    """The shadow of what `outline` measures, of the robot placed as said. Raises UrdfError."""
+    placed = placed or Placed()
     try:
         shadow = Shadow()
         meshes = _Meshes(read_mesh)
         for link, pose in links_of(elements(data)):
             for shape in link.all("collision") or link.all("visual"):
-                _add(shadow, shape, pose.then(origin_of(shape)), meshes)
+                _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, meshes)
     except ElementsError as error:
         raise UrdfError(str(error)) from None
     if shadow.top < shadow.bottom:
@@ -130,16 +146,17 @@ def _check_sizes(footprint: Footprint, height: float, hint: str) -> None:
         raise UrdfError("it covers no area of the table" if least < SMALLEST else "it has no height")
 
 
-def _add(shadow: Shadow, shape: Element, pose: Pose, meshes: _Meshes) -> None:
+def _add(shadow: Shadow, shape: Element, pose: Pose, by: float, meshes: _Meshes) -> None:
+    """`by` is what sizes are multiplied with."""
     solid = solid_of(shape)
     match solid.tag:
         case "box":
-            shadow.box(pose.turn, pose.at, sizes_of(solid, "size", 3))
+            shadow.box(pose.turn, pose.at, [by * size for size in sizes_of(solid, "size", 3)])
         case "cylinder":
             (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
-            shadow.cylinder(pose.turn, pose.at, radius, length)
+            shadow.cylinder(pose.turn, pose.at, by * radius, by * length)
         case "sphere":
-            shadow.sphere(pose.at, sizes_of(solid, "radius", 1)[0])
+            shadow.sphere(pose.at, by * sizes_of(solid, "radius", 1)[0])
         case _:
-            scale = np.array(numbers_of(solid, "scale", 3, "1 1 1"))
+            scale = by * np.array(numbers_of(solid, "scale", 3, "1 1 1"))
             shadow.points(pose.turn, pose.at, meshes.get(solid.get("filename")) * scale)

@@ -31,6 +31,7 @@ PARTS = 256  # alternatives of a cover at most
 PILOT = 1024  # scenes drawn from a part to see what is wasted
 LIVE = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
 GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
+SPENT = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
 FAILS = 0.25  # an open junction that fails this often is worth a split
 LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
 COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
@@ -105,8 +106,14 @@ def prune(
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
+    enough: float = math.inf,
+    least: float | None = None,
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
+
+    `enough` is the work that its scenes would take if all that is drawn were kept. A cover from which they take less
+    work than it has taken itself, where that is `least` (by default SPENT) or more, is good enough, too; with 0 any
+    cover of so much work.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
     Raises what `effort` raises: half a cover is none.
@@ -115,10 +122,12 @@ def prune(
     tape = make_tape(core, lowest, highest, effort) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
     search = _Search(core, tape, lowest, highest, wanted, rng, effort)
+    begun, least = effort.used, SPENT if least is None else least
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
         weights = _weights(parts)
-        if sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True)) >= GOOD:
+        expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
+        if expected >= GOOD or (effort.used - begun >= least and enough <= expected * (effort.used - begun)):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Root, SpecFile
+from scenegen.cli.options import Counts, Root, SpecFile, parse_counts
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
@@ -43,6 +43,7 @@ def pairs(
         ),
     ] = None,
     n: Annotated[int, typer.Option("-n", help="How many pairs.")] = 16,
+    count: Counts = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same pairs.")] = 0,
     out: Annotated[
         Path | None,
@@ -67,6 +68,8 @@ def pairs(
     the spec requires holds in both. With --moved K, K objects, chosen uniformly, stand elsewhere in the start, each at
     a pose that is uniform over the table, given that the start is in its range.
 
+    Where the spec draws how many things there are, start and goal have as many.
+
     Every pair has phi at both ends, how many objects were moved, and how far, in metres. Each is scored once more
     before it is written.
     """
@@ -83,7 +86,7 @@ def pairs(
         check_writable(out, spec)
     else:
         check_output()
-    checked = load(spec, root)
+    checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]

@@ -42,7 +42,7 @@ TOO_MANY_TO_TRAIN = Kind(
 )
 TOO_FEW_IN_FILE = Kind(
     "too-few-in-file",
-    "{path} holds {found:,} scenes, fewer than the {wanted:,} of <scenes>",
+    "{path} holds {found:,} scenes[[ with {counted}]], fewer than the {wanted:,} of <scenes>",
     help="leave <scenes> out to train on all of them",
 )
 TOO_FEW_TO_SPLIT = Kind(

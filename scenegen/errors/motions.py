@@ -23,7 +23,7 @@ NO_HEADER_IN_CSV = Kind(
 )
 TOO_FEW_PAIRS = Kind(
     "too-few-pairs",
-    "found {found:,} of {wanted:,} pairs: {reason}",
+    "found {found:,} of {wanted:,} pairs[[ with {counted}]]: {reason}",
     help="ask for a wider range of starts, for another number of moved objects, or for more time",
 )
 CANNOT_MOVE_SO_MANY = Kind(

@@ -64,7 +64,7 @@ NO_SUCH_SCENE_NUMBER = Kind(
     "no-such-scene-number", "there is no scene {number}", help="{file} holds the scenes 1 to {count}"
 )
 SIZE_SYNTAX = Kind("size-syntax", "a size is written WIDTHxHEIGHT", help="for instance: `<size=640x480>`")
-NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]]", help="sample some first")
+NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]][[ with {counted}]]", help="sample some first")
 TOO_MANY_FOR_MEMORY = Kind(
     "too-many-for-memory",
     "{n:,} scenes of {objects} objects are too many for memory",

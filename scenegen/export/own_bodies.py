@@ -16,9 +16,9 @@ from scenegen.scene.own_files import is_read, own_file, reason_of
 
 def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
     """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
-    shape is `mesh` or `asset` of a glTF, .obj or .stl file, or `urdf`. `folder` is where the spec lay; a file outside
-    it is not read. With `painted`, they have what is drawn, with
-    colours and textures, too. Objects from other mesh files have none, and collide as their outline.
+    shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`. `folder` is where the spec lay; a file
+    outside it is not read. With `painted`, they have what is drawn, with colours and textures, too. Objects from other
+    mesh files have none, and collide as their outline.
 
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
@@ -43,8 +43,9 @@ def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> di
 def _body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
     file = own_file(folder, shape)
     if file.is_robot:
-        made = robot_body(file.data, file.beside, painted=painted)
+        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
     else:
         made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
-        made = replace(made, mass=file.mass, friction=file.friction)
-    return made.moved(file.offset)
+    mass = made.mass if file.mass is None else file.mass
+    friction = made.friction if file.friction is None else file.friction
+    return replace(made, mass=mass, friction=friction).moved(file.offset)

@@ -72,7 +72,8 @@ def _read(path: str, here: Span, project: Project) -> Shape:
         return project.read_beside(file, other, here)
 
     try:
-        found = fitted(entry, project.read(file, here, "a mesh file"), beside)
+        kind = "a URDF file" if entry.is_robot else "a mesh file"
+        found = fitted(entry, project.read(file, here, kind), beside)
     except AssetSizeError as error:
         raise SpecError(ASSET_SIZE(here, name=name, size=error.size, hint=error.hint or None)) from None
     except UrdfError as error:

@@ -27,9 +27,9 @@ def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:
 
 
 def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
-    """The surfaces of every object whose shape is `mesh` or `asset` of a glTF, .obj or .stl file, or `urdf`, in the
-    object's frame (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay; a
-    file outside it is not read.
+    """The surfaces of every object whose shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`, in
+    the object's frame (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay;
+    a file outside it is not read.
 
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.

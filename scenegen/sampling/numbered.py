@@ -56,7 +56,7 @@ class NumberedCells(Cells):
         return f"{self.members[member].describe(own)} with {self.names[member]}"
 
 
-def _assets(numbers: Mapping[str, int]) -> dict[str, dict[str, str]]:
+def assets_of(numbers: Mapping[str, int]) -> dict[str, dict[str, str]]:
     """Which assets the objects of categories are, as a scene file tells it."""
     found = {name: one.asset for name, one in numbers.items() if isinstance(one, Picked)}
     return {"assets": found} if found else {}
@@ -172,13 +172,13 @@ class Numbered(Plan):
             "seed": self.seed,
             "pieces": tally.pieces,
             "numbers": [
-                {"numbers": numbers, **_assets(numbers), **share, **one.info}
+                {"numbers": numbers, **assets_of(numbers), **share, **one.info}
                 for numbers, one in zip(self.numbers, accounts, strict=True)
             ],
         }
         if self.left_out:
             info["left_out"] = [
-                {"numbers": numbers, **_assets(numbers), "reason": why} for numbers, why in self.left_out
+                {"numbers": numbers, **assets_of(numbers), "reason": why} for numbers, why in self.left_out
             ]
         warnings = dict[Diagnostic, None]()
         for numbers, one in zip(self.numbers, accounts, strict=True):

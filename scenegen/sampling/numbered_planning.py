@@ -27,7 +27,7 @@ from scenegen.sampling.fixed_objects import hold_fixed
 from scenegen.sampling.numbered import Index, Numbered, NumberedCells
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.request import FixedPose, SampleRequest
+from scenegen.sampling.request import FixedPose, SampleRequest, check_seed
 
 SEEDS = 9  # the stream of random numbers for the members' seeds; sampling/problem.py names the others
 MOST_TURNS = 4096  # pieces until the turns begin again
@@ -52,6 +52,7 @@ def plan_numbers(
     """The plan of a spec with random numbers of things; `make` plans a member, `last` takes each plan once the shares
     are known. Members that have no scene in the range are left out. Raises RequestError where all are, for a mistake in
     the request, and where time is up before all members are planned."""
+    check_seed(request.seed)
     everything = list(combinations(spec.counts))
     for name, held in request.fix.items():
         if name in spec.objects and any(name not in member.objects for member in spec.members):

@@ -153,6 +153,12 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
+def check_seed(seed: int) -> None:
+    """Raises RequestError for what is no seed."""
+    if not 0 <= seed <= MAX_SEED:
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
+
+
 def check_request(
     request: SampleRequest, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[SampleRequest, tuple[Diagnostic, ...]]:
@@ -161,8 +167,7 @@ def check_request(
     n, seed, spread = request.n, request.seed, request.spread
     if not 1 <= n <= MAX_SCENES:
         raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted=f"from 1 to {MAX_SCENES:,}"))
-    if not 0 <= seed <= MAX_SEED:
-        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
+    check_seed(seed)
     if spread not in SPREADS:
         raise RequestError(UNKNOWN_CHOICE(what="spread", name=spread, known=SPREADS))
     warnings: list[Diagnostic] = []

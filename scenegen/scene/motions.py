@@ -7,9 +7,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
+from scenegen.scene.count_data import CountData, check_counts
 from scenegen.scene.data import ObjectData, RegionData, SpecRef, WorkspaceData
+from scenegen.scene.numbers import check_numbers, objects_of
 
 FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
 VERSION: Literal[1] = 1
@@ -40,8 +50,10 @@ class MotionRequestData(_Strict):
 
 class MotionData(_Strict):
     """One motion: the poses of each object, moment by moment, and phi by name. `facts` are other numbers about it, such
-    as the distance from start to goal."""
+    as the distance from start to goal. Where the number of things is drawn, `counts` has it, the same at all moments,
+    and objects that are not there have no poses."""
 
+    counts: dict[str, Annotated[int, Field(ge=1)]] | None = None
     poses: dict[str, list[Point]]
     phi: dict[str, FiniteFloat]
     facts: dict[str, FiniteFloat] = Field(default_factory=dict)
@@ -55,6 +67,7 @@ class MotionFile(_Strict):
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
+    counts: list[CountData] = Field(default_factory=list)
     regions: list[RegionData] = Field(default_factory=list)
     time: TimeData
     sampler: dict[str, Any]
@@ -63,12 +76,19 @@ class MotionFile(_Strict):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        names = {one.name for one in self.objects}
+        check_counts(self.counts, {one.name for one in self.objects})
         for number, motion in enumerate(self.motions, 1):
-            if motion.poses.keys() != names:
+            numbers = motion.counts or {}
+            check_numbers(self.counts, numbers)
+            if motion.poses.keys() != set(objects_of(self, numbers)):
                 raise ValueError(f"motion {number} does not have the objects of the file")
             if any(len(points) != self.time.steps + 1 for points in motion.poses.values()):
                 raise ValueError(f"motion {number} does not have {self.time.steps + 1} moments")
             if motion.phi.keys() != self.motions[0].phi.keys() or motion.facts.keys() != self.motions[0].facts.keys():
                 raise ValueError(f"motion {number} has other values than the first")
         return self
+
+    @model_serializer(mode="wrap")
+    def _counts_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        return {name: value for name, value in data.items() if value or name != "counts"}

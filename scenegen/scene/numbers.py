@@ -6,12 +6,13 @@ Of an array with counts the first elements are there, `block[1]` to `block[5]`: 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.scene.data import SceneData, SceneFile
+from scenegen.scene.count_data import CountData
+from scenegen.scene.data import ObjectData, SceneData, SceneFile
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -30,6 +31,18 @@ class Drawn(Protocol):
     def most(self) -> int: ...
     @property
     def assets(self) -> Sequence[str]: ...
+
+
+class Header(Protocol):
+    """What files of scenes and of motions say of their objects."""
+
+    objects: list[ObjectData]
+    counts: list[CountData]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
+
+
+AnyHeader = TypeVar("AnyHeader", bound=Header)
 
 
 def element(one: Drawn, number: int) -> str:
@@ -76,8 +89,8 @@ def _number(one: Drawn, there: Mask) -> Index:
     return found
 
 
-def member_of(header: SceneFile, numbers: Mapping[str, int]) -> SceneFile:
-    """The header of the scenes with these numbers of things, without the objects that are not there."""
+def member_of(header: AnyHeader, numbers: Mapping[str, int]) -> AnyHeader:
+    """The header of the scenes or motions with these numbers of things, without the objects that are not there."""
     names = [one.name for one in header.objects]
     found = np.array([[numbers[one.name]] for one in header.counts], dtype=np.intp)
     there = present(names, header.counts, found)[0]
@@ -87,18 +100,22 @@ def member_of(header: SceneFile, numbers: Mapping[str, int]) -> SceneFile:
 
 def check_counts(header: SceneFile, scene: SceneData) -> None:
     """A scene says how many things there are where that is drawn, and only there. Raises ValueError."""
-    numbers = scene.counts or {}
-    if numbers.keys() != {one.name for one in header.counts}:
+    check_numbers(header.counts, scene.counts or {})
+
+
+def check_numbers(counts: Sequence[Drawn], numbers: Mapping[str, int]) -> None:
+    """Numbers of things are those that a header's `counts` has. Raises ValueError."""
+    if numbers.keys() != {one.name for one in counts}:
         raise ValueError(
-            "the numbers are not those of the header's `counts`" if header.counts else "the header has no `counts`"
+            "the numbers are not those of the header's `counts`" if counts else "the header has no `counts`"
         )
-    for one in header.counts:
+    for one in counts:
         if not one.least <= numbers[one.name] <= one.most:
             what = f"asset {numbers[one.name]}" if one.assets else str(numbers[one.name])
             raise ValueError(f"there cannot be {what} of `{one.name}`")
 
 
-def objects_of(header: SceneFile, numbers: Mapping[str, int]) -> list[str]:
+def objects_of(header: Header, numbers: Mapping[str, int]) -> list[str]:
     """The names of the objects that are there with these numbers of things."""
     absent = {
         element(one, k)

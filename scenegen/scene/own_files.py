@@ -42,7 +42,7 @@ def is_read(shape: ShapeData, folder: Path) -> bool:
     """Whether an object's shape is of a file that can be read again; the index that names an asset's lies in `folder`,
     where the spec lay. Raises MeshError."""
     if shape.asset == "asset":
-        return _entry(folder, shape.path)[1].is_mesh
+        return _entry(folder, shape.path)[1].is_read
     if shape.asset == "mesh":
         return ending_of(shape.path) in (*GLTF, *PLAIN)
     return shape.asset == "urdf" and bool(shape.path)
@@ -68,6 +68,7 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
     is_robot, matrix = shape.asset == "urdf", np.eye(3)
     if entry is not None:
         fit = fitted(entry, data, beside)
+        is_robot = entry.is_robot
         footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
         if is_robot:

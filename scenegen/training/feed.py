@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from scenegen.formats.registry import format_of
+from scenegen.formats.registry import format_of, read_scenes
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.branches import MOST, OTHER, survey, ways_of
 from scenegen.models.codec import Codec
@@ -124,7 +124,7 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
         data = dataset_maker(config.data)(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         return Memory(spec, config, data, held)
     path = Path(config.data)
-    if path.suffix.lower() == ".parquet":
+    if path.suffix.lower() == ".parquet" and not read_scenes(path).header.counts:
         sizes: tuple[int, ...] = format_of(path).group_sizes(path)
         if not fits(spec, sum(sizes) if config.scenes is None else min(config.scenes, sum(sizes))):
             return Windows(spec, config, look_through(spec, path, config.scenes, sizes, gathering))

@@ -152,8 +152,12 @@ def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
     refused(folder, '"mug"', "asset-size", "scale = 1000")
     (folder / "mug.obj").write_bytes(solid(1, 1, 0))
     refused(folder, '"mug"', "unusable-shape-file", "no height")
-    with pytest.raises(UrdfError, match="cannot be read here"):
+    with pytest.raises(UrdfError, match=r"\.ply files cannot be read here: convert it to \.glb"):
         fitted(Entry(name="a", file="a.ply"), b"", nothing)
+    index = folder / "set" / "assets.toml"
+    (folder / "set" / "old.dae").write_text("<COLLADA/>")
+    index.write_text(index.read_text() + '[[asset]]\nname = "old"\nfile = "old.dae"\n')
+    refused(folder, '"set/old"', "unusable-shape-file", "convert it to .glb, .gltf, .obj or .stl, with Blender")
 
 
 def test_pictures_draw_the_mesh_scaled_and_turned(folder):
@@ -182,3 +186,50 @@ def test_pictures_draw_the_mesh_scaled_and_turned(folder):
         with pytest.raises(DataError, match=words) as caught:
             models_of(file, folder)
         assert caught.value.diagnostics[0].code == "unusable-model"
+
+
+ROBOT = """<robot name="r"><link name="base"><inertial><mass value="0.4"/></inertial>
+<contact><lateral_friction value="0.7"/></contact>
+<visual><geometry><mesh filename="package://r/look.obj" scale="0.5 0.5 0.5"/></geometry></visual>
+<collision><origin xyz="0 0 50"/><geometry><cylinder radius="30" length="100"/></geometry></collision></link></robot>"""
+
+
+def test_a_urdf_file_is_an_entry_with_its_own_mass_and_friction(tmp_path):
+    import scenegen
+    from scenegen.export.own_bodies import own_bodies_of
+    from scenegen.primitives import Circle
+
+    (tmp_path / "look.obj").write_bytes(solid(100, 50, 20))
+    (tmp_path / "can.urdf").write_text(ROBOT)
+    entries = ('name = "can"', 'name = "lying"\nroll = 90\ncenter = true\nmass = 0.2\nfriction = 0.1')
+    entry = '[[asset]]\nfile = "can.urdf"\nscale = 0.001\n{}\n'
+    (tmp_path / "assets.toml").write_text("".join(entry.format(one) for one in entries))
+    text = 'object a = asset("can"), b = asset("lying"), plate\ntask: leftOf(a, plate) & leftOf(plate, b)'
+    (tmp_path / "a.spec").write_text(text)
+    can, lying, _ = scenegen.load(tmp_path / "a.spec").checked.shapes
+    assert can.footprint == Circle(0.03) and can.height == pytest.approx(0.1)
+    assert isinstance(lying.footprint, Box), "its middle is the origin"
+    assert (*lying.footprint.extent, lying.height) == pytest.approx((0.06, 0.1, 0.06))
+
+    file = scenegen.sample(scenegen.load(tmp_path / "a.spec"), {}, n=1, seed=1).file()
+    bodies = own_bodies_of(file, tmp_path, painted=True)
+    assert (bodies["a"].mass, bodies["a"].friction) == (0.4, 0.7), "the file's"
+    assert (bodies["b"].mass, bodies["b"].friction) == (0.2, 0.1), "the index's"
+    for name, height in (("a", 0.1), ("b", 0.06)):
+        (piece,) = bodies[name].pieces
+        assert (piece.vertices[:, 2].min(), piece.vertices[:, 2].max()) == pytest.approx((0.0, height), abs=2e-4)
+    # What is drawn is scaled by both files, and turned as the body is.
+    for skins in (bodies["a"].skins, models_of(file, tmp_path)[0]):
+        points = np.concatenate([one.vertices for one in skins])
+        assert points.max(axis=0) - points.min(axis=0) == pytest.approx((0.05, 0.025, 0.01))
+    points = np.concatenate([one.vertices for one in bodies["b"].skins])
+    assert points.max(axis=0) - points.min(axis=0) == pytest.approx((0.05, 0.01, 0.025))
+    assert points[:, 2].min() == pytest.approx(0.03), "its middle is the can's axis"
+
+
+def test_a_urdf_file_with_a_dae_mesh_says_what_to_convert_it_to(tmp_path):
+    mesh = '<collision><geometry><mesh filename="m.dae"/></geometry></collision>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a">{mesh}</link></robot>')
+    (tmp_path / "m.dae").write_text("<COLLADA/>")
+    (tmp_path / "assets.toml").write_text('[[asset]]\nname = "r"\nfile = "r.urdf"\n')
+    refused(tmp_path, '"r"', "unusable-shape-file", "m.dae: .dae files cannot be read here, .obj and .stl can")

@@ -117,3 +117,20 @@ def test_an_asset_is_fixed_by_its_name(scenegen, here):
     assert "assets     mug is red or 7: 2 specs" in found.out
     found = scenegen("range", "mug.spec", "--count", "mug=rad")
     assert found.status == 1 and "did you mean `red`?" in found.err
+
+
+def test_pairs_share_a_number(scenegen, spec, here):
+    assert scenegen("pairs", spec, "-n", "6", "--out", "p.json").status == 0
+    drawn = json.loads((here / "p.json").read_text())["motions"]
+    assert sorted(one["counts"]["block"] for one in drawn) == [1, 1, 2, 2, 3, 3]
+    assert scenegen("eval", spec, "p.json").status == 0
+    assert scenegen("pairs", spec, "--count", "block=2", "-n", "6", "--out", "q.json").status == 0
+    assert "counts" not in json.loads((here / "q.json").read_text())
+    found = scenegen("pairs", spec, "--count", "block=7")
+    assert found.status == 1 and "error[count-out-of-range]" in found.err
+
+
+@pytest.mark.parametrize("command", ["sample", "pairs"])
+def test_a_wrong_seed_is_refused_as_of_ordinary_specs(scenegen, spec, command):
+    found = scenegen(command, spec, "--seed=-1", "-n", "2")
+    assert found.status == 1 and "error[out-of-range]" in found.err

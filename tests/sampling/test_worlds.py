@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import scenegen
+from scenegen.bounds import prune
 from scenegen.bounds.worlds import worlds
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
@@ -30,6 +31,16 @@ region board = rect(0, 0, 1.2, 0.7) at 0.75 m
 object cup[2] = cup on any of [workspace, board]
 require apart(cup[1], cup[2]) >= 0
 goal: restsOn(cup[1], board) & restsOn(cup[2], board)
+"""
+
+
+TOWER = """object a = block on any of [workspace, b]
+object b = block on any of [workspace, c]
+object c = block
+require apart(a, b) >= 0
+require apart(a, c) >= 0
+require apart(b, c) >= 0
+goal: restsOn(a, b) | restsOn(b, c)
 """
 
 
@@ -97,6 +108,27 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
         for row in np.flatnonzero(problem.highest > problem.lowest):
             assert stats.ks_2samp(mine[row], its[row]).pvalue > 1e-4
     assert np.array_equal(np.unique(problem.cells.find(one.phi)), np.unique(one.cell))
+
+
+@pytest.mark.long
+def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a few scenes the cover is left as it is after the first split: it keeps 0.2 % of what is drawn, not 46 %."""
+    few, many = (problem_of(TOWER, 0.0, 0.01, n) for n in (1, 1_000_000))
+    plain = make_trial(few, Budget())
+    monkeypatch.setattr(prune, "SPENT", 0.0)
+    early = make_trial(few, Budget())
+    assert early.cover.expected < 0.1 * plain.cover.expected and early.work < plain.work
+    assert make_trial(many, Budget()).cover.expected > 0.4, "for many scenes it is worth the work"
+
+    def drawn(cover: prune.Cover, count: int, seed: int) -> np.ndarray:
+        rows = np.empty((len(few.lowest), count))
+        usable, _ = cover.draw(rows, np.random.default_rng(seed))
+        return rows[:, usable & (few.cells.find(few.phi(rows)) >= 0)]
+
+    one, other = drawn(early.cover, 600_000, 1), drawn(plain.cover, 4_000, 2)
+    assert min(one.shape[1], other.shape[1]) > 500
+    for row in np.flatnonzero(few.highest > few.lowest):
+        assert stats.ks_2samp(one[row], other[row]).pvalue > 1e-4
 
 
 @pytest.mark.long

@@ -83,3 +83,36 @@ def test_an_empty_file(tmp_path):
     for ending in (".json", ".parquet"):
         with pytest.raises(DataError, match="no scenes"):
             whole_file(spec, empty.save(tmp_path / f"s{ending}"), None)
+
+
+DRAWN = "object block[1..3], mug\ntask: forall b in block: leftOf(b, mug)\n"
+
+
+@pytest.mark.parametrize("ending", [".json", ".parquet"])
+def test_a_file_of_drawn_numbers_gives_each_model_its_own_scenes(ending, tmp_path):
+    drawn = scenegen.parse(DRAWN)
+    scenes = scenegen.sample(drawn, {"task": (-0.5, 0.5)}, n=30, seed=2)
+    path = scenes.save(tmp_path / f"s{ending}")
+    for numbers, member in drawn.members:
+        mine = np.flatnonzero(scenes.counts["block"] == numbers["block"])
+        data = whole_file(member.checked, path, None)
+        assert (data.objects, len(data)) == (member.objects, 10)
+        there = [column for column, name in enumerate(scenes.objects) if name in member.objects]
+        assert torch.equal(data.rows, torch.from_numpy(scenes.poses[mine][:, there].reshape(10, -1).T).float())
+        np.testing.assert_allclose(data.phi[0].numpy(), scenes.phi["task"][mine], atol=1e-6)
+    two = whole_file(check_text(DRAWN.replace("1..3", "2"), "two.spec"), path, 4)
+    assert len(two) == 4
+    with pytest.raises(DataError, match=r"10 scenes with block\[2\], fewer than the 11"):
+        whole_file(check_text(DRAWN.replace("1..3", "2"), "two.spec"), path, 11)
+    with pytest.raises(DataError, match=r"the spec does not know|the scenes lack"):
+        whole_file(check_text(DRAWN.replace("1..3", "4"), "four.spec"), path, None)
+
+
+def test_a_number_that_a_file_has_not_is_named(tmp_path):
+    scenes = scenegen.sample(scenegen.parse(DRAWN), n=3, seed=2)
+    few = scenes.only({"block": 2}, np.flatnonzero(scenes.counts["block"] == 2))
+    assert len(few) == 1
+    kept = np.flatnonzero(scenes.counts["block"] != 2)
+    path = SceneSet(scenes.poses[kept], {"task": scenes.phi["task"][kept]}, scenes.header).save(tmp_path / "s.json")
+    with pytest.raises(DataError, match=r"there are no scenes in .*s.json with block\[2\]"):
+        whole_file(check_text(DRAWN.replace("1..3", "2"), "two.spec"), path, None)

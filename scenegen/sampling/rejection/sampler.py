@@ -176,7 +176,8 @@ def make_plan(
     seed = problem.request.seed
     try:
         rare = [cell for cell in possible if cell not in common]
-        worth = OWN * len(possible) / problem.request.n
+        each, _ = per_scene(problem.core.nodes)
+        worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
         sieve = sift(problem, trial, rare, budget, min(most, SIFTED * together), worth)
     except StoppedError:
         undecided = len(possible) - len(common)

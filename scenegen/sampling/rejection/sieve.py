@@ -20,9 +20,10 @@ from scenegen.sampling.problem import PLAN, Budget, Problem
 from scenegen.sampling.rejection.draw import explore
 from scenegen.sampling.rejection.trial import Trial, effort_of, make_cover
 
-WORTH = 6e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: under 1 s
+WORTH = 3e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
 LEAST = 3  # cells of a run
-CHUNKS = 5  # drawn from the cover of a run
+CHUNKS = 10  # drawn from the cover of a run
+ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the time that a good one takes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +71,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         if budget.spent:
             raise StoppedError
         stream = (problem.request.seed, PLAN, run[0] + 1, run[-1] + 1)
-        cover = make_cover(problem, _wanted(problem, run), stream, effort)
+        cover = make_cover(problem, _wanted(problem, run), stream, effort, 0.0, ROUGH)
         if not cover.parts:
             empty.update(run)
             continue

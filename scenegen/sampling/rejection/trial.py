@@ -8,14 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.bounds.effort import Effort, StoppedError
+from scenegen.bounds.effort import Effort, StoppedError, per_scene
 from scenegen.bounds.prune import Cover, prune
+from scenegen.bounds.worlds import chooses
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
 from scenegen.sampling.rejection.draw import EXPLORE, Index, explore, misses
 from scenegen.sampling.report import shortfall, too_early
 
 MOST = 1.4e8  # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
+MARGIN = 32.0  # times as many candidates as scenes, for cells that are rarer than others
 LONG_SEARCH = 32 * 65_536  # candidates after which the search ends if exploration found no cell at all
 
 
@@ -51,7 +53,7 @@ def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Tria
     seed = problem.request.seed
     effort = effort_of(budget, most)
     try:
-        cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort)
+        cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort, _enough(problem))
         if not cover.parts:
             raise RequestError(impossible(problem, effort_of(budget)))
         rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
@@ -59,6 +61,14 @@ def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Tria
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
     return Trial(cover, hits, tried, effort.used)
+
+
+def _enough(problem: Problem) -> float:
+    """The work of the scenes that a problem asks for, were all candidates kept, if its cells are about as common as
+    each other. Where objects choose among surfaces, covers of many choices get better little by little, and most often
+    few scenes are asked for; else it is worth it."""
+    each, _ = per_scene(problem.core.nodes)
+    return MARGIN * problem.request.n * each if chooses(problem.core) else math.inf
 
 
 def search(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
@@ -96,6 +106,12 @@ def effort_of(budget: Budget, most: float = math.inf) -> Effort:
 
 
 def make_cover(
-    problem: Problem, wanted: Mapping[int, tuple[float, float]], seed: tuple[int, ...], effort: Effort
+    problem: Problem,
+    wanted: Mapping[int, tuple[float, float]],
+    seed: tuple[int, ...],
+    effort: Effort,
+    enough: float = math.inf,
+    least: float | None = None,
 ) -> Cover:
-    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort)
+    """A cover of the scenes that meet a demand; see `prune`."""
+    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least)

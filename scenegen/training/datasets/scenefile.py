@@ -23,6 +23,7 @@ from scenegen.pose import row_count
 from scenegen.scene.data import SceneFile
 from scenegen.training.datasets.arrange import as_core, check_scenes, order_of
 from scenegen.training.datasets.dataset import Dataset, labelled
+from scenegen.training.datasets.numbered import of_member
 
 WHOLE = 1 << 26  # coordinates and labels of scenes that are held in memory at once: 268 MB as float32
 
@@ -33,12 +34,13 @@ def fits(spec: CheckedSpec, scenes: int) -> bool:
 
 
 def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
-    """The first `scenes` scenes of a file (None: all), labelled by `spec`.
+    """The first `scenes` scenes of a file (None: all), labelled by `spec`; of a file whose scenes differ in how many
+    things there are, those with the spec's.
 
     Raises DataError where they are not of the spec's objects or break it, and where there are fewer; RequestError for a
     file that is no scene file by its name, or too long for memory.
     """
-    reading = read_scenes(path)
+    reading, counted = of_member(read_scenes(path), spec)
     header = reading.header
     order = order_of(spec, [one.name for one in header.objects])
     found: list[Tensor] = []
@@ -49,8 +51,8 @@ def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
         if not fits(spec, count):
             raise RequestError(TOO_MANY_TO_TRAIN(path=path))
     if not count:
-        raise DataError(NO_SCENES(file=path))
-    check_count(path, count, scenes)
+        raise DataError(NO_SCENES(file=path, counted=counted))
+    check_count(path, count, scenes, counted)
     return labelled(spec, torch.cat(found, dim=1))
 
 
@@ -73,7 +75,8 @@ def storage(spec: CheckedSpec, header: SceneFile, block: Block, order: list[int]
     return torch.from_numpy(rows).to(torch.float32)
 
 
-def check_count(path: Path, found: int, scenes: int | None) -> None:
-    """Raises DataError where a file holds fewer scenes than were asked for."""
+def check_count(path: Path, found: int, scenes: int | None, counted: str | None = None) -> None:
+    """Raises DataError where a file holds fewer scenes than were asked for; `counted` says of which numbers of
+    things."""
     if scenes is not None and found < scenes:
-        raise DataError(TOO_FEW_IN_FILE(path=path, found=found, wanted=scenes))
+        raise DataError(TOO_FEW_IN_FILE(path=path, found=found, wanted=scenes, counted=counted))

@@ -4,9 +4,8 @@
 
 The words are those of `scenegen sample`, which is run twice, with one worker and with two; DIR is emptied before. Each
 part is printed as seconds of the command + of its worker processes. The last figure is what two cores need at least if
-nothing waits: what the command does before there is work for others, and half of all that follows, or its own
-part of that. Unlike times on the
-clock, it can be measured on a machine that does other work, too.
+nothing waits: what the command does before there is work for others, and half of all that follows, or its own part of
+that. Unlike times on the clock, it can be measured on a machine that does other work, too.
 """
 
 from __future__ import annotations

@@ -32,6 +32,7 @@ from scenegen.sampling.plan import Plan
 AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
 SHARDS = 2  # shards that are written at a time
 SPARE = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
+NICENESS = "RAY_worker_niceness"  # 15 where it is not set
 RETRIES = -1  # a task whose process or node dies is repeated, however often that happens; errors of a task are not
 
 
@@ -209,9 +210,7 @@ def _ray() -> Any:
 
 def _join(ray: Any, workers: int | None, address: str | None) -> None:
     given = address or os.environ.get("RAY_ADDRESS")
-    own: contextlib.AbstractContextManager[None] = (
-        _search_path_for_children() if given is None else contextlib.nullcontext()
-    )
+    own: contextlib.AbstractContextManager[None] = _for_children() if given is None else contextlib.nullcontext()
     try:
         with own:
             ray.init(
@@ -225,16 +224,20 @@ def _join(ray: Any, workers: int | None, address: str | None) -> None:
 
 
 @contextlib.contextmanager
-def _search_path_for_children() -> Iterator[None]:
-    """Workers on this machine import what this process imports; other machines have scenegen installed. Ray's processes
-    inherit it: a `runtime_env` would say the same, but Ray does not use the workers that it has started for one, and
-    asks another process to prepare it."""
-    before = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = os.pathsep.join(entry for entry in sys.path if entry)
+def _for_children() -> Iterator[None]:
+    """The environment that Ray's processes on this machine inherit. Workers import what this process imports (other
+    machines have scenegen installed): a `runtime_env` would say the same, but Ray does not use the workers that it has
+    started for one, and asks another process to prepare it. And workers are as nice as those of the local engine: by
+    itself, Ray lets all other work on the machine go first."""
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    given = {"PYTHONPATH": path, NICENESS: os.environ.get(NICENESS, "0")}
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["PYTHONPATH"]
-        else:
-            os.environ["PYTHONPATH"] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -2,6 +2,7 @@
 object store. Tests of Ray itself are in tests/cluster."""
 
 import itertools
+import os
 import pickle
 import sys
 from pathlib import Path
@@ -148,3 +149,17 @@ def test_a_job_is_read_once_however_often_it_is_sent():
     assert [ray_tasks._job(one) for one in others] == [("plan", 0), ("plan", 1), ("plan", 2)]
     for one, other in itertools.combinations([sent, *others], 2):
         assert one != other
+
+
+def test_what_workers_on_this_machine_inherit(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", "before")
+    monkeypatch.delenv(ray_engine.NICENESS, raising=False)
+    with ray_engine._for_children():
+        assert os.environ["PYTHONPATH"].split(os.pathsep) == [entry for entry in sys.path if entry]
+        assert os.environ[ray_engine.NICENESS] == "0"
+    assert os.environ["PYTHONPATH"] == "before" and ray_engine.NICENESS not in os.environ
+    monkeypatch.setenv(ray_engine.NICENESS, "7")
+    monkeypatch.delenv("PYTHONPATH")
+    with ray_engine._for_children():
+        assert os.environ[ray_engine.NICENESS] == "7"
+    assert os.environ[ray_engine.NICENESS] == "7" and "PYTHONPATH" not in os.environ

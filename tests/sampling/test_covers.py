@@ -33,7 +33,7 @@ def pools(monkeypatch):
 
     monkeypatch.setattr(covers, "Pool", Noted)
     monkeypatch.setattr(covers, "cores", lambda: 2)
-    monkeypatch.setattr(covers, "SHARED", 1.0)
+    monkeypatch.setattr(covers, "WORTH", 1.0)
     return sizes
 
 
@@ -89,10 +89,13 @@ def test_time_that_is_up_reaches_this_process(pools, monkeypatch):
     assert pools == [2]
 
 
-def test_few_covers_start_no_process(pools, monkeypatch):
-    monkeypatch.setattr(covers, "SHARED", 1e15)
-    problem = posed(2)
+def test_little_work_starts_few_processes(pools, monkeypatch):
+    monkeypatch.setattr(covers, "WORTH", 1e15)
+    monkeypatch.setattr(covers, "cores", lambda: 6)
+    problem = posed(None)
     next(covers.own_covers(problem, sorted(problem.possible), BUDGET, lambda: 1e18))
-    assert covers._sharers(problem, 8, 1e14) == 1
-    assert covers._sharers(problem, 16, 1e14) == 2
     assert pools == []
+    assert [covers._sharers(problem, count, 1e14) for count in (8, 19, 20, 35, 200)] == [1, 1, 2, 3, 6]
+    assert covers._sharers(problem, 4, 1e16) == 4
+    assert covers._sharers(posed(3), 200, 1e14) == 3
+    assert covers._sharers(posed(8), 200, 1e14) == 6

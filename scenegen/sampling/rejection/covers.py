@@ -18,7 +18,7 @@ from scenegen.sampling.rejection.draw import explore
 from scenegen.sampling.rejection.trial import effort_of, make_cover
 
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
-SHARED = 5e7  # work, about, above which processes save more time than they take to start: a second
+WORTH = 2.5e7  # work of each process, about, at which it saves more time than it takes to start: half a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,9 @@ def own_covers(
 
 def _sharers(problem: Problem, covers: int, each: float) -> int:
     """How many processes make so many covers that take so much work each."""
-    if each * covers < SHARED:
+    worth = int(each * covers / WORTH)
+    if worth < 2:
         return 1
     workers = problem.request.workers
-    return min(cores(), covers) if workers is None else min(check_workers(workers), cores(), covers)
+    most = cores() if workers is None else min(check_workers(workers), cores())
+    return min(most, covers, worth)

@@ -99,6 +99,10 @@ class Engine(ABC):
     def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
         """Scenes of several parts as one: see `chosen`."""
 
+    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """The same for `write` alone: they may stay where they are until then."""
+        return self.choose(which, parts)
+
     @abstractmethod
     def fetch(self, scenes: Held) -> Block:
         """Scenes that the engine holds, in this process."""

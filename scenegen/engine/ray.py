@@ -11,56 +11,44 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
-import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from scenegen.engine import ray_tasks
 from scenegen.engine.drawing import Drawing
-from scenegen.engine.engines import Drawn, Engine, Held, Writing, chosen
+from scenegen.engine.engines import Drawn, Engine, Held, Writing
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.errors.stores import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
-from scenegen.processes.threads import one_thread
-from scenegen.sampling.plan import Index, Plan
+from scenegen.sampling.plan import Plan
 
 AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
 SHARDS = 2  # shards that are written at a time
+SPARE = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
+NICENESS = "RAY_worker_niceness"  # 15 where it is not set
 RETRIES = -1  # a task whose process or node dies is repeated, however often that happens; errors of a task are not
 
 
-@lru_cache(maxsize=4)
-def _job(data: bytes) -> Any:
-    """A job that several tasks of one process share: a plan is read, or a model loaded, once."""
-    return pickle.loads(data)  # noqa: S301 - from the driver of this run
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    """Scenes in the object store."""
+
+    reference: Any
 
 
-def _draw(data: np.ndarray[Any, Any], k: int) -> tuple[tuple[Index, Array], Block]:
-    with one_thread():
-        scenes, cell, facts = _job(data.tobytes())(k)
-    return (cell, facts), scenes
+@dataclass(frozen=True, slots=True)
+class _Picked:
+    """Scenes that are still in their parts, `which` (2, m) of them as in `chosen`."""
 
-
-def _apply(data: np.ndarray[Any, Any], item: Any) -> Any:
-    return _job(data.tobytes())(item)
-
-
-def _choose(which: Array, numbers: list[int], *parts: Block) -> Block:
-    return chosen(which, dict(zip(numbers, parts, strict=True)))
-
-
-def _write(data: np.ndarray[Any, Any], number: int, pieces: int, *blocks: Block) -> tuple[Shard, list[str]]:
-    """A shard, and what its store said on the way."""
-    said: list[str] = []
-    writing: Writing = _job(data.tobytes())
-    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said
+    which: Array
+    parts: Mapping[int, Any]
 
 
 class Cluster(Engine):
@@ -72,12 +60,13 @@ class Cluster(Engine):
         cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._ahead = AHEAD * min(workers or cores, cores)
         options = {"num_cpus": 1, "max_retries": RETRIES, "retry_exceptions": False}
-        self._draw = ray.remote(num_returns=2, **options)(_draw)
-        self._choose = ray.remote(**options)(_choose)
-        self._write = ray.remote(**options)(_write)
+        self._draw = ray.remote(num_returns=2, **options)(ray_tasks.draw)
+        self._choose = ray.remote(**options)(ray_tasks.choose)
+        self._write = ray.remote(**options)(ray_tasks.write)
         self._writing: deque[Any] = deque()
         self._tell: Callable[[str], None] = lambda line: None
         self._jobs: dict[int, tuple[object, Any]] = {}  # what was sent once, by identity
+        self._candidates = self._picked = 0  # of this run, so far
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
         job = self._sent(drawing)
@@ -90,28 +79,42 @@ class Cluster(Engine):
                     k += 1
                 counts, scenes = waiting.popleft()
                 cell, facts = self._get(counts, "a piece")
-                yield Drawn(cell, facts.copy(), scenes)
+                self._candidates += len(cell)
+                yield Drawn(cell, facts.copy(), _Stored(scenes))
         finally:
             for counts, _ in waiting:
                 self._ray.cancel(counts, force=False)
 
     def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
-        numbers = np.unique(which[0].astype(np.intp)).tolist()
-        return self._choose.remote(which, numbers, *(parts[number] for number in numbers))
+        mine = _parts(which, parts)
+        return _Stored(self._choose.remote(which, list(mine), *mine.values()))
+
+    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """The task that writes them chooses them, which saves storing them twice; unless few candidates become scenes:
+        pieces would take much memory until then."""
+        self._picked += which.shape[1]
+        if self._candidates > SPARE * self._picked:
+            return self.choose(which, parts)
+        return _Picked(which, _parts(which, parts))
 
     def fetch(self, scenes: Held) -> Block:
-        block: Block = self._get(scenes, "scenes")
+        block: Block = self._get(scenes.reference, "scenes")
         return block
 
     def hold(self, scenes: Block) -> Held:
-        return self._ray.put(scenes)
+        return _Stored(self._ray.put(scenes))
 
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         if len(self._writing) >= SHARDS:
             self._ray.wait([self._writing[0]])
         if writing.store.tell is not None:  # listeners stay here
             self._tell = writing.store.tell
-        self._writing.append(self._write.remote(self._sent(writing), number, pieces, *blocks))
+        picks = [block.which if isinstance(block, _Picked) else None for block in blocks]
+        parts = dict(itertools.chain(*(block.parts.items() for block in blocks if isinstance(block, _Picked))))
+        whole = [block.reference for block in blocks if isinstance(block, _Stored)]
+        self._writing.append(
+            self._write.remote(self._sent(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
+        )
 
     def written(self, *, wait: bool) -> list[Shard]:
         done = []
@@ -132,12 +135,16 @@ class Cluster(Engine):
     def _sent(self, job: object) -> Any:
         if id(job) not in self._jobs:
             sent = replace(job, store=job.store.told_to(None)) if isinstance(job, Writing) else job
-            data = np.frombuffer(pickle.dumps(sent, protocol=5), dtype=np.uint8)
-            self._jobs[id(job)] = job, self._ray.put(data)
+            self._jobs[id(job)] = job, self._ray.put(ray_tasks.packed(sent))
         return self._jobs[id(job)][1]
 
     def _get(self, reference: Any, what: str) -> Any:
         return result_of(self._ray, reference, what)
+
+
+def _parts(which: Array, parts: Mapping[int, Held]) -> dict[int, Any]:
+    """References to the parts that these scenes are in, by number."""
+    return {number: parts[number].reference for number in np.unique(which[0].astype(np.intp)).tolist()}
 
 
 def result_of(ray: Any, reference: Any, what: str) -> Any:
@@ -174,8 +181,8 @@ def map_each(
 ) -> Generator[Any, None, None]:
     """job(item) of every item, in their order; each is a task."""
     with joined_cluster(workers, address) as ray:
-        data = ray.put(np.frombuffer(pickle.dumps(job, protocol=5), dtype=np.uint8))
-        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(_apply)
+        data = ray.put(ray_tasks.packed(job))
+        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(ray_tasks.apply)
         ahead = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
         waiting: deque[Any] = deque()
         left = iter(items)
@@ -203,9 +210,7 @@ def _ray() -> Any:
 
 def _join(ray: Any, workers: int | None, address: str | None) -> None:
     given = address or os.environ.get("RAY_ADDRESS")
-    own: contextlib.AbstractContextManager[None] = (
-        _search_path_for_children() if given is None else contextlib.nullcontext()
-    )
+    own: contextlib.AbstractContextManager[None] = _for_children() if given is None else contextlib.nullcontext()
     try:
         with own:
             ray.init(
@@ -219,16 +224,20 @@ def _join(ray: Any, workers: int | None, address: str | None) -> None:
 
 
 @contextlib.contextmanager
-def _search_path_for_children() -> Iterator[None]:
-    """Workers on this machine import what this process imports; other machines have scenegen installed. Ray's processes
-    inherit it: a `runtime_env` would say the same, but Ray does not use the workers that it has started for one, and
-    asks another process to prepare it."""
-    before = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = os.pathsep.join(entry for entry in sys.path if entry)
+def _for_children() -> Iterator[None]:
+    """The environment that Ray's processes on this machine inherit. Workers import what this process imports (other
+    machines have scenegen installed): a `runtime_env` would say the same, but Ray does not use the workers that it has
+    started for one, and asks another process to prepare it. And workers are as nice as those of the local engine: by
+    itself, Ray lets all other work on the machine go first."""
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    given = {"PYTHONPATH": path, NICENESS: os.environ.get(NICENESS, "0")}
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["PYTHONPATH"]
-        else:
-            os.environ["PYTHONPATH"] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

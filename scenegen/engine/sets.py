@@ -204,7 +204,7 @@ class _Run:
         end = self.standing.assembler.done
         if end <= self._done:
             return
-        self._blocks.append(self.engine.choose(places, self._parts))
+        self._blocks.append(self.engine.pick(places, self._parts))
         self._count += places.shape[1]
         if self._count >= self.manifest.shard_size or end == self.plan.wanted:
             assert before is not None

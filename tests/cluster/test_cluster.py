@@ -57,7 +57,7 @@ def workers():
     for entry in Path("/proc").glob("[0-9]*/stat"):
         try:
             parents[int(entry.parent.name)] = int(entry.read_text().rpartition(")")[2].split()[1])
-            if (entry.parent / "cmdline").read_bytes().startswith(b"ray::_"):
+            if (entry.parent / "cmdline").read_bytes().startswith((b"ray::draw", b"ray::choose", b"ray::write")):
                 drawing.append(int(entry.parent.name))
         except OSError:
             continue

@@ -8,7 +8,7 @@ from scenegen.bounds.effort import TooMuchError
 from scenegen.lang.check import check_text
 from scenegen.sampling.auto import CELLS
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection import sampler
+from scenegen.sampling.rejection import covers, sampler
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -18,18 +18,18 @@ from ..fuzz.tables import table
 @pytest.fixture
 def efforts(monkeypatch):
     """The efforts of all covers, as they are begun."""
-    begun, original = [], sampler.effort_of
+    begun, original = [], covers.effort_of
 
     def noted(*given):
         begun.append(original(*given))
         return begun[-1]
 
-    monkeypatch.setattr(sampler, "effort_of", noted)
+    monkeypatch.setattr(covers, "effort_of", noted)
     return begun
 
 
 def posed(text, ranges, n=16):
-    return make_problem(check_text(text), SampleRequest(ranges, n=n))
+    return make_problem(check_text(text), SampleRequest(ranges, n=n, workers=1))
 
 
 @pytest.mark.long

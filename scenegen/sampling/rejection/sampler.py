@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -21,6 +22,7 @@ from scenegen.lang.core import REQUIRE
 from scenegen.sampling.digest import digest
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
+from scenegen.sampling.rejection.covers import own_covers
 from scenegen.sampling.rejection.draw import (
     CHUNK,
     PIECE,
@@ -38,11 +40,10 @@ from scenegen.sampling.rejection.draw import (
 )
 from scenegen.sampling.rejection.sieve import Served, sift
 from scenegen.sampling.rejection.stages import Stages
-from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_cover, make_trial, nothing_found, search
+from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
 
 SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
-SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
 STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
@@ -173,7 +174,6 @@ def make_plan(
     ruled_out: set[int] = set()
     own: list[Served] = []
     draws = trial.tried
-    seed = problem.request.seed
     try:
         rare = [cell for cell in possible if cell not in common]
         each, _ = per_scene(problem.core.nodes)
@@ -188,27 +188,25 @@ def make_plan(
     own += sieve.served
     rest = [cell for cell in rare if cell not in sieve.settled]
     allowed = together
-    for done, cell in enumerate(rest):
-        if _hopeless(allowed, together, done, len(rest)):
-            raise TooMuchError
-        try:
-            if budget.spent:
-                raise StoppedError
-            effort = effort_of(budget, min(most, together))
-            mine = make_cover(problem, problem.wanted(cell), (seed, PLAN, cell + 1), effort)
-            if not mine.parts:
-                together -= effort.used
+    with closing(own_covers(problem, rest, budget, lambda: min(most, together))) as covers:
+        for done, cell in enumerate(rest):
+            if _hopeless(allowed, together, done, len(rest)):
+                raise TooMuchError
+            try:
+                if budget.spent:
+                    raise StoppedError
+                mine = next(covers)
+            except StoppedError:
+                undecided = len(possible) - len(common) - sum(len(one.cells) for one in own) - len(ruled_out)
+                raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+            if mine.cover is None or mine.work > min(most, together):
+                raise TooMuchError
+            together -= mine.work
+            draws += mine.tried
+            if not mine.cover.parts:
                 ruled_out.add(cell)
-                continue
-            rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, cell + 1]))
-            counts, tried = explore(problem, mine, SEARCH, rng, effort, cell)
-        except StoppedError:
-            undecided = len(possible) - len(common) - sum(len(one.cells) for one in own) - len(ruled_out)
-            raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
-        together -= effort.used
-        draws += tried
-        if counts[cell]:
-            own.append(Served((cell,), mine, counts[cell] / tried))
+            elif mine.hits:
+                own.append(Served((cell,), mine.cover, mine.hits / mine.tried))
     found = common.union(*(one.cells for one in own))
     if not found:
         if len(ruled_out) == len(possible):

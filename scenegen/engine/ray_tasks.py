@@ -1,0 +1,61 @@
+"""What a cluster's tasks do: they run in Ray's worker processes."""
+
+from __future__ import annotations
+
+import pickle
+import uuid
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from scenegen.engine.engines import Writing, chosen
+from scenegen.formats.blocks import Array, Block
+from scenegen.formats.sets import Shard
+from scenegen.processes.threads import one_thread
+from scenegen.sampling.plan import Index
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A pickled job that many tasks share, as bytes in the object store; only its name tells it from others."""
+
+    name: str
+    data: np.ndarray[Any, Any] = field(compare=False)
+
+
+def packed(job: object) -> Sent:
+    return Sent(uuid.uuid4().hex, np.frombuffer(pickle.dumps(job, protocol=5), dtype=np.uint8))
+
+
+@lru_cache(maxsize=4)
+def _job(sent: Sent) -> Any:
+    """A plan is read, or a model loaded, once in each process."""
+    return pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
+
+
+def draw(sent: Sent, k: int) -> tuple[tuple[Index, Array], Block]:
+    with one_thread():
+        scenes, cell, facts = _job(sent)(k)
+    return (cell, facts), scenes
+
+
+def apply(sent: Sent, item: Any) -> Any:
+    return _job(sent)(item)
+
+
+def choose(which: Array, numbers: list[int], *parts: Block) -> Block:
+    return chosen(which, dict(zip(numbers, parts, strict=True)))
+
+
+def write(
+    sent: Sent, number: int, pieces: int, picks: list[Array | None], numbers: list[int], *scenes: Block
+) -> tuple[Shard, list[str]]:
+    """A shard, and what its store said on the way. `scenes` are parts, by their `numbers`, then whole blocks, which
+    stand where a pick is None."""
+    said: list[str] = []
+    parts, whole = dict(zip(numbers, scenes, strict=False)), iter(scenes[len(numbers) :])
+    blocks = [next(whole) if which is None else chosen(which, parts) for which in picks]
+    writing: Writing = _job(sent)
+    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said

@@ -1,0 +1,165 @@
+"""The engine of a cluster without one: tasks run at once, and what they get and give is pickled, read-only, as in Ray's
+object store. Tests of Ray itself are in tests/cluster."""
+
+import itertools
+import os
+import pickle
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scenegen.engine import ray as ray_engine
+from scenegen.engine import ray_tasks
+from scenegen.engine.engines import chosen
+from scenegen.formats.blocks import Block
+
+sys.path.insert(0, str(Path(__file__).parent))
+from made_sets import digest, run
+
+
+class Reference:
+    """To a stored value."""
+
+    def __init__(self, value):
+        buffers = []
+        self.data = pickle.dumps(value, protocol=5, buffer_callback=lambda one: buffers.append(bytes(one.raw())))
+        self.buffers = buffers
+
+    def value(self):
+        return pickle.loads(self.data, buffers=self.buffers)  # noqa: S301 - our own
+
+
+class Store:
+    """What the engine uses of Ray. `done` are the names of tasks and what they got, in order."""
+
+    def __init__(self):
+        self.done = []
+
+    def cluster_resources(self):
+        return {"CPU": 2.0}
+
+    def put(self, value):
+        return Reference(value)
+
+    def get(self, reference):
+        return reference.value()
+
+    def wait(self, references, timeout=None):
+        return references, []
+
+    def cancel(self, reference, force):
+        pass
+
+    def remote(self, num_returns=1, **_):
+        def task(function):
+            def call(*words):
+                words = [one.value() if isinstance(one, Reference) else Reference(one).value() for one in words]
+                self.done.append((function.__name__, words))
+                made = function(*words)
+                return [Reference(one) for one in made] if num_returns > 1 else Reference(made)
+
+            return SimpleNamespace(remote=call)
+
+        return task
+
+
+@pytest.fixture
+def store(monkeypatch):
+    monkeypatch.setattr(ray_engine, "result_of", lambda ray, reference, what: ray.get(reference))
+    return Store()
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plain") / "set"
+    run(folder)
+    return digest(folder)
+
+
+@pytest.mark.parametrize(("spare", "early"), [(0.0, [True] * 7), (100.0, [False] * 7)])
+def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, store, tmp_path, monkeypatch):
+    monkeypatch.setattr(ray_engine, "SPARE", spare)
+    run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
+    assert digest(tmp_path / "set") == plain
+    writers = [words for name, words in store.done if name == "write"]
+    assert [pick is None for _, _, _, picks, *_ in writers for pick in picks] == early
+
+
+def test_a_shard_of_blocks_of_both_kinds(plain, store, tmp_path, monkeypatch):
+    turns = itertools.cycle([0.0, 100.0])
+    pick = ray_engine.Cluster.pick
+
+    def either(self, which, parts):
+        monkeypatch.setattr(ray_engine, "SPARE", next(turns))
+        return pick(self, which, parts)
+
+    monkeypatch.setattr(ray_engine.Cluster, "pick", either)
+    run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
+    assert digest(tmp_path / "set") == plain
+
+
+def test_pieces_stay_whole_only_where_most_candidates_become_scenes(store):
+    engine = ray_engine.Cluster(store, 2, lambda: None)
+    rng = np.random.default_rng(0)
+    parts = {k: Block(rng.random((6, 40)), rng.random((1, 40))) for k in (-1, 3)}
+    held = {k: engine.hold(block) for k, block in parts.items()}
+    which = np.stack([np.repeat([3.0, -1.0], 30), np.tile(np.arange(30.0), 2)])
+    engine._candidates = 80
+    picked = engine.pick(which, held)
+    assert store.done == [] and isinstance(picked, ray_engine._Picked)
+    engine._candidates = 300
+    early = engine.pick(which, held)
+    assert [name for name, _ in store.done] == ["choose"]
+    assert engine.fetch(early).rows.tobytes() == chosen(which, parts).rows.tobytes()
+
+
+def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
+    got = {}
+
+    class Writing:
+        store = SimpleNamespace(told_to=lambda tell: tell("a line"))
+
+        def __call__(self, number, pieces, blocks):
+            got["blocks"] = blocks
+            return number, pieces
+
+    sent = ray_tasks.packed("anything")
+    rng = np.random.default_rng(0)
+    first, second, whole = (Block(rng.random((6, 9)), rng.random((1, 9))) for _ in range(3))
+    which = np.array([[7.0, 5.0, 7.0], [0.0, 8.0, 3.0]])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ray_tasks, "_job", lambda _: Writing())
+        patch.setattr(ray_tasks, "replace", lambda job, store: job)
+        made = ray_tasks.write(sent, 4, 11, [None, which], [5, 7], first, second, whole)
+    assert made == ((4, 11), ["a line"])
+    assert got["blocks"][0] is whole
+    np.testing.assert_array_equal(
+        got["blocks"][1].rows, np.stack([second.rows[:, 0], first.rows[:, 8], second.rows[:, 3]], axis=1)
+    )
+
+
+def test_a_job_is_read_once_however_often_it_is_sent():
+    sent = ray_tasks.packed(("plan", 1))
+    again = pickle.loads(pickle.dumps(sent))  # noqa: S301 - our own
+    assert ray_tasks._job(sent) is ray_tasks._job(again)
+    others = [ray_tasks.packed(("plan", k)) for k in range(3)]
+    assert [ray_tasks._job(one) for one in others] == [("plan", 0), ("plan", 1), ("plan", 2)]
+    for one, other in itertools.combinations([sent, *others], 2):
+        assert one != other
+
+
+def test_what_workers_on_this_machine_inherit(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", "before")
+    monkeypatch.delenv(ray_engine.NICENESS, raising=False)
+    with ray_engine._for_children():
+        assert os.environ["PYTHONPATH"].split(os.pathsep) == [entry for entry in sys.path if entry]
+        assert os.environ[ray_engine.NICENESS] == "0"
+    assert os.environ["PYTHONPATH"] == "before" and ray_engine.NICENESS not in os.environ
+    monkeypatch.setenv(ray_engine.NICENESS, "7")
+    monkeypatch.delenv("PYTHONPATH")
+    with ray_engine._for_children():
+        assert os.environ[ray_engine.NICENESS] == "7"
+    assert os.environ[ray_engine.NICENESS] == "7" and "PYTHONPATH" not in os.environ

@@ -17,21 +17,37 @@ from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.variables import Variables
 
 KEEP = 0.7  # of what was measured, when the region narrows
-SHARED = 0.3  # of the evaluations, which all changes share equally: none is left out
+SHARED = 0.5  # of the evaluations, which all changes share equally: none is left out
 OWN_COST = 0.4  # of a change, in evaluations: what it takes to make it
 STEPS = 200  # of the algorithm
 
 
 def statistics(problem: MotionProblem, variables: Variables, poses: Array, scores: Array) -> Array:
-    """What is watched to see whether motions are independent: places and headings at a few moments, how often objects
-    move, and phi, (S, P)."""
+    """What is watched to see whether motions are independent, (S, P): places, headings and how far the nearest other
+    object is, at a few moments; how often objects move; and phi."""
     some = poses[:, :, [0, problem.steps // 2, problem.steps]]
     count = poses.shape[-1]
-    turned = [np.cos(some[:, 2]), np.sin(some[:, 2])]
-    parts = [part.reshape(math.prod(part.shape[:-1]), count) for part in (some[:, :2], *turned)]
+    parts = [some[:, :2], np.cos(some[:, 2]), np.sin(some[:, 2]), _gaps(poses[:, :2, moments(problem.steps)])]
     if problem.moves == "one":
         parts.append(np.stack([(variables.mover == slot).sum(axis=0) for slot in range(len(problem.movable))]))
-    return np.concatenate([*parts, scores[: len(problem.labels)]])
+    rows = [part.reshape(math.prod(part.shape[:-1]), count) for part in parts]
+    return np.concatenate([*rows, scores[: len(problem.labels)]])
+
+
+def moments(steps: int) -> list[int]:
+    """Up to five moments, evenly apart."""
+    return sorted({steps * part // 4 for part in range(5)})
+
+
+def _gaps(places: Array) -> Array:
+    """The distance of every object (N, 2, ...) to the nearest other one, (N, ...)."""
+    out = np.full((len(places), *places.shape[2:]), np.inf)
+    for one in range(len(places)):
+        for other in range(one):
+            apart = np.hypot(*(places[one] - places[other]))
+            np.minimum(out[one], apart, out=out[one])
+            np.minimum(out[other], apart, out=out[other])
+    return np.zeros_like(out) if len(places) < 2 else out
 
 
 @dataclass(slots=True)

@@ -14,7 +14,7 @@ from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.chains import Region, which_cell
 
 STREAM = 11  # random numbers of motions, separate from those of scenes
-KEPT = 0.5
+KEPT = 0.4
 FEWEST, PIECES = 64, 4
 AT_LEAST = 16  # chains, of motions so large that more would not fit
 LEVELS, STALL = 400, 20

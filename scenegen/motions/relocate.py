@@ -60,7 +60,7 @@ def _group(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> 
     count, steps = now.count, problem.steps
     moment, luck = rng.integers(steps + 1, size=count), rng.random(count)
     moment = np.where(luck < FIRST, 0, np.where(luck > 1.0 - LAST, steps, moment))
-    free = (problem.highest > problem.lowest)[:, :2].any(axis=1)
+    free: Flags = np.asarray((problem.highest > problem.lowest)[:, :2].any(axis=1))
     things, motion = np.flatnonzero(free), np.arange(count)
     seed = things[rng.integers(len(things), size=count)]
     places = _places(problem, now, moment)
@@ -169,8 +169,9 @@ def _redraw(
     unit[step, slot, :, motion] = fresh
     thing = problem.movable[now.mover[step, motion] if one else slot]
     more *= problem.reach[thing]
-    out = [np.bincount(thing * count + motion, more[:, axis], len(problem.names) * count) for axis in range(3)]
-    ways: Array = np.stack(out).reshape(3, -1, count).transpose(1, 0, 2)
+    where = thing * count + motion
+    out = [np.bincount(where, more[:, axis], len(problem.names) * count).reshape(-1, count) for axis in range(3)]
+    ways: Array = np.stack(out, axis=1).astype(np.float64)
     return ways
 
 

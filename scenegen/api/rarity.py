@@ -9,20 +9,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenegen.api.spec import Spec, check_spec, refuse_choices
-from scenegen.bounds.effort import Effort
+from scenegen.bounds.effort import Effort, StoppedError
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.counts import NUMBER_LEFT_OUT
 from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
 from scenegen.errors.motions import NO_MOTION_MEETS, NO_MOTION_SATISFIES
-from scenegen.errors.requests import ALL_HELD, OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_LABEL
+from scenegen.errors.requests import (
+    ALL_HELD,
+    CUT_SHORT,
+    NO_TIME_TO_CHECK,
+    OUT_OF_RANGE,
+    REQUIREMENT_NOT_FOUND,
+    UNKNOWN_LABEL,
+)
 from scenegen.lang.counts import written
 from scenegen.sampling.interval import Estimate
 from scenegen.sampling.mixed_tails import mixed
+from scenegen.sampling.problem import Budget
 from scenegen.sampling.rarity import WORK, measure
 from scenegen.sampling.request import MAX_SEED
 from scenegen.sampling.tails import OutOfReach, Rarity, Reach
 from scenegen.sampling.vast import measure_vast, vast
-from scenegen.validation import as_int
+from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
 BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
@@ -33,6 +41,17 @@ SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, an
 MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
 
 Ends = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Until:
+    """Says stop once the time limit is over."""
+
+    budget: Budget
+
+    def check(self) -> None:
+        if self.budget.spent:
+            raise StoppedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +104,13 @@ class SpecRarity:
     warnings: tuple[Diagnostic, ...]
 
 
-def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity:
+def rarity(spec: Spec, label: str | None = None, *, seed: int = 0, timeout: float | None = None) -> SpecRarity:
     """The range of phi of every label (or one) that can be reached, and how rare each part of it is.
 
     Probabilities are those of the base distribution, among the scenes (of a spec over time: the motions) that meet what
-    the spec requires; errors are half of a 95 % interval of log10. The same arguments give the same numbers. Raises
-    RequestError for an unknown label, and where nothing is found that meets the requirement.
+    the spec requires; errors are half of a 95 % interval of log10. The same arguments give the same numbers. After
+    `timeout` seconds the search ends with what it has, and a warning says so. Raises RequestError for an unknown label,
+    where nothing is found that meets the requirement, and where that is not known in time.
     """
     check_spec(spec)
     seed = as_int("seed", seed)
@@ -98,38 +118,55 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0) -> SpecRarity
         raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
     if not 0 <= seed <= MAX_SEED:
         raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
+    budget = Budget(math.inf if timeout is None else as_seconds("timeout", timeout))
     lowest, highest = spec.declared.box()
     if not (lowest < highest).any():
         raise RequestError(ALL_HELD(consequence="phi has one value"))
     labels = spec.labels if label is None else (label,)
-    if spec.over_time is not None:
-        return _of_motions(spec, labels, seed)
+    try:
+        return _of_motions(spec, labels, seed, budget) if spec.over_time else _of_scenes(spec, labels, seed, budget)
+    except StoppedError:
+        raise RequestError(NO_TIME_TO_CHECK()) from None
+
+
+def _of_scenes(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:
     bounds = spec.bounds()
     left_out: list[Diagnostic] = []
-    found = _measure(spec, labels, bounds, seed) if not spec.counts else _of_numbers(spec, labels, seed, left_out)
-    reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
+    if spec.counts:
+        found = _of_numbers(spec, labels, seed, left_out, budget)
+    else:
+        found = _measure(spec, labels, bounds, seed, budget)
+    reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels if name in found.reaches)
     never = {one.label for one in reports if one.reached[1] < 0.0}
-    warnings = tuple(_clashes(spec, never)) if never else ()
+    warnings = _cut_short(budget, found, labels) or (tuple(_clashes(spec, never)) if never else ())
     return SpecRarity(reports, found.requirement, seed, found.evaluations, (*left_out, *warnings))
 
 
-def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Diagnostic]) -> Rarity:
+def _cut_short(budget: Budget, found: Rarity, labels: Sequence[str]) -> tuple[Diagnostic, ...]:
+    """A warning where time was up; others would be about what was not searched."""
+    missing = [f"`{name}`" for name in labels if name not in found.reaches]
+    return (CUT_SHORT(left_out=", ".join(missing) or None),) if budget.spent else ()
+
+
+def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Diagnostic], budget: Budget) -> Rarity:
     """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
     share = WORK // min(len(spec.declared.members), MOST_SHARES)
     for numbers, member in spec.members:
         try:
-            found.append(_measure(member, labels, member.bounds(), seed, share))
+            found.append(_measure(member, labels, member.bounds(), seed, budget, share))
         except RequestError as error:
             first = error.diagnostics[0]
             left_out.append(NUMBER_LEFT_OUT(counted=written(numbers), why=first.title))
             if len(left_out) == len(spec.declared.members):
                 raise
+    if any(len(one.reaches) < len(labels) for one in found):
+        raise StoppedError  # a mixture needs all of them
     return mixed(found)
 
 
-def _of_motions(spec: Spec, labels: Sequence[str], seed: int) -> SpecRarity:
+def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:
     from scenegen.motions.bounds import phi_bounds
     from scenegen.motions.rarity import measure
 
@@ -137,36 +174,44 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int) -> SpecRarity:
     assert timed is not None
     lowest, highest = spec.declared.box()
     refuse_choices(spec, "a motion")
-    found = measure(spec.declared, labels, seed)
+    found = measure(spec.declared, labels, seed, stop=_Until(budget))
     if isinstance(found, OutOfReach):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(NO_MOTION_MEETS(evaluations=found.evaluations, misses=misses))
     bounds = phi_bounds(timed, lowest, highest, Effort())
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
-    warnings = tuple(NO_MOTION_SATISFIES(name=one.label) for one in reports if one.reached[1] < 0.0)
+    warnings = _cut_short(budget, found, labels) or tuple(
+        NO_MOTION_SATISFIES(name=one.label) for one in reports if one.reached[1] < 0.0
+    )
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
 
-def _measure(spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, work: int = WORK) -> Rarity:
+def _measure(
+    spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, budget: Budget, work: int = WORK
+) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
     checked = spec.checked
     lowest, highest = checked.box()
     if vast(checked.core, lowest, highest, labels):
         try:
-            return measure_vast(checked, labels, seed)
+            return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
             raise _clash(spec) or error from None
-    found = measure(checked.core, lowest, highest, labels, seed, work=work)
+    found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
     if isinstance(found, OutOfReach):
         try:
-            return measure_vast(checked, labels, seed)
+            return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError:
             raise _clash(spec) or _out_of_reach(found) from None
-    untold = [name for name in labels if bounds[name][1] > 0.0 and found.reaches[name].up(0.0) is None]
+    known = [name for name in labels if name in found.reaches]
+    untold = [name for name in known if bounds[name][1] > 0.0 and found.reaches[name].up(0.0) is None]
     if not untold:
         return found
-    grown = measure_vast(checked, untold, seed, up_only=True)
+    try:
+        grown = measure_vast(checked, untold, seed, up_only=True, deadline=budget.ends)
+    except StoppedError:
+        return found
     told = {name: reach.up for name, reach in grown.reaches.items() if reach.up(0.0) is not None}
     reaches = {name: replace(reach, up=told.get(name, reach.up)) for name, reach in found.reaches.items()}
     return replace(found, reaches=reaches, evaluations=found.evaluations + grown.evaluations)

@@ -29,6 +29,12 @@ def range_(
         typer.Option("--png", help="Draw the curves into this file, too.", metavar="FILE", show_default=False),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout", help="Seconds after which to end with what is known; default: none.", show_default=False
+        ),
+    ] = None,
     count: Counts = None,
     root: Root = None,
 ) -> None:
@@ -54,7 +60,7 @@ def range_(
         check_writable(png, spec)
     checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
-    found = rarity(checked, label, seed=seed)
+    found = rarity(checked, label, seed=seed, timeout=timeout)
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
         from json import dumps

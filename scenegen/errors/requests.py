@@ -287,6 +287,13 @@ PROPOSALS_NOT_NUMBERS = Kind(
     note="in each of the last {candidates:,} candidates a coordinate was not a number" + _MORE,
 )
 OUT_OF_TIME = (NO_TIME_TO_CHECK, NO_TIME_TO_TELL, TOO_FEW_IN_RANGE, TOO_FEW_IN_CELL, TOO_FEW_MEET_REQUIREMENT)
+CUT_SHORT = Kind(
+    "cut-short",
+    "time was up: phi may reach further than it did, and bars are wider than they need be[[; nothing is known of "
+    "{left_out}]]",
+    help="give it more time with <timeout>",
+    severity="warning",
+)
 UNREACHED_CELLS = Kind(
     "unreached-cells",
     "{missing} of {count} cells of the range were not reached in {tried}",

@@ -40,8 +40,9 @@ NOT_A_TIME = Kind(
 )
 HORIZON_OUT_OF_RANGE = Kind(
     "horizon-out-of-range",
-    "a motion cannot have {steps:,.15g} steps",
-    "it has 1 to {limit:,}",
+    ("a motion cannot have {steps:,.15g} steps", "a step cannot last {length:g} s"),
+    ("it has 1 to {limit:,}", "each moment is later than the one before"),
+    help="write every {such:g} s",
 )
 NOT_FROM_ZERO = Kind(
     "not-from-zero",

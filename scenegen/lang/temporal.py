@@ -59,7 +59,10 @@ def horizon(lowering: Context, source: Source, statement: ast.Time) -> Call[Hori
     start, stop, step = ends
     if start != 0.0:
         raise SpecError(NOT_FROM_ZERO(statement.span_.span(source), start=start, length=max(stop, 1.0)))
-    steps = stop / step if step > 0.0 else 0.0
+    if step <= 0.0:
+        such = stop / 20.0 if stop > 0.0 else 0.5
+        raise SpecError(HORIZON_OUT_OF_RANGE(statement.amount.span(source), length=step, such=such))
+    steps = stop / step
     if not 1.0 - NEARLY <= steps <= MAX_STEPS + NEARLY:
         raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=steps, limit=MAX_STEPS))
     if abs(steps - round(steps)) > NEARLY * steps:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop
+from scenegen.motions.mixture import Meter, statistics
 from scenegen.motions.moves import changes
 from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.variables import Flags, Variables, draw, poses_of
@@ -78,26 +79,48 @@ class Chains:
         self.weight = self._weigh(region, self.scores)
         return float(alive.mean())
 
-    def run(self, moves: int) -> float:
+    def run(self, moves: int, mixture: Array | None = None, meter: Meter | None = None) -> float:
         """That many changes of every chain, each taken if it stays in the region (Metropolis, with the cells' weights
-        where there are any). Returns the share taken. Raises what `stop` raises."""
+        where there are any). `mixture` is how often each is made; without it all are equally often. A meter measures
+        them. Returns the share taken. Raises what `stop` raises."""
         kinds, taken = changes(self.problem), 0
-        for _ in range(moves if kinds else 0):
+        if not kinds:
+            return 0.0
+        often = np.cumsum(np.full(len(kinds), 1.0 / len(kinds)) if mixture is None else mixture)
+        if meter is not None:
+            meter.begin(self.statistics())
+        for _ in range(moves):
             self.stop.check()
-            new, good = kinds[self.rng.integers(len(kinds))](self.problem, self.now, self.rng)
-            taken += self._accept(new, good)
+            kind = min(int(np.searchsorted(often, self.rng.random(), side="right")), len(kinds) - 1)
+            new, good = kinds[kind](self.problem, self.now, self.rng)
+            taken += self._accept(kind, new, good, meter)
         return taken / max(1, moves * self.count)
 
-    def _accept(self, new: Variables, good: Flags) -> int:
-        scores = self.problem.scores(poses_of(self.problem, new), self.stop)
-        self.evaluations += self.count
-        held = good & self.region.holds(list(scores))
+    def statistics(self) -> Array:
+        """What is watched of the motions, (S, P)."""
+        return statistics(self.problem, self.now, poses_of(self.problem, self.now), self.scores)
+
+    def _accept(self, kind: int, new: Variables, good: Flags, meter: Meter | None) -> int:
+        some = np.flatnonzero(good)
+        self.evaluations += len(some)
+        if not len(some):
+            return 0
+        part = new if len(some) == self.count else new.take(some)
+        poses = poses_of(self.problem, part)
+        scores = self.problem.scores(poses, self.stop)
+        held = self.region.holds(list(scores))
         weight = self._weigh(self.region, scores)
-        held &= self.rng.random(self.count) * self.weight < weight
-        self.now.put(new, held)
-        np.copyto(self.scores, scores, where=held)
-        np.copyto(self.weight, weight, where=held)
-        return int(held.sum())
+        held &= self.rng.random(len(some)) * self.weight[some] < weight
+        kept = some[held]
+        if meter is not None:
+            watched = statistics(self.problem, part.take(held), poses[..., held], scores[:, held])
+            meter.add(kind, self.count, len(some), kept, watched)
+        taken = np.zeros(self.count, dtype=bool)
+        taken[kept] = True
+        self.now.put(new, taken)
+        self.scores[:, kept] = scores[:, held]
+        self.weight[kept] = weight[held]
+        return len(kept)
 
     def _weigh(self, region: Region, scores: Array) -> Array:
         if region.weights is None:

@@ -7,14 +7,23 @@ within their sets; the others are refused. Sizes of local changes are drawn from
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
+from scenegen.motions.paths import go_back, redraw_beginning, redraw_pairs, reflect, segment
 from scenegen.motions.problem import Array, Index, MotionProblem
+from scenegen.motions.relocate import After, Before, relocate
+from scenegen.motions.turns import hand_over, other_step, retime
 from scenegen.motions.variables import Flags, Variables, legal, unit_steps
-from scenegen.pose import THETA, TWO_PI
+from scenegen.pose import PLACE, THETA, TWO_PI
 
 Change = Callable[[MotionProblem, Variables, np.random.Generator], tuple[Variables, Flags]]
+
+WAYS: tuple[tuple[Before, After], ...] = (
+    ("first", "kept"), ("redrawn", "kept"), ("step", "kept"), ("first", "redrawn"), ("redrawn", "redrawn"),
+    ("first", "step"), ("step", "step"),
+)  # fmt: skip
 
 SMALLEST, LARGEST = -2.5, 0.0  # log10 of the sizes of local changes, in units of the whole set
 
@@ -23,16 +32,6 @@ def _sizes(rng: np.random.Generator, count: int) -> Array:
     """Local changes, (P, 3): normal, with a size of their own each."""
     size = 10.0 ** rng.uniform(SMALLEST, LARGEST, (count, 1))
     return size * rng.standard_normal((count, 3))
-
-
-def _segment(now: Variables, rng: np.random.Generator) -> Flags:
-    """A window of steps for each motion, (T, P): any length, short ones more often."""
-    steps, count = now.mover.shape
-    length = np.floor(float(steps) ** rng.random(count)).astype(np.intp)
-    start = rng.integers(steps, size=(count,))
-    place = np.arange(steps)[:, None]
-    flags: Flags = (place >= start) & (place < start + length)
-    return flags
 
 
 Here = tuple[Index, Index, Index]
@@ -78,7 +77,7 @@ def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator
 
 def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Redraw a window of steps."""
-    window = _segment(now, rng)
+    window = segment(now, rng)
     steps, width, _, count = now.unit.shape
     unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
     mover = now.mover
@@ -89,18 +88,11 @@ def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Genera
 
 def shift_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps, each a little different."""
-    window = _segment(now, rng)[:, None, None]
+    window = segment(now, rng)[:, None, None]
     size = 10.0 ** rng.uniform(SMALLEST, LARGEST, now.count)
     unit = np.where(window, now.unit + size * rng.standard_normal(now.unit.shape), now.unit)
     good: Flags = np.asarray(legal(unit).all(axis=(0, 1)))
     return Variables(now.first, now.mover, unit), good
-
-
-def redraw_mover(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """Another object makes a step."""
-    mover, (step, _, motion) = now.mover.copy(), _one_step(now, rng)
-    mover[step, motion] = rng.integers(len(problem.movable), size=now.count)
-    return Variables(now.first, mover, now.unit), np.ones(now.count, dtype=bool)
 
 
 def exchange_steps(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
@@ -142,11 +134,11 @@ def redraw_first(problem: MotionProblem, now: Variables, rng: np.random.Generato
 
 
 def redraw_heading(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """Redraw one object's first heading: all later headings turn with it."""
-    first, count = now.first.copy(), now.count
-    thing, motion = rng.integers(len(problem.names), size=count), np.arange(count)
-    low, high = problem.lowest[thing, THETA], problem.highest[thing, THETA]
-    first[thing, THETA, motion] = low + (high - low) * rng.random(count)
+    """Redraw one object's first heading, or those of all: later headings turn with them."""
+    first, count, names = now.first.copy(), now.count, len(problem.names)
+    which = (rng.integers(names, size=count) == np.arange(names)[:, None]) | (rng.random(count) < 0.5)
+    low, high = problem.lowest[:, THETA, None], problem.highest[:, THETA, None]
+    np.copyto(first[:, THETA], low + (high - low) * rng.random((names, count)), where=which)
     return Variables(first, now.mover, now.unit), np.ones(count, dtype=bool)
 
 
@@ -165,36 +157,11 @@ def transfer(problem: MotionProblem, now: Variables, rng: np.random.Generator) -
     """Part of an object's step is done in another of its steps: it ends where it did."""
     unit, here = now.unit.copy(), _one_step(now, rng)
     step, slot, motion = here
-    other, found = _other_step(now, step, now.mover[step, motion], rng)
+    other, found = other_step(now, step, now.mover[step, motion], rng)
     by = _sizes(rng, now.count)
     good = found & _set(unit, here, _get(unit, here) + by)
     good &= _set(unit, (other, slot, motion), _get(unit, (other, slot, motion)) - by)
     return Variables(now.first, now.mover, unit), good
-
-
-def hand_over(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
-    """A step passes from one object to another; another step of each makes up for it: both end where they did."""
-    unit, mover, here = now.unit.copy(), now.mover.copy(), _one_step(now, rng)
-    step, slot, motion = here
-    giver, taker = now.mover[step, motion], rng.integers(len(problem.movable), size=now.count)
-    one, mine = _other_step(now, step, giver, rng)
-    two, yours = _other_step(now, step, taker, rng)
-    fresh = unit_steps(rng, now.count).T
-    good = mine & yours & (giver != taker)
-    good &= _set(unit, (one, slot, motion), _get(unit, (one, slot, motion)) + _get(now.unit, here))
-    good &= _set(unit, (two, slot, motion), _get(unit, (two, slot, motion)) - fresh)
-    _set(unit, here, fresh)
-    mover[step, motion] = taker
-    return Variables(now.first, mover, unit), good
-
-
-def _other_step(now: Variables, step: Index, who: Index, rng: np.random.Generator) -> tuple[Index, Flags]:
-    """A step of object `who` (P,) other than `step` (P,), chosen uniformly, and whether there is one."""
-    flags = now.mover == who
-    flags[step, np.arange(now.count)] = False
-    chosen: Index = np.where(flags, rng.random(flags.shape), -1.0).argmax(axis=0)
-    found: Flags = np.asarray(flags.any(axis=0))
-    return chosen, found
 
 
 def _shift(problem: MotionProblem, first: Array, thing: Index, by: Array) -> Flags:
@@ -212,10 +179,13 @@ def changes(problem: MotionProblem) -> tuple[Change, ...]:
     """The changes that apply to a problem."""
     made: tuple[Change, ...] = ()
     if (problem.highest > problem.lowest).any():
-        made += (shift_first, shift_first, redraw_first, redraw_heading)
-    if problem.steps and len(problem.movable):
-        made += (shift_step, shift_step, redraw_step, redraw_segment, shift_segment, exchange_steps, reverse_segment)
-        made += (shift_start, transfer, transfer)
-        if problem.moves == "one" and len(problem.movable) > 1:
-            made += (redraw_mover, hand_over)
+        made += (shift_first, redraw_first, redraw_heading)
+    if not (problem.steps and len(problem.movable)):
+        return made
+    made += (shift_step, redraw_step, redraw_segment, shift_segment, exchange_steps, reverse_segment, shift_start)
+    made += (transfer, redraw_beginning, redraw_pairs, reflect, go_back)
+    if (problem.highest > problem.lowest)[:, PLACE].any():
+        made += tuple(partial(relocate, before=before, after=after) for before, after in WAYS)
+    if problem.moves == "one" and len(problem.movable) > 1:
+        made += (retime, hand_over)
     return made

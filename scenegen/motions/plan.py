@@ -14,7 +14,7 @@ import numpy as np
 from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.chains import Chains
 from scenegen.motions.problem import Array, Index, MotionProblem
-from scenegen.motions.schedule import Schedule, generator, make_schedule, statistics
+from scenegen.motions.schedule import Schedule, generator, make_schedule
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.digest import digest
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
@@ -115,7 +115,7 @@ class MotionSplitting(_MotionPlan):
     @property
     def evaluations(self) -> float:
         plan = self.schedule
-        moves = len(plan.regions) * plan.moves + plan.settling
+        moves = len(plan.stages) * plan.moves + plan.settling
         return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
 
     @property
@@ -125,17 +125,17 @@ class MotionSplitting(_MotionPlan):
     def draw(self, k: int) -> Piece:
         plan, problem, rng = self.schedule, self.problem, generator(self.seed, k)
         chains, share = Chains.start(problem, plan.chains, rng, self.stop), 1.0
-        for number, region in enumerate(plan.regions):
-            survived = chains.narrow(region)
+        for number, stage in enumerate(plan.stages):
+            survived = chains.narrow(stage.region)
             if not survived:
                 facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
                 return Piece(
                     np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts
                 )
             share *= survived if number < plan.levels else 1.0
-            chains.run(plan.moves)
-        taken = chains.run(plan.settling)
-        watched = statistics(problem, chains)
+            chains.run(plan.moves, stage.mixture)
+        taken = chains.run(plan.settling, plan.mixture)
+        watched = chains.statistics()
         mean, variance = watched.mean(axis=1), watched.var(axis=1)
         facts = np.array([share, share**2, 1.0, chains.evaluations, taken, *mean, *mean**2, *variance])
         made = chains.now.take(rng.permutation(chains.count))

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.lang.spec import CheckedSpec
 from scenegen.motions.chains import Chains
 from scenegen.motions.cost import cost
@@ -39,11 +40,12 @@ CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and onc
 
 
 def measure(
-    spec: CheckedSpec, labels: Sequence[str], seed: int = 0, check: Callable[[], None] | None = None
+    spec: CheckedSpec, labels: Sequence[str], seed: int = 0, check: Callable[[], None] | None = None, stop: Stop = NEVER
 ) -> Rarity | OutOfReach:
     """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
     requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
-    levels. Raises what `make_problem` raises."""
+    levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
+    StoppedError where it is not known yet what meets the requirement."""
     problem, _ = make_problem(spec, SampleRequest({}, n=1, seed=seed))
     check = check or _go_on
     with np.errstate(all="ignore"):
@@ -51,7 +53,7 @@ def measure(
         work = WORK // cost(spec)
         count = int(COUNTED * work) // (2 * len(labels) * ROUNDS * moves * DEPTH)
         count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
-        base, weights, best = _require(problem, count, moves, seed, work, check)
+        base, weights, best = _require(problem, count, moves, seed, work, check, stop)
         if not weights.any():
             return OutOfReach(best, base.evaluations)
         reaches, spent = dict[str, Reach](), base.evaluations
@@ -60,7 +62,7 @@ def measure(
             for sign in (1, -1):
                 chains = base.copy()
                 tail, made = climb(
-                    chains, partial(chains.run, moves), weights, sign, work // (2 * len(labels)), check, row
+                    chains, partial(chains.run, moves), weights, sign, work // (2 * len(labels)), check, row, stop
                 )
                 tails.append(tail)
                 spent += made
@@ -77,12 +79,12 @@ def _required(weights: Array) -> Estimate | None:
 
 
 def _require(
-    problem: MotionProblem, count: int, moves: int, seed: int, work: int, check: Callable[[], None]
+    problem: MotionProblem, count: int, moves: int, seed: int, work: int, check: Callable[[], None], stop: Stop
 ) -> tuple[Chains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM])))
-    chains, weights, best = Chains.start(problem, count, rng), np.ones(ISLANDS), np.inf
+    chains, weights, best = Chains.start(problem, count, rng, stop), np.ones(ISLANDS), np.inf
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())
         while not met and chains.evaluations < work:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.motions.problem import Array, Index, MotionProblem
-from scenegen.pose import ANGLES, TWO_PI
+from scenegen.pose import ANGLES, THETA, TWO_PI
 
 Flags = npt.NDArray[np.bool_]
 
@@ -33,7 +33,7 @@ class Variables:
     def count(self) -> int:
         return int(self.mover.shape[1])
 
-    def take(self, index: Index) -> Variables:
+    def take(self, index: Index | Flags) -> Variables:
         return Variables(self.first[..., index], self.mover[..., index], self.unit[..., index])
 
     def copy(self) -> Variables:
@@ -56,6 +56,23 @@ def legal(unit: Array) -> Flags:
     """Which steps (..., 3, P) lie in the unit disc and turn by at most 1."""
     flags: Flags = (unit[..., 0, :] ** 2 + unit[..., 1, :] ** 2 <= 1.0) & (np.abs(unit[..., 2, :]) <= 1.0)
     return flags
+
+
+def chosen(flags: Flags, rng: np.random.Generator) -> tuple[Index, Flags]:
+    """One of the steps that are flagged (T, P), for each motion, all equally likely; and whether there is any."""
+    step: Index = np.where(flags, rng.random(flags.shape), -1.0).argmax(axis=0)
+    found: Flags = np.asarray(flags.any(axis=0))
+    return step, found
+
+
+def at_home(problem: MotionProblem, first: Array) -> Flags:
+    """Whether first poses (N, 3, P) are within their boxes; headings that are free wrap in place."""
+    for thing in np.flatnonzero(problem.wide).tolist():
+        low, heading = problem.lowest[thing, THETA], first[thing, THETA]
+        heading[:] = low + np.remainder(heading - low, TWO_PI)
+    inside = (first >= problem.lowest[..., None]) & (first <= problem.highest[..., None])
+    home: Flags = np.asarray(inside.all(axis=(0, 1)))
+    return home
 
 
 def draw(problem: MotionProblem, count: int, rng: np.random.Generator) -> Variables:

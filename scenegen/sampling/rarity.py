@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop, StoppedError
 from scenegen.lang.core import REQUIRE, Apply, Core, gated, part
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.primitives import NUMPY
@@ -63,12 +64,15 @@ def measure(
     seed: int = 0,
     check: Callable[[], None] | None = None,
     work: int = WORK,
+    stop: Stop = NEVER,
 ) -> Rarity | OutOfReach:
     """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
     conditional on the core's requirement. The same arguments give the same numbers. `check` is called between levels:
-    what it raises ends the run. `work` is the effort, in visits of nodes."""
+    what it raises ends the run. `work` is the effort, in visits of nodes. Where
+    `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out; it is raised
+    again if there are none."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on, work)
+        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on, work, stop)
 
 
 def _go_on() -> None:
@@ -83,6 +87,7 @@ def _measure(
     seed: int,
     check: Callable[[], None],
     effort: int,
+    stop: Stop,
 ) -> Rarity | OutOfReach:
     base: _Base | None = None
     required: Estimate | None = None
@@ -90,7 +95,7 @@ def _measure(
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest, effort)
     if gate:
-        base, best = _require(part(core, gate), lowest, highest, count, seed, check, effort)
+        base, best = _require(part(core, gate), lowest, highest, count, seed, check, effort, stop)
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
@@ -103,9 +108,14 @@ def _measure(
             continue
         one = part(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
-        start, weights = _begin(make_frame(one, lowest, highest), base, count, rng)
+        try:
+            start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
+        except StoppedError:
+            if not reaches:
+                raise
+            break
         work = effort // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, work, check) for sign in (1, -1))
+        up, down = (_climb(start.some(start.count), weights, sign, work, check, stop) for sign in (1, -1))
         reaches[label] = Reach(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -137,7 +147,14 @@ class _Base:
 
 
 def _require(
-    core: Core, lowest: Array, highest: Array, count: int, seed: int, check: Callable[[], None], effort: int
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    count: int,
+    seed: int,
+    check: Callable[[], None],
+    effort: int,
+    stop: Stop,
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
     chain_state = make_frame(core, lowest, highest)
@@ -145,7 +162,7 @@ def _require(
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(ISLANDS, float(least >= 0.0)), 1), least
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
-    state, weights = _begin(chain_state, None, count, rng)
+    state, weights = _begin(chain_state, None, count, rng, stop)
     tuner = Tuner(state)
     work = effort // cost(core)
     met = False
@@ -165,10 +182,12 @@ def _require(
     return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
 
 
-def _begin(chain_state: ChainState, base: _Base | None, count: int, rng: np.random.Generator) -> tuple[Chains, Array]:
+def _begin(
+    chain_state: ChainState, base: _Base | None, count: int, rng: np.random.Generator, stop: Stop
+) -> tuple[Chains, Array]:
     """`count` chains of a chain_state at the base distribution, and the weights of their islands."""
     cells = Cells(tuple(chain_state.core.labels), (), (), np.empty(0), np.empty(0))
-    state = Chains.start(chain_state, Tape(chain_state), cells, count, rng)
+    state = Chains.start(chain_state, Tape(chain_state, stop=stop), cells, count, rng)
     if base is None:
         return state, np.ones(ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
@@ -178,5 +197,7 @@ def _begin(chain_state: ChainState, base: _Base | None, count: int, rng: np.rand
     return state, base.weights
 
 
-def _climb(state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None]) -> tuple[Tail, int]:
-    return climb(state, Tuner(state).adapt, weights, sign, work, check)
+def _climb(
+    state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None], stop: Stop
+) -> tuple[Tail, int]:
+    return climb(state, Tuner(state).adapt, weights, sign, work, check, stop=stop)

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import NEVER, Stop, StoppedError
 from scenegen.sampling.interval import Estimate, ratio
 from scenegen.sampling.splitting.chains import Region
 
@@ -134,9 +135,10 @@ def climb(
     work: int,
     check: Callable[[], None],
     row: int = 0,
+    stop: Stop = NEVER,
 ) -> tuple[Tail, int]:
     """Restrict the chains step by step towards one end of the phi of a row, with at most about `work` evaluations.
-    `move` is one round of moves."""
+    `move` is one round of moves. Where `stop` or a move raises StoppedError, the run ends with what it has."""
     phi = margins(state, sign, row)
     levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
     middle, end = float(np.median(phi)), float(phi.max())
@@ -150,9 +152,13 @@ def climb(
         if level is None or end - level <= TOP * (end - middle):
             whole = whole or counting
             break
-        kept = restrict(state, level, sign, row)
-        for _ in range(ROUNDS if counting else 1):
-            move()
+        try:
+            stop.check()
+            kept = restrict(state, level, sign, row)
+            for _ in range(ROUNDS if counting else 1):
+                move()
+        except StoppedError:
+            break
         phi = margins(state, sign, row)
         end = max(end, float(phi.max()))
         if counting:

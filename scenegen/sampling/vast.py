@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.bounds.requirements import push_down
 from scenegen.lang.core import REQUIRE, Core, Junction, gated, part
 from scenegen.lang.spec import CheckedSpec
@@ -60,21 +61,24 @@ def vast(core: Core, lowest: Array, highest: Array, labels: Sequence[str]) -> bo
     return False
 
 
-def measure_vast(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_only: bool = False) -> Rarity:
+def measure_vast(
+    spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_only: bool = False, deadline: float = math.inf
+) -> Rarity:
     """The results of `rarity.measure`; the same arguments give the same numbers. With `up_only`, the tails towards the
-    lowest phi are left out.
+    lowest phi are left out. After `deadline`, by the monotonic clock, runs end with what they have.
 
-    Raises RequestError if no scene satisfies the requirement, or if none was found.
+    Raises RequestError if no scene satisfies the requirement, or if none was found, and StoppedError where that is not
+    known by the deadline.
     """
     base = make_problem(spec, SampleRequest(n=1, seed=seed))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST)
+        first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):
             raise no_growth(base, Stalled(first.machine, first.stuck, first.work / len(base.core.nodes)))
         work = 0.0
         reaches: dict[str, Reach] = {}
         for index, label in enumerate(labels):
-            runs = [_Run(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign)) for sign in (1, -1)]
+            runs = [_Run(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign), deadline) for sign in (1, -1)]
             for run in runs[:1] if up_only else runs:
                 waiting = len(labels) - index if up_only else 2 * (len(labels) - index) - (run.sign < 0)
                 run.descend(max((EFFORT - work) / waiting, FEWEST * first.work / len(labels)))
@@ -103,8 +107,11 @@ class _Stage:
 class _Run:
     """The runs of one tail: towards the top of phi of a label (`sign` 1), or towards its bottom."""
 
-    def __init__(self, base: Problem, first: Islands, label: str, sign: int, seed: tuple[int, ...]) -> None:
+    def __init__(
+        self, base: Problem, first: Islands, label: str, sign: int, seed: tuple[int, ...], deadline: float
+    ) -> None:
         self.base, self.label, self.sign, self.seed = base, label, sign, seed
+        self.deadline = deadline
         self.place = tuple(base.core.labels).index(label)
         self.origin = float(first.log_share.max())
         self.work, self.runs = 0.0, 0
@@ -169,7 +176,11 @@ class _Run:
         self.runs += 1
         ends = Range(level, None) if self.sign > 0 else Range(None, -level)
         problem = _held(self.base, self.label, ends)
-        found = grow_islands(problem, ISLANDS, EACH, (*self.seed, self.runs), 2.0 * effort - self.work)
+        try:
+            most = 2.0 * effort - self.work
+            found = grow_islands(problem, ISLANDS, EACH, (*self.seed, self.runs), most, self.deadline)
+        except StoppedError:
+            return False
         self.work += found.work
         if isinstance(found, NoRoom):
             return False

@@ -41,6 +41,13 @@ def _shape(line):
     return re.sub(r"(?<=\S) +", " ", numbers)
 
 
+def test_a_time_limit_that_is_over_at_once(scenegen, here):
+    (here / "fast.spec").write_text(FAST)
+    outcome = scenegen("range", "fast.spec", "--timeout", "0.000001")
+    assert outcome.status == 1 and "no-time-to-check" in outcome.err
+    assert "--timeout" in scenegen("range", "fast.spec", "--timeout", "-1").err
+
+
 def test_plain_text_fits_the_terminal(report, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     lines = report("good.spec").out.splitlines()

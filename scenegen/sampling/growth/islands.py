@@ -45,16 +45,17 @@ class NoRoom:
 
 
 def grow_islands(
-    problem: Problem, islands: int, each: int, seed: Sequence[int], most: float = math.inf
+    problem: Problem, islands: int, each: int, seed: Sequence[int], most: float = math.inf, deadline: float = math.inf
 ) -> Islands | NoRoom:
     """`islands` independent populations of `each` scenes for a problem of one cell; equal seeds give equal numbers.
 
     What a run needs is found out by scenes of its own, so that the estimates are unbiased. `most` is how many visits of
-    formula nodes it may take.
+    formula nodes it may take. Raises StoppedError after `deadline`, by the monotonic clock.
     """
     assert problem.cells.count == 1
     machine = make_machine(problem)
     machine.most = most / len(problem.core.nodes)
+    machine.deadline = deadline
     try:
         return _grow_islands(problem, machine, islands, each, seed)
     except TooMuchError:

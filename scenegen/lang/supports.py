@@ -11,7 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from scenegen.assets.surfaces import fits, reach_of, surfaces_of
+from scenegen.assets import Shape
+from scenegen.assets.surfaces import Surface, fits, reach_of, surfaces_of
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
     CHOICE_NOT_A_LIST,
@@ -128,12 +129,14 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             _refuse_tall(name, shape.height, region, _free_over(lowering, region, area), here)
             return under
         case ObjectValue(carrier):
-            found = surfaces_of(lowering.shapes[carrier], shape.footprint)
+            found = surfaces_of(lowering.shapes[carrier], shape)
             if not found:
                 raise SpecError(NO_FLAT_TOP(here, name=lowering.builder.objects[carrier]))
-            surface = found[0]
+            surface = found[-1 if found[-1].name == "rim" and not _holds(found[0], shape) else 0]
         case SurfaceValue(carrier, surface):
-            named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape.footprint)}
+            named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
+            if surface.name not in named:  # it stands on the rim
+                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{lowering.builder.objects[carrier]}.{surface.name}"))
             surface = named[surface.name]
         case _:
             wanted = "an object, a surface or a region"
@@ -141,11 +144,15 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
     label = f"{lowering.builder.objects[carrier]}.{surface.name}"
     if carrier == upper:
         raise SpecError(STANDS_ON_ITSELF(here, name=name))
-    if surface.walled and not fits(shape.footprint, surface.outline):
+    if not _holds(surface, shape):
         problem = SURFACE_TOO_SMALL(here, name=name, surface=label)
         raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
     _refuse_tall(name, shape.height, label, surface.clear, here)
-    return Support(label, carrier, surface.outline, surface.height, surface.walled)
+    return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
+
+
+def _holds(surface: Surface, shape: Shape) -> bool:
+    return not surface.walled or fits(shape.footprint, surface.outline)
 
 
 def _refuse_tall(name: str, height: float, surface: str, clear: float, here: Span) -> None:
@@ -253,7 +260,7 @@ def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Re
         left, bottom, right, top = under.box
         return (max(left, space.x[0]), min(right, space.x[1])), (max(bottom, space.y[0]), min(top, space.y[1]))
     (x0, x1), (y0, y1) = boxes[under.carrier]
-    far = reach_of(under.outline)
+    far = reach_of(under.outline) if under.far is None else under.far
     return (x0 - far, x1 + far), (y0 - far, y1 + far)
 
 

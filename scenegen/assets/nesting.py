@@ -19,7 +19,9 @@ from scenegen.assets.rooms import asset_of, stretch_of
 from scenegen.assets.solids import GRIP, HANDLES, HOLLOWS, ROUNDS, Rows
 from scenegen.primitives import Box, Circle
 
-SLACK = 0.0001  # metres to each side of what stands between sloping walls: where it fits exactly there is one place alone
+SLACK = (
+    0.0001  # metres to each side of what stands between sloping walls: where it fits exactly there is one place alone
+)
 NARROWEST = 0.001  # metres that a foot overlaps a rim on which it stands
 UNSURE = 0.0018  # metres by which a height may be off: walls are flat pieces, so it depends on how both are turned
 FLAT = math.cos(math.pi / SIDES)  # how far the pieces of a wall come in
@@ -119,9 +121,7 @@ def _of_body(walls: Rows, profile: Profile, height: float, flat: float) -> float
     """The least of what the walls are wider than a thing, of all heights up to the rim."""
     start, end = max(walls[0][0], height), min(walls[-1][0], height + profile.body[-1][0])
     levels = {start, end, *(z for z, _ in walls), *(height + z for z, _ in profile.body)}
-    return min(
-        flat * _at(walls, z, min) - _at(profile.body, z - height, max) for z in levels if start <= z <= end
-    )
+    return min(flat * _at(walls, z, min) - _at(profile.body, z - height, max) for z in levels if start <= z <= end)
 
 
 def _of_ears(walls: Rows, profile: Profile, height: float) -> float:

@@ -53,7 +53,9 @@ HOLLOWS: dict[str, Hollow] = {
 
 Rows = tuple[tuple[float, float], ...]
 
-ROUNDS: dict[str, Rows] = {  # (z, radius) of what is solid and round, from the bottom up; a height that occurs twice is a step
+ROUNDS: dict[
+    str, Rows
+] = {  # (z, radius) of what is solid and round, from the bottom up; a height that occurs twice is a step
     "stand": (
         (0.0, 0.075),
         (0.012, 0.070),

@@ -242,7 +242,6 @@ def _inside(lowering: Context, upper: int, lower: int, above: float, supports: M
     widest: Footprint = open_at[-1]  # walls lean outwards
     if above < vessel.height - ROUNDING and not fits(footprint, rooms[0][0]):
         free = leeway(vessel, body, max(above, rooms[0][1]))
-        if free is not None and free <= 0.0:
-            return None
-        widest = widest if free is None else Circle(free + reach_of(footprint))
+        if free is not None and free > 0.0:
+            widest = Circle(free + reach_of(footprint))
     return lowering.builder.apply("room", poses, (footprint, widest))

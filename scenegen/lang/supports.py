@@ -136,7 +136,9 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
         case SurfaceValue(carrier, surface):
             named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
             if surface.name not in named:  # it stands on the rim
-                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{lowering.builder.objects[carrier]}.{surface.name}"))
+                raise SpecError(
+                    SURFACE_TOO_SMALL(here, name=name, surface=f"{lowering.builder.objects[carrier]}.{surface.name}")
+                )
             surface = named[surface.name]
         case _:
             wanted = "an object, a surface or a region"

@@ -1,7 +1,7 @@
-"""Hops between the surfaces of a choice: an object and the switch that says what it stands on change together.
+"""Moves of what stands on what, where supports are choices: hops from surface to surface, and carrying.
 
-Where surfaces lie apart, such as the slots of a rack, neither can change alone: the object is on one surface, and the
-switch says which.
+An object and the switch that says what it stands on change together: where surfaces lie apart, such as the slots of a
+rack, neither can change alone. What stands on an object that moves, in the scene at hand, moves along.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.lang.choices import options_of
 from scenegen.lang.spec import CheckedSpec, Choice
-from scenegen.pose import FLAT, THETA, X, Y, row_of
+from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
 from scenegen.primitives import Circle, Footprint, Polygon
 from scenegen.primitives.outline import measures
 from scenegen.sampling.growth.attempt import attempt
@@ -22,103 +23,187 @@ from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
+
+FINEST = 9.0  # steps of what is carried go down to the box's over 2 to this power
+KEPT = 0.5  # share of the hops in which an object keeps its heading against what carries it
 
 
 @dataclass(frozen=True, slots=True)
 class Hop:
-    """An object with a choice, and what always stands on it: `riders`. `boxes` (K, 4) hold its centre on each surface:
-    x, y of the middle and half the sizes, in the surface's frame."""
+    """An object that a choice puts somewhere, or that carries what a choice puts there. `choice` is its own, where its
+    surfaces lie apart; `boxes` (K, 4) then hold its centre on each of them: x, y of the middle and half the sizes, in
+    the surface's frame. `riders` are all that can come to stand on it, what carries before what is carried."""
 
     thing: int
-    choice: Choice
     riders: tuple[int, ...]
-    boxes: tuple[tuple[float, float, float, float], ...]
-
-    @property
-    def carriers(self) -> frozenset[int]:
-        return frozenset(one.carrier for one in self.choice.options if one.carrier is not None)
+    choice: Choice | None = None
+    boxes: tuple[tuple[float, float, float, float], ...] = ()
 
 
 def hops(machine: Machine) -> tuple[Hop, ...]:
     """The hops of a request, worked out once."""
     if "hops" not in machine.notes:
-        machine.notes["hops"] = _hops(machine.problem.spec, machine.at)
+        machine.notes["hops"] = _hops(machine.problem.spec, machine.at, machine.graph.rows)
     known: tuple[Hop, ...] = machine.notes["hops"]
     return known
 
 
-def _hops(spec: CheckedSpec, free: Collection[int]) -> tuple[Hop, ...]:
-    """Those between surfaces that lie apart, of objects that are `free` with their switches."""
+def _hops(spec: CheckedSpec, free: Collection[int], rows: Collection[int]) -> tuple[Hop, ...]:
+    options = [under for choice in spec.choices.values() for under in choice.options]
+    carriers = {under.carrier for under in options if under.carrier is not None}
     found = []
-    for thing, choice in sorted(spec.choices.items()):
-        if thing not in free or choice.switch not in free:
+    for thing in sorted(spec.choices.keys() | carriers):
+        if not all(row_of(thing, axis) in rows for axis in PLACE):
             continue
-        if len({(one.carrier, one.outline, one.pose) for one in choice.options}) == 1:
-            continue  # boards one above the other: the switch can change alone
-        riders = [thing]
-        for one in riders:
-            riders.extend(upper for upper, under in sorted(spec.supports.items()) if under.carrier == one)
+        choice = spec.choices.get(thing)
+        if choice is not None and choice.switch not in free:
+            continue
+        if choice is not None and len({(one.carrier, one.outline, one.pose) for one in choice.options}) == 1:
+            choice = None  # boards one above the other: the switch can change alone
+        riders = _riders(spec, thing)
+        if choice is None and not any(rider in spec.choices for rider in riders):
+            continue
         upper = spec.shapes[thing].footprint
-        boxes = tuple(_box(upper if one.walled else None, one.outline) for one in choice.options)
-        found.append(Hop(thing, choice, tuple(riders[1:]), boxes))
+        own = () if choice is None else choice.options
+        boxes = tuple(_box(upper if one.walled else None, one.outline) for one in own)
+        found.append(Hop(thing, riders, choice, boxes))
     return tuple(found)
+
+
+def _riders(spec: CheckedSpec, thing: int) -> tuple[int, ...]:
+    """What can come to stand on an object, or on what stands on it."""
+    waiting = sorted(spec.supports.keys() | spec.choices.keys())
+    under = {
+        one: {option.carrier for option in options_of(one, spec.supports, spec.choices)} & {thing, *waiting}
+        for one in waiting
+    }
+    riders: list[int] = []
+    done = {one for one in (thing, *waiting) if one == thing or not under[one]}
+    reached = {thing}
+    while ready := [one for one in waiting if one not in done and under[one] <= done]:
+        done.update(ready)
+        riders += [one for one in ready if under[one] & reached]
+        reached.update(riders)
+    return tuple(riders)
+
+
+def ready(particles: Particles, one: Hop) -> bool:
+    """Whether a hop's object is placed, with its switch and all that it can stand on."""
+    asked = {one.thing}
+    if one.choice is not None:
+        asked |= {one.choice.switch, *(under.carrier for under in one.choice.options if under.carrier is not None)}
+    return all(_placed(particles, thing) for thing in asked)
 
 
 def hop(particles: Particles, one: Hop, tally: Tally | None) -> None:
     """Put an object on another surface, or elsewhere on its own: an independence move over the surfaces' boxes. Its
-    heading is drawn as well, or stays the same against what carries it, and what stands on it moves along."""
+    heading is drawn as well, or stays the same against what carries it."""
+    if one.choice is None:
+        return
     machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
     graph, column = machine.graph, np.arange(particles.count)
     switch, (x, y, theta) = row_of(one.choice.switch, X), (row_of(one.thing, axis) for axis in FLAT)
-    cell = particles.cell if graph.low.shape[1] > 1 else np.zeros(count, dtype=np.intp)
-
-    def anywhere(row: int) -> Array:
-        low, high = graph.low[row][cell], graph.high[row][cell]
-        out: Array = low + rng.random(count) * (high - low)
-        return out
-
-    number = anywhere(switch)
-    before, after = _option(one.choice, scenes[switch]), _option(one.choice, number)
-    frames, boxes = _frames(particles, one), np.array(one.boxes)
+    ends = np.array([0.0, *one.choice.ends])
+    before, after = _option(one.choice, scenes[switch]), rng.integers(len(one.choice.ends), size=count)
+    number = ends[after] + rng.random(count) * np.diff(ends)[after]
+    (left, low, heading), boxes = _frames(particles, one.choice), np.array(one.boxes)
     middle, half = boxes[:, :2], boxes[:, 2:]
     place = middle[after].T + (2.0 * rng.random((2, count)) - 1.0) * half[after].T
-    new_x, new_y = _turned(place[0], place[1], frames[2][after, column])
-    old = _turned(scenes[x] - frames[0][before, column], scenes[y] - frames[1][before, column], -frames[2][before, column])
-    area = half.prod(axis=1)
-    allowed = rng.random(count) * area[before] < area[after]
+    u, v = _turned(place[0], place[1], heading[after, column])
+    old = _turned(scenes[x] - left[before, column], scenes[y] - low[before, column], -heading[before, column])
+    volume = half.prod(axis=1) * np.diff(ends)  # all surfaces are tried equally often, however large their share is
+    allowed = rng.random(count) * volume[before] < volume[after]
     allowed &= (np.abs(np.array(old) - middle[before].T) <= half[before].T).all(axis=0)
-    new = {switch: number, x: new_x + frames[0][after, column], y: new_y + frames[1][after, column]}
-    turn = np.zeros(count)
+    new = {switch: number, x: u + left[after, column], y: v + low[after, column]}
     if theta in graph.rows:
-        new[theta] = anywhere(theta)
-        if rng.random() < 0.5:
-            new[theta] = scenes[theta] + frames[2][after, column] - frames[2][before, column]
-        turn = new[theta] - scenes[theta]
+        kept = scenes[theta] + heading[after, column] - heading[before, column]
+        new[theta] = kept if rng.random() < KEPT else _anywhere(particles, theta)
+    _bring(particles, one, (one.thing, one.choice.switch), new, allowed, "hop", tally)
+
+
+def carry(particles: Particles, one: Hop, tally: Tally | None) -> None:
+    """Move an object by a random step, with all that stands on it."""
+    machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
+    if not one.riders:
+        return
+    factor, new = 2.0 ** -(FINEST * rng.random()), {}
+    for axis in FLAT if rng.random() < 0.5 else PLACE:
+        row = row_of(one.thing, axis)
+        if row in machine.graph.rows:
+            width = float(machine.problem.highest[row] - machine.problem.lowest[row])
+            new[row] = scenes[row] + (rng.random(count) - 0.5) * (factor * width)
+    _bring(particles, one, (one.thing,), new, np.ones(count, dtype=bool), "carry", tally)
+
+
+def _bring(
+    particles: Particles,
+    one: Hop,
+    things: tuple[int, ...],
+    new: dict[int, Array],
+    allowed: Bool,
+    kind: str,
+    tally: Tally | None,
+) -> None:
+    """Try an object's new pose, with what stands on it turned and moved along."""
+    scenes, rows = particles.scenes, particles.machine.graph.rows
+    x, y, theta = (row_of(one.thing, axis) for axis in FLAT)
+    turn = new[theta] - scenes[theta] if theta in new else np.zeros(particles.count)
+    riding: dict[int, Bool] = {one.thing: np.ones(particles.count, dtype=bool)}
     for rider in one.riders:
-        away = _turned(scenes[row_of(rider, X)] - scenes[x], scenes[row_of(rider, Y)] - scenes[y], turn)
-        moved = (new[x] + away[0], new[y] + away[1], scenes[row_of(rider, THETA)] + turn)
-        new |= {row: value for axis, value in zip(FLAT, moved, strict=True) if (row := row_of(rider, axis)) in graph.rows}
-    good = attempt(particles, (one.thing, one.choice.switch, *one.riders), new, allowed)
+        along = _along(particles, rider, riding)
+        if along is None:
+            continue
+        riding[rider] = along
+        u, v = _turned(scenes[row_of(rider, X)] - scenes[x], scenes[row_of(rider, Y)] - scenes[y], turn)
+        moved = (new[x] + u, new[y] + v, scenes[row_of(rider, THETA)] + turn)
+        for axis, value in zip(FLAT, moved, strict=True):
+            row = row_of(rider, axis)
+            if row in rows:
+                new[row] = np.where(along, value, scenes[row])
+    good = attempt(particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed)
     if tally is not None:
-        tally.note("hop", len(good), int(good.sum()))
+        tally.note(kind, len(good), int(good.sum()))
 
 
-def ready(particles: Particles, one: Hop) -> bool:
-    """Whether all is there that a hop moves, and all that it can go to."""
-    machine = particles.machine
-    asked = {one.thing, one.choice.switch, *one.riders} | (one.carriers & machine.at.keys())
-    return all(machine.at.get(thing, particles.stage + 1) <= particles.stage for thing in asked)
+def _along(particles: Particles, rider: int, riding: dict[int, Bool]) -> Bool | None:
+    """In which scenes (P,) something stands on what moves; None where it is not placed yet, or cannot move."""
+    spec, rows = particles.machine.problem.spec, particles.machine.graph.rows
+    if not _placed(particles, rider) or not all(row_of(rider, axis) in rows for axis in PLACE):
+        return None
+    never = np.zeros(particles.count, dtype=bool)
+    choice = spec.choices.get(rider)
+    if choice is None:
+        return riding.get(spec.supports[rider].carrier)  # type: ignore[arg-type]
+    if not _placed(particles, choice.switch):
+        return None
+    on = np.array([riding.get(one.carrier, never) for one in choice.options])  # type: ignore[arg-type]
+    out: Bool = on[_option(choice, particles.scenes[row_of(choice.switch, X)]), np.arange(particles.count)]
+    return out
 
 
-def _frames(particles: Particles, one: Hop) -> tuple[Array, Array, Array]:
+def _placed(particles: Particles, thing: int) -> bool:
+    """Also of what is held in place."""
+    return particles.machine.at.get(thing, -1) <= particles.stage
+
+
+def _anywhere(particles: Particles, row: int) -> Array:
+    low, high = particles.machine.graph.low[row], particles.machine.graph.high[row]
+    if len(low) > 1:
+        low, high = low[particles.cell], high[particles.cell]
+    out: Array = low + particles.rng.random(particles.count) * (high - low)
+    return out
+
+
+def _frames(particles: Particles, choice: Choice) -> tuple[Array, Array, Array]:
     """x, y and heading of what carries the object on each surface, (K, P) each."""
     count = particles.count
     poses = [
         [np.full(count, number) for number in under.pose]
         if under.carrier is None
         else [particles.scenes[row_of(under.carrier, axis)] for axis in FLAT]
-        for under in one.choice.options
+        for under in choice.options
     ]
     x, y, theta = (np.array([pose[axis] for pose in poses]) for axis in range(3))
     return x, y, theta

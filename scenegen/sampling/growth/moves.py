@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
-from scenegen.sampling.growth.hop import hop, hops, ready
+from scenegen.sampling.growth.hop import carry, hop, hops, ready
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
 from scenegen.sampling.growth.tally import Tally
@@ -40,7 +40,7 @@ SWAPS = 0.5  # swaps for each object that has kin
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `hop`, `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
+    of move made besides walks: those of KINDS, `hop` (see hop.py), `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
     `redraws` is how often an object is redrawn for each of its turns, `jumps` how often it jumps between the ways of a
     choice."""
 
@@ -62,7 +62,7 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
     machine, rng, placed = particles.machine, particles.rng, particles.placed
     taken = 0.0
     hopping = [one for one in hops(machine) if settings.makes("hop") and ready(particles, one)]
-    hoppers = {one.thing for one in hopping}  # a hop redraws them, and needs no contraction
+    hoppers = {one.thing for one in hopping if one.choice is not None}  # a hop redraws them, and needs no contraction
     turns = rng.permutation(len(placed))[:most]
     for place in turns:
         thing = placed[place]
@@ -83,6 +83,7 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
             cluster(particles, tally)
     for one in hopping:
         hop(particles, one, tally)
+        carry(particles, one, tally)
     for index, kin in enumerate(machine.kin):
         here = [block for block in kin if all(machine.at[thing] <= particles.stage for thing in block)]
         if len(here) < 2:

@@ -197,7 +197,7 @@ def tuned(tally: Tally) -> Settings:
         gain = (taken + 0.05) / (tried + 1.0) * sizes
         odds[thing] = 0.7 * gain / gain.sum() + 0.3 / (FINEST + 1)
     kinds = [kind for kind in KINDS if (rate := tally.rate(kind)) is None or rate >= USELESS]
-    if tally.rate("hop"):  # however seldom: nothing else brings an object to another surface
+    if tally.rate("hop") or tally.rate("carry"):  # however seldom: nothing else brings an object to another surface
         kinds.append("hop")
     for kind in tally.tried:
         rate = tally.rate(kind)

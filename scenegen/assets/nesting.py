@@ -30,7 +30,7 @@ STEPS = 60  # of a bisection
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """How wide a thing is: rows (z, radius) from the bottom up, in metres; at a height that occurs twice there is a step.
+    """How wide a thing is: rows (z, radius) from the bottom up, in metres, with a step where a height occurs twice.
     `ears` are handles, which are on one side alone: (lowest z, highest z, reach)."""
 
     body: Rows
@@ -42,7 +42,7 @@ class Profile:
 
 
 def profile_of(shape: Shape) -> Profile:
-    """What holds all of an object's collision pieces, turned about its axis; of a prism, the circle round its footprint."""
+    """What holds an object's collision pieces, turned about its axis; of a prism, the circle round its footprint."""
     asset, name = asset_of(shape), shape.asset
     x, y, z = stretch_of(shape)
     if asset is not None and name in ROUNDS:

@@ -17,7 +17,9 @@ from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
     CHOICE_NOT_A_LIST,
     EMPTY_CHOICE,
+    NESTED_CHOICE,
     NO_FLAT_TOP,
+    NOT_ON_RIM,
     NOT_ON_SURFACE,
     STANDS_ON_ITSELF,
     SUPPORT_COUNT,
@@ -30,6 +32,7 @@ from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE
 from scenegen.lang.cabinets import not_open
 from scenegen.lang.choices import area_of, choose, cut_off, grouped
+from scenegen.lang.height_words import one_list
 from scenegen.lang.places import Area
 from scenegen.lang.provenance import Frame
 from scenegen.lang.scope import Thing
@@ -89,6 +92,10 @@ def _choices(
     if not parts:
         raise SpecError(EMPTY_CHOICE(here))
     found = {}
+    for value, span in parts:
+        if isinstance(value, ListValue):
+            surfaces = None if span.text.isidentifier() else one_list(here.text)
+            raise SpecError(NESTED_CHOICE(span, surfaces=surfaces))
     for place in places:
         options: list[Support] = []
         for value, span in parts:
@@ -132,13 +139,14 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             found = surfaces_of(lowering.shapes[carrier], shape)
             if not found:
                 raise SpecError(NO_FLAT_TOP(here, name=lowering.builder.objects[carrier]))
-            surface = found[-1 if found[-1].name == "rim" and not _holds(found[0], shape) else 0]
+            surface = found[0]
         case SurfaceValue(carrier, surface):
             named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
-            if surface.name not in named:  # it stands on the rim
-                raise SpecError(
-                    SURFACE_TOO_SMALL(here, name=name, surface=f"{lowering.builder.objects[carrier]}.{surface.name}")
-                )
+            below = lowering.builder.objects[carrier]
+            if surface.name not in named:
+                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
+            if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
+                raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
             surface = named[surface.name]
         case _:
             wanted = "an object, a surface or a region"
@@ -147,7 +155,9 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
     if carrier == upper:
         raise SpecError(STANDS_ON_ITSELF(here, name=name))
     if not _holds(surface, shape):
-        problem = SURFACE_TOO_SMALL(here, name=name, surface=label)
+        on_rim = isinstance(value, ObjectValue) and found[-1].name == "rim"
+        rim = f"{lowering.builder.objects[carrier]}.rim" if on_rim else None
+        problem = SURFACE_TOO_SMALL(here, name=name, surface=label, carrier=rim)
         raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
     _refuse_tall(name, shape.height, label, surface.clear, here)
     return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)

@@ -62,7 +62,7 @@ def test_vessels_take_what_is_narrower_where_they_are_narrow():
 def test_equal_plates_touch_with_their_feet_and_equal_bowls_with_their_walls():
     plate, bowl = shape_of("plate"), shape_of("bowl")
     assert nested(plate, plate).height == 0.007
-    # a bowl's knee, 61 mm wide and 21 mm high, meets the wall between its knee (52 mm at 21 mm) and rim (76 mm at 60 mm)
+    # a bowl's knee (61 mm wide, 21 mm high) meets the wall between its knee (52 mm at 21 mm) and rim (76 mm at 60 mm)
     meets = 0.021 + 0.039 * (0.061 - 0.052) / 0.024
     assert 0.0 <= nested(bowl, bowl).height - (meets - 0.021) < 0.0015
 

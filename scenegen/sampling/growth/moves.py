@@ -40,7 +40,8 @@ SWAPS = 0.5  # swaps for each object that has kin
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `hop` (see hop.py), `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
+    of move made besides walks: those of KINDS, `hop` (with carrying, see hop.py), `swap c` and `shuffle c` for class c
+    of kin. None: all but shuffles.
     `redraws` is how often an object is redrawn for each of its turns, `jumps` how often it jumps between the ways of a
     choice."""
 

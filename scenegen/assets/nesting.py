@@ -24,6 +24,8 @@ SLACK = (
 )
 NARROWEST = 0.001  # metres that a foot overlaps a rim on which it stands
 UNSURE = 0.0018  # metres by which a height may be off: walls are flat pieces, so it depends on how both are turned
+TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
+BULGING = ("mouse", "teapot", "laptop")  # of these, less than the footprint's corners touches a wall
 FLAT = math.cos(math.pi / SIDES)  # how far the pieces of a wall come in
 STEPS = 60  # of a bisection
 
@@ -84,7 +86,15 @@ def nested(lower: Shape, upper: Shape) -> Surface | None:
     low = _lowest(lambda height: _of_body(walls, profile, height, 1.0) >= 0.0, floor, rim)
     height = high if high - low <= UNSURE / 2.0 else (low + high) / 2.0
     held = _of_body(walls, profile, high, FLAT) >= SLACK and _of_ears(walls, profile, low) >= SLACK
-    return _surface("inside", upper, height, SLACK) if held and high - height <= UNSURE else None
+    held = held and high - height <= UNSURE and _lies_level(upper, high - low)
+    return _surface("inside", upper, height, SLACK) if held else None
+
+
+def _lies_level(upper: Shape, unsure: float) -> bool:
+    """Whether a thing lies level on the walls where heights under its corners differ by as much as they can."""
+    if isinstance(upper.footprint, Circle):
+        return True
+    return upper.asset not in BULGING and unsure <= TILT * min(upper.footprint.extent)
 
 
 def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> Surface | None:

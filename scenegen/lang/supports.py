@@ -143,11 +143,11 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
         case SurfaceValue(carrier, surface):
             named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
             below = lowering.builder.objects[carrier]
-            if surface.name not in named:
+            if surface.name not in named and carrier != upper:
                 raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
             if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
                 raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
-            surface = named[surface.name]
+            surface = named.get(surface.name, surface)
         case _:
             wanted = "an object, a surface or a region"
             raise lowering.coerce.wrong(value.moved(here), wanted, f"what `{name}` stands on")

@@ -1,4 +1,5 @@
-"""Every round thing of the library on every other that the language lets it stand on: it stays where it is planned."""
+"""Every round thing of the library on every other that the language lets it stand on: it stays where it is planned. On
+plates and in bowls, everything."""
 
 from functools import cache
 
@@ -17,9 +18,9 @@ SPACING = 0.8  # metres
 
 @cache
 def carried(lower):
-    """The round things that `a on b` lets stand on an object."""
+    """What `a on b` lets stand on an object: round things, and in shallow vessels all."""
     found = []
-    for upper in ROUND:
+    for upper in ASSETS if lower in ("plate", "bowl") else ROUND:
         try:
             check_text(f"object {lower}_1, {upper}_2 on {lower}_1\ntask: x({upper}_2) >= 0 m")
         except SpecError:
@@ -33,10 +34,10 @@ def scenes_of(lower, n):
     lines, rules = [], []
     for number, upper in enumerate(carried(lower)):
         under, over = f"{lower}_{2 * number + 1}", f"{upper}_{2 * number + 2}"
-        place = f"({SPACING * (number % 4 + 0.5)}, {SPACING * (number // 4 + 0.5)}, {25 * number} deg)"
+        place = f"({SPACING * (number % 6 + 0.5)}, {SPACING * (number // 6 + 0.5)}, {25 * number} deg)"
         lines.append(f"object {under} at {place}, {over} on {under}")
         rules.append(f"apart({over}, {under}) >= 0 & stable([{over}])")
-    side = 4.0 * SPACING
+    side = 6.0 * SPACING
     text = "\n".join([f"workspace [0, {side}] x [0, {side}]", *lines, f"require {' & '.join(rules)}"])
     return scenegen.sample(scenegen.parse(f"{text}\ntask: x({carried(lower)[0]}_2) >= 0 m"), n=n, seed=3)
 
@@ -65,6 +66,13 @@ def test_equal_plates_touch_with_their_feet_and_equal_bowls_with_their_walls():
     # a bowl's knee (61 mm wide, 21 mm high) meets the wall between its knee (52 mm at 21 mm) and rim (76 mm at 60 mm)
     meets = 0.021 + 0.039 * (0.061 - 0.052) / 0.024
     assert 0.0 <= nested(bowl, bowl).height - (meets - 0.021) < 0.0015
+
+
+def test_what_would_roll_or_tilt_on_a_wall_is_refused():
+    for upper in ("pen", "marker", "mouse"):
+        assert nested(shape_of("bowl"), shape_of(upper)) is None
+    for upper in ("lemon", "block"):
+        assert nested(shape_of("bowl"), shape_of(upper)) is not None
 
 
 def test_handles_that_would_lie_on_a_wall_are_refused():

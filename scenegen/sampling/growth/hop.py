@@ -6,20 +6,14 @@ rack, neither can change alone. What stands on an object that moves, in the scen
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.lang.choices import options_of
-from scenegen.lang.spec import CheckedSpec, Choice
+from scenegen.lang.spec import Choice
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
-from scenegen.primitives import Circle, Footprint, Polygon
-from scenegen.primitives.outline import measures
 from scenegen.sampling.growth.attempt import attempt
-from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.surfaces import Hop
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
@@ -28,65 +22,6 @@ Index = npt.NDArray[np.intp]
 
 FINEST = 9.0  # steps of what is carried go down to the box's over 2 to this power
 KEPT = 0.5  # share of the hops in which an object keeps its heading against what carries it
-
-
-@dataclass(frozen=True, slots=True)
-class Hop:
-    """An object that a choice puts somewhere, or that carries what a choice puts there. `choice` is its own, where its
-    surfaces lie apart; `boxes` (K, 4) then hold its centre on each of them: x, y of the middle and half the sizes, in
-    the surface's frame. `riders` are all that can come to stand on it, what carries before what is carried."""
-
-    thing: int
-    riders: tuple[int, ...]
-    choice: Choice | None = None
-    boxes: tuple[tuple[float, float, float, float], ...] = ()
-
-
-def hops(machine: Machine) -> tuple[Hop, ...]:
-    """The hops of a request, worked out once."""
-    if "hops" not in machine.notes:
-        machine.notes["hops"] = _hops(machine.problem.spec, machine.at, machine.graph.rows)
-    known: tuple[Hop, ...] = machine.notes["hops"]
-    return known
-
-
-def _hops(spec: CheckedSpec, free: Collection[int], rows: Collection[int]) -> tuple[Hop, ...]:
-    options = [under for choice in spec.choices.values() for under in choice.options]
-    carriers = {under.carrier for under in options if under.carrier is not None}
-    found = []
-    for thing in sorted(spec.choices.keys() | carriers):
-        if not all(row_of(thing, axis) in rows for axis in PLACE):
-            continue
-        choice = spec.choices.get(thing)
-        if choice is not None and choice.switch not in free:
-            continue
-        if choice is not None and len({(one.carrier, one.outline, one.pose) for one in choice.options}) == 1:
-            choice = None  # boards one above the other: the switch can change alone
-        riders = _riders(spec, thing)
-        if choice is None and not any(rider in spec.choices for rider in riders):
-            continue
-        upper = spec.shapes[thing].footprint
-        own = () if choice is None else choice.options
-        boxes = tuple(_box(upper if one.walled else None, one.outline) for one in own)
-        found.append(Hop(thing, riders, choice, boxes))
-    return tuple(found)
-
-
-def _riders(spec: CheckedSpec, thing: int) -> tuple[int, ...]:
-    """What can come to stand on an object, or on what stands on it."""
-    waiting = sorted(spec.supports.keys() | spec.choices.keys())
-    under = {
-        one: {option.carrier for option in options_of(one, spec.supports, spec.choices)} & {thing, *waiting}
-        for one in waiting
-    }
-    riders: list[int] = []
-    done = {one for one in (thing, *waiting) if one == thing or not under[one]}
-    reached = {thing}
-    while ready := [one for one in waiting if one not in done and under[one] <= done]:
-        done.update(ready)
-        riders += [one for one in ready if under[one] & reached]
-        reached.update(riders)
-    return tuple(riders)
 
 
 def ready(particles: Particles, one: Hop) -> bool:
@@ -216,15 +151,3 @@ def _option(choice: Choice, number: Array) -> Index:
 def _turned(x: Array, y: Array, by: Array) -> tuple[Array, Array]:
     cos, sin = np.cos(by), np.sin(by)
     return cos * x - sin * y, sin * x + cos * y
-
-
-def _box(upper: Footprint | None, outline: Footprint) -> tuple[float, float, float, float]:
-    """The box of the centres on a surface: as far from its border as the circle inside the footprint `upper`."""
-    inner = 0.0 if upper is None else max(0.0, measures(upper).inner)
-    if isinstance(outline, Polygon):
-        xs, ys = zip(*outline.vertices, strict=True)
-    else:
-        length, width = (2.0 * outline.radius,) * 2 if isinstance(outline, Circle) else outline.extent
-        xs, ys = (-length / 2.0, length / 2.0), (-width / 2.0, width / 2.0)
-    middle = ((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0)
-    return *middle, max((max(xs) - min(xs)) / 2.0 - inner, 0.0), max((max(ys) - min(ys)) / 2.0 - inner, 0.0)

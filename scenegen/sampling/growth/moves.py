@@ -16,9 +16,10 @@ import numpy.typing as npt
 from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
-from scenegen.sampling.growth.hop import carry, hop, hops, ready
+from scenegen.sampling.growth.hop import carry, hop, ready
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
+from scenegen.sampling.growth.surfaces import hops
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]

@@ -29,7 +29,8 @@ class Surface:
 
     `height` is above the object's lowest point and `clear` the free height above the surface. On a `walled` surface
     things stand with all of their footprint, elsewhere with their centre: they may reach over the edge. `pull` says of
-    a cabinet's drawer how far it is open.
+    a cabinet's drawer how far it is open, and `far` how far from the origin a thing's centre can be, where the surface
+    was made for this thing (`nesting.py`).
     """
 
     name: str
@@ -38,6 +39,7 @@ class Surface:
     clear: float = math.inf
     walled: bool = False
     pull: Pull | None = None
+    far: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,16 +51,45 @@ HOLLOWS: dict[str, Hollow] = {
 }
 
 
+Rows = tuple[tuple[float, float], ...]
+
+ROUNDS: dict[
+    str, Rows
+] = {  # (z, radius) of what is solid and round, from the bottom up; a height that occurs twice is a step
+    "stand": (
+        (0.0, 0.075),
+        (0.012, 0.070),
+        (0.012, 0.022),
+        (0.122, 0.022),
+        (0.122, 0.085),
+        (0.130, 0.115),
+        (0.140, 0.115),
+    ),
+    "lid": ((0.0, 0.112), (0.008, 0.112), (0.022, 0.060), (0.048, 0.018)),
+    "bottle": ((0.0, 0.032), (0.004, 0.036), (0.130, 0.036), (0.168, 0.0155), (0.230, 0.0145)),
+    "can": ((0.0, 0.027), (0.006, 0.033), (0.107, 0.033), (0.115, 0.0275)),
+    "jar": ((0.0, 0.036), (0.004, 0.040), (0.088, 0.040), (0.098, 0.0365), (0.120, 0.0365)),
+    "apple": ((0.0, 0.016), (0.012, 0.030), (0.036, 0.037), (0.052, 0.033), (0.072, 0.016)),
+    "orange": ((0.0, 0.016), (0.014, 0.033), (0.037, 0.040), (0.060, 0.033), (0.080, 0.014)),
+}
+HANDLES: dict[str, tuple[float, float, float, float]] = {  # from x, to x; lowest z, highest z
+    "mug": (0.037, 0.0615, 0.020, 0.078),
+    "cup": (0.036, 0.0595, 0.026, 0.064),
+}
+GRIP = 0.013  # how wide a handle is
+
+
 def _round(*rows: tuple[float, float]) -> tuple[Mesh, ...]:
     """Frusta through (z, radius), from the bottom up."""
     turns = [math.tau * k / SIDES for k in range(SIDES)]
     rings = [[[radius * math.cos(turn), radius * math.sin(turn), z] for turn in turns] for z, radius in rows]
-    return tuple(loft([below, above]) for below, above in pairwise(rings))
+    pairs = zip(pairwise(rows), pairwise(rings), strict=True)
+    return tuple(loft([below, above]) for ((low, _), (high, _)), (below, above) in pairs if low < high)
 
 
 def _handle(inner: float, outer: float, low: float, high: float) -> tuple[Mesh, ...]:
     """The ear of a mug: three bars from the wall at x = `inner` to x = `outer`."""
-    thick, wide = 0.008, 0.013
+    thick, wide = 0.008, GRIP
     bar = box(outer - inner, wide, thick).moved(x=(inner + outer) / 2.0)
     upright = box(thick, wide, high - low).moved(x=outer - thick / 2.0, z=low)
     return upright, bar.moved(z=low), bar.moved(z=high - thick)
@@ -91,8 +120,8 @@ def slab_mesh(one: Slab) -> Mesh:
 SOLIDS: dict[str, Callable[[], tuple[Mesh, ...]]] = {
     "plate": HOLLOWS["plate"].pieces,
     "bowl": HOLLOWS["bowl"].pieces,
-    "mug": lambda: (*HOLLOWS["mug"].pieces(), *_handle(0.037, 0.0615, 0.020, 0.078)),
-    "cup": lambda: (*HOLLOWS["cup"].pieces(), *_handle(0.036, 0.0595, 0.026, 0.064)),
+    "mug": lambda: (*HOLLOWS["mug"].pieces(), *_handle(*HANDLES["mug"])),
+    "cup": lambda: (*HOLLOWS["cup"].pieces(), *_handle(*HANDLES["cup"])),
     "glass": HOLLOWS["glass"].pieces,
     "basket": HOLLOWS["basket"].pieces,
     "pot": HOLLOWS["pot"].pieces,
@@ -100,20 +129,16 @@ SOLIDS: dict[str, Callable[[], tuple[Mesh, ...]]] = {
     "drawer": lambda: tuple(map(slab_mesh, Drawer().slabs())),
     "rack": lambda: tuple(map(slab_mesh, Rack().slabs())),
     "bin": HOLLOWS["bin"].pieces,
-    "stand": lambda: (
-        *_round((0.0, 0.075), (0.012, 0.070)),
-        *_round((0.012, 0.022), (0.122, 0.022)),
-        *_round((0.122, 0.085), (0.130, 0.115), (0.140, 0.115)),
-    ),
-    "lid": lambda: _round((0.0, 0.112), (0.008, 0.112), (0.022, 0.060), (0.048, 0.018)),
+    "stand": lambda: _round(*ROUNDS["stand"]),
+    "lid": lambda: _round(*ROUNDS["lid"]),
     "shelfunit": lambda: tuple(map(slab_mesh, UNITS["shelfunit"].slabs())),
     "tray": HOLLOWS["tray"].pieces,
     "carton": HOLLOWS["carton"].pieces,
-    "bottle": lambda: _round((0.0, 0.032), (0.004, 0.036), (0.130, 0.036), (0.168, 0.0155), (0.230, 0.0145)),
-    "can": lambda: _round((0.0, 0.027), (0.006, 0.033), (0.107, 0.033), (0.115, 0.0275)),
-    "jar": lambda: _round((0.0, 0.036), (0.004, 0.040), (0.088, 0.040), (0.098, 0.0365), (0.120, 0.0365)),
-    "apple": lambda: _round((0.0, 0.016), (0.012, 0.030), (0.036, 0.037), (0.052, 0.033), (0.072, 0.016)),
-    "orange": lambda: _round((0.0, 0.016), (0.014, 0.033), (0.037, 0.040), (0.060, 0.033), (0.080, 0.014)),
+    "bottle": lambda: _round(*ROUNDS["bottle"]),
+    "can": lambda: _round(*ROUNDS["can"]),
+    "jar": lambda: _round(*ROUNDS["jar"]),
+    "apple": lambda: _round(*ROUNDS["apple"]),
+    "orange": lambda: _round(*ROUNDS["orange"]),
     "teapot": _teapot,
     "laptop": _laptop,
     "mouse": lambda: tuple(part.scaled(0.0575, 0.031, 0.038) for part in _round(*DOME)),

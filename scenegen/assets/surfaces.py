@@ -29,9 +29,11 @@ RIMS: dict[str, Footprint] = {"pot": Circle(0.006)}  # where the middle of a lid
 FLAT = ("crackerbox", "book", "board", "phone", "napkin", "block")  # with a top as wide as they are
 
 
-def surfaces_of(shape: Shape, upper: Footprint | None = None) -> tuple[Surface, ...]:
+def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[Surface, ...]:
     """The surfaces of an object, the one that is meant by the object's name alone first; none where nothing can stand
-    on it. Where walls slope, `inside` lies as deep as the footprint `upper` fits."""
+    on it. Where walls slope, `inside` lies as deep as the object `upper` goes; `rim` is instead of it where that stands
+    on the rim."""
+    from scenegen.assets.nesting import nested
     from scenegen.assets.rooms import rooms_of, stretch_of
 
     unit, (x, y, z) = UNITS.get(shape.asset), stretch_of(shape)
@@ -43,9 +45,10 @@ def surfaces_of(shape: Shape, upper: Footprint | None = None) -> tuple[Surface, 
         return (levels[-1], *levels[:-1])
     rooms = rooms_of(shape)
     if rooms:
-        fitting = [one for one in rooms if upper is not None and fits(upper, one[0])]
-        outline, height = fitting[0] if fitting else rooms[0]
-        inside = Surface("inside", outline, height, walled=True)
+        inside = Surface("inside", *rooms[0], walled=True)
+        if upper is not None and not fits(upper.footprint, inside.outline):
+            found = nested(shape, upper)
+            inside = inside if found is None or (found.name == "rim" and shape.asset in RIMS) else found
         if shape.asset not in RIMS:
             return (inside,)
         return inside, _stretched(Surface("rim", RIMS[shape.asset], shape.height / z), x, y, z)

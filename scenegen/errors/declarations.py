@@ -248,7 +248,14 @@ SURFACE_TOO_SMALL = Kind(
     "surface-too-small",
     "`{name}` does not fit into `{surface}`",
     "this surface is too small for it",
-    "use a larger one",
+    ("write `{name} on {carrier}`: it stands on the rim", "use a larger one"),
+)
+NOT_ON_RIM = Kind("not-on-rim", "`{name}` does not lie on `{surface}`", "it fits inside", "write `{name} on {carrier}`")
+NESTED_CHOICE = Kind(
+    "nested-choice",
+    "a choice cannot stand inside a choice",
+    "its surfaces belong into the one list",
+    ("write on any of [{surfaces}]", "name all surfaces in one list: on any of [a, b, c]"),
 )
 DRAWER_COUNT = Kind("drawer-count", "a cabinet cannot have {given} drawers", "it has 1 to {most}")
 DRAWER_SHARE = Kind(

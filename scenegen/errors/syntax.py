@@ -151,7 +151,9 @@ FOREIGN_COMMENT = Kind("foreign-comment", "`{operator}` opens no comment here", 
 LOOKALIKE = Kind("lookalike", "`{character}` is {what}", help="{instead}")
 NO_IF = Kind("no-if", "there is no `{word}` here", help="write condition -> consequence")
 INFIX_RELATION = Kind(
-    "infix-relation", "a relation is written in front of its arguments", help="write {name}({first}, {second})"
+    "infix-relation",
+    "a relation is written in front of its arguments",
+    help=("{instead}", "write {name}({first}, {second})"),
 )
 NESTED_ARRAY = Kind(
     "nested-array", "an array has one number of elements", help="declare several arrays: object block[2], cup[3]"

@@ -26,6 +26,7 @@ from scenegen.errors.syntax import (
     OBJECTS_WITHOUT_NAMES,
     UNIT_AFTER_NAME,
 )
+from scenegen.lang.height_words import between
 from scenegen.lang.tokens import ending
 from scenegen.pose import NAMES
 from scenegen.primitives import PRIMITIVES
@@ -115,7 +116,8 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         words = [previous, word, after[1]]
         name = words.pop(next((place for place, one in enumerate(words) if re.search(r"[A-Z]", one[1:])), 1))
         first, second = words
-        return INFIX_RELATION(here, name=name, first=first, second=second)
+        instead = between(name, first, second, declared=re.match(r"\s*object\b", line) is not None)
+        return INFIX_RELATION(here, name=name, first=first, second=second, instead=instead)
     if re.fullmatch(r"\s*", line[: before.start()]) and re.match(r"\s*\(", text[here.end :]) and not depth:
         return MISSING_LABEL_COLON(here, name=previous, formula=f"{word}(...)")
     return None

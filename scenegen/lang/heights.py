@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from scenegen.assets.surfaces import pocketed, slabs_of, surfaces_of
+from scenegen.assets.nesting import leeway
+from scenegen.assets.surfaces import fits, pocketed, reach_of, slabs_of, surfaces_of
 from scenegen.errors.declarations import MEASURED_TOO_EARLY, TOO_MANY_CASES
 from scenegen.errors.language import SAME_ARGUMENT_TWICE
 from scenegen.lang import ast
@@ -30,7 +31,7 @@ from scenegen.lang.values import (
     Value,
 )
 from scenegen.pose import FLAT
-from scenegen.primitives import Footprint
+from scenegen.primitives import Circle, Footprint
 from scenegen.primitives.units import LENGTH
 from scenegen.scene.limits import BOARD
 
@@ -86,8 +87,8 @@ def _bodies(lowering: Context, value: Value) -> Value:
 
 def surface_values(lowering: Context, which: int, value: Value, upper: Value | None = None) -> tuple[SurfaceValue, ...]:
     """The surfaces of an object; where walls slope, as deep as what stands on it fits."""
-    footprint = lowering.coerce.covers(upper.index) if isinstance(upper, ObjectValue) else None
-    found = surfaces_of(lowering.shapes[which], footprint)
+    shape = lowering.shapes[upper.index] if isinstance(upper, ObjectValue) else None
+    found = surfaces_of(lowering.shapes[which], shape)
     return tuple(SurfaceValue(which, one, origin=value.origin) for one in found)
 
 
@@ -229,12 +230,18 @@ def _inside(lowering: Context, upper: int, lower: int, above: float, supports: M
     """How far one body is from the walls of a hollow one, where it begins above the floor of that; None elsewhere."""
     from scenegen.assets.rooms import rooms_of
 
+    body, vessel = lowering.shapes[upper], lowering.shapes[lower]
+    rooms = rooms_of(vessel)
+    poses, footprint = (*_pose(lowering, upper), *_pose(lowering, lower)), lowering.coerce.covers(upper)
     under = supports.get(upper)
-    if under is not None and under.carrier == lower and under.walled and pocketed(lowering.shapes[lower]) is not None:
-        shapes = (lowering.coerce.covers(upper), under.outline)
-        return lowering.builder.apply("room", (*_pose(lowering, upper), *_pose(lowering, lower)), shapes)
-    open_at = [outline for outline, floor in rooms_of(lowering.shapes[lower]) if floor <= above + ROUNDING]
+    if under is not None and under.carrier == lower and under.walled and (under.far or pocketed(vessel)):
+        return lowering.builder.apply("room", poses, (footprint, under.outline))
+    open_at = [outline for outline, floor in rooms if floor <= above + ROUNDING]
     if not open_at:
         return None
-    shapes = (lowering.coerce.covers(upper), open_at[-1])  # the widest: walls lean outwards
-    return lowering.builder.apply("room", (*_pose(lowering, upper), *_pose(lowering, lower)), shapes)
+    widest: Footprint = open_at[-1]  # walls lean outwards
+    if above < vessel.height - ROUNDING and not fits(footprint, rooms[0][0]):
+        free = leeway(vessel, body, max(above, rooms[0][1]))
+        if free is not None and free > 0.0:
+            widest = Circle(free + reach_of(footprint))
+    return lowering.builder.apply("room", poses, (footprint, widest))

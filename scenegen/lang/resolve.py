@@ -36,6 +36,7 @@ from scenegen.errors.language import (
 )
 from scenegen.errors.temporal import TIME_MISSING
 from scenegen.lang import ast, traversal
+from scenegen.lang.height_words import THE_TABLE, of_heights
 from scenegen.lang.imports import Placed
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
@@ -190,7 +191,8 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
         known = {*scope.values(), *bound}
-        yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things))
+        instead = THE_TABLE if node.id.lower() == "table" else None
+        yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things), instead=instead)
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -209,7 +211,8 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
             yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
-        yield UNKNOWN_RELATION(here, name=name, known=scope.functions(), relations=relations)
+        instead = of_heights(name, [print_expr(one.value) for one in node.arguments])
+        yield UNKNOWN_RELATION(here, name=name, known=scope.functions(), relations=relations, instead=instead)
         return
     problem = bind(node, signature, source)
     if isinstance(problem, Diagnostic):

@@ -37,7 +37,7 @@ class Support:
 
     `outline` is in the frame of what carries, which `pose` places for a region; `height` is above the carrier's lowest
     point. On a `walled` surface all of the footprint is inside the outline, elsewhere the centre. `box` is that of a
-    region: left, bottom, right, top.
+    region: left, bottom, right, top; `far` how far from the carrier's origin the centre can be, where that is known.
     """
 
     name: str
@@ -47,6 +47,7 @@ class Support:
     walled: bool = False
     pose: Pose = (0.0, 0.0, 0.0)
     box: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    far: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from scenegen.assets.surfaces import fits, reach_of, surfaces_of
+from scenegen.assets import Shape
+from scenegen.assets.surfaces import Surface, fits, reach_of, surfaces_of
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
     CHOICE_NOT_A_LIST,
     EMPTY_CHOICE,
+    NESTED_CHOICE,
     NO_FLAT_TOP,
+    NOT_ON_RIM,
     NOT_ON_SURFACE,
     STANDS_ON_ITSELF,
     SUPPORT_COUNT,
@@ -29,6 +32,7 @@ from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE
 from scenegen.lang.cabinets import not_open
 from scenegen.lang.choices import area_of, choose, cut_off, grouped
+from scenegen.lang.height_words import one_list
 from scenegen.lang.places import Area
 from scenegen.lang.provenance import Frame
 from scenegen.lang.scope import Thing
@@ -88,6 +92,10 @@ def _choices(
     if not parts:
         raise SpecError(EMPTY_CHOICE(here))
     found = {}
+    for value, span in parts:
+        if isinstance(value, ListValue):
+            surfaces = None if span.text.isidentifier() else one_list(here.text)
+            raise SpecError(NESTED_CHOICE(span, surfaces=surfaces))
     for place in places:
         options: list[Support] = []
         for value, span in parts:
@@ -128,24 +136,35 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             _refuse_tall(name, shape.height, region, _free_over(lowering, region, area), here)
             return under
         case ObjectValue(carrier):
-            found = surfaces_of(lowering.shapes[carrier], shape.footprint)
+            found = surfaces_of(lowering.shapes[carrier], shape)
             if not found:
                 raise SpecError(NO_FLAT_TOP(here, name=lowering.builder.objects[carrier]))
             surface = found[0]
         case SurfaceValue(carrier, surface):
-            named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape.footprint)}
-            surface = named[surface.name]
+            named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
+            below = lowering.builder.objects[carrier]
+            if surface.name not in named and carrier != upper:
+                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
+            if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
+                raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
+            surface = named.get(surface.name, surface)
         case _:
             wanted = "an object, a surface or a region"
             raise lowering.coerce.wrong(value.moved(here), wanted, f"what `{name}` stands on")
     label = f"{lowering.builder.objects[carrier]}.{surface.name}"
     if carrier == upper:
         raise SpecError(STANDS_ON_ITSELF(here, name=name))
-    if surface.walled and not fits(shape.footprint, surface.outline):
-        problem = SURFACE_TOO_SMALL(here, name=name, surface=label)
+    if not _holds(surface, shape):
+        on_rim = isinstance(value, ObjectValue) and found[-1].name == "rim"
+        rim = f"{lowering.builder.objects[carrier]}.rim" if on_rim else None
+        problem = SURFACE_TOO_SMALL(here, name=name, surface=label, carrier=rim)
         raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
     _refuse_tall(name, shape.height, label, surface.clear, here)
-    return Support(label, carrier, surface.outline, surface.height, surface.walled)
+    return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
+
+
+def _holds(surface: Surface, shape: Shape) -> bool:
+    return not surface.walled or fits(shape.footprint, surface.outline)
 
 
 def _refuse_tall(name: str, height: float, surface: str, clear: float, here: Span) -> None:
@@ -253,7 +272,7 @@ def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Re
         left, bottom, right, top = under.box
         return (max(left, space.x[0]), min(right, space.x[1])), (max(bottom, space.y[0]), min(top, space.y[1]))
     (x0, x1), (y0, y1) = boxes[under.carrier]
-    far = reach_of(under.outline)
+    far = reach_of(under.outline) if under.far is None else under.far
     return (x0 - far, x1 + far), (y0 - far, y1 + far)
 
 

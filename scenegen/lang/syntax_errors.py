@@ -11,6 +11,7 @@ import re
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
+from scenegen.errors.declarations import NESTED_CHOICE
 from scenegen.errors.syntax import (
     BARE_POINT,
     BRACES,
@@ -40,6 +41,7 @@ from scenegen.errors.syntax import (
 from scenegen.lang.brackets import BINARY, bracket, open_brackets, unclosed
 from scenegen.lang.expected import expected, shown
 from scenegen.lang.foreign_syntax import explain_foreign_syntax
+from scenegen.lang.height_words import one_list
 from scenegen.lang.time_syntax import UNITS_OF_TIME, explain_time
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending, has_time
 
@@ -165,6 +167,8 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     between = text[len(before) : start]
     if previous[:1].isdigit() and word.isidentifier() and word not in KEYWORDS and "\n" not in between:
         return UNKNOWN_UNIT(here, name=word, times=UNITS_OF_TIME if has_time(text) else None)
+    if stack and previous == "any" and word == "of":
+        return NESTED_CHOICE(here, surfaces=one_list(text[stack[-1] :]))
     if stack and "COMMA" in accepts:
         return MISSING_OPERATOR(here, before=shown(word), comma="`,`")
     names = previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between

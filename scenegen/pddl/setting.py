@@ -188,7 +188,7 @@ class Setting:
     def off(self, upper: str, lower: str, *, inside: bool) -> float | None:
         """How far the height of `upper` on `lower` may be off, in metres; None where it cannot be carried."""
         over, under = shape_from(self.shapes[upper]), shape_from(self.shapes[lower])
-        found = surfaces_of(under, over.footprint)
+        found = surfaces_of(under, over)
         if inside or (found and (not found[0].walled or fits(over.footprint, found[0].outline))):
             return 0.001 + (abs(found[0].height - surfaces_of(under)[0].height) if found else 0.0)
         return None

@@ -11,7 +11,7 @@ from scenegen.pose import FLAT, row_of
 from scenegen.sampling.growth.insert import MANY
 from scenegen.sampling.growth.outlook import chance
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.ways import held_ways
+from scenegen.sampling.growth.ways import held_of_all
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -90,14 +90,17 @@ def _ways_held(
     (P,). Takes scenes out of `good` as often as their chances have become worse."""
     machine, cell, stage = particles.machine, particles.cell, particles.stage
     found: dict[int, tuple[Bool, Array]] = {}
-    for index, known in enumerate(particles.held):
-        if known is None:
-            continue
-        numbers = sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())})
-        if not numbers:
-            continue
+    touched = {
+        index: tuple(sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())}))
+        for index, known in enumerate(particles.held)
+        if known is not None
+    }
+    touched = {index: numbers for index, numbers in touched.items() if numbers}
+    for index, held in zip(touched, held_of_all(machine, touched, rows, cell, stage), strict=True):
+        known = particles.held[index]
+        assert known is not None
         table = known.copy()
-        table[numbers] = held_ways(machine, index, numbers, rows, cell, stage)
+        table[list(touched[index])] = held
         chances = chance(table, machine.outlooks[index][:, stage], cell)
         good &= particles.rng.random(len(good)) * particles.chances[index] < chances
         found[index] = table, chances

@@ -93,6 +93,13 @@ class Machine:
         lowest, highest = self.problem.lowest[row], self.problem.highest[row]
         return is_angle(row) and abs(highest - lowest - TWO_PI) < 1e-12
 
+    def steps(self, key: object, nodes: Sequence[int]) -> int:
+        """How many nodes the evaluator of some nodes takes."""
+        if ("steps", key) not in self.notes:
+            self.notes["steps", key] = len(self.values(key, nodes).steps)
+        known: int = self.notes["steps", key]
+        return known
+
     def values(self, key: object, nodes: Sequence[int]) -> Values:
         """The evaluator of some nodes, kept under a key."""
         if key not in self.evaluators:

@@ -16,8 +16,10 @@ import numpy.typing as npt
 from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
+from scenegen.sampling.growth.hop import carry, hop, ready
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.reinsert import reinsert, relocate
+from scenegen.sampling.growth.surfaces import hops
 from scenegen.sampling.growth.tally import Tally
 
 Array = npt.NDArray[np.float64]
@@ -41,7 +43,8 @@ SWAPS = 0.5  # swaps for each object that has kin
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `swap c` and `shuffle c` for class c of kin. None: all but shuffles.
+    of move made besides walks: those of KINDS, `hop` (with carrying, see hop.py), `swap c` and `shuffle c` for class c
+    of kin. None: all but shuffles.
     `redraws` and `relocations` are how often an object, and all that hangs from it, is lifted for each of its turns,
     and how many places are tried then; `jumps` is how often an object jumps between the ways of a choice."""
 
@@ -63,13 +66,15 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
     """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
     machine, rng, placed = particles.machine, particles.rng, particles.placed
     taken = 0.0
+    hopping = [one for one in hops(machine) if settings.makes("hop") and ready(particles, one)]
+    hoppers = {one.thing for one in hopping if one.choice is not None}  # a hop redraws them, and needs no contraction
     turns = rng.permutation(len(placed))[:most]
     for place in turns:
         thing = placed[place]
         taken += _walk(particles, thing, settings, tally)
         room = machine.room(thing, particles.stage)
         often, tries = settings.redraws.get(thing, (REDRAWS / DEAR if room.nodes else REDRAWS, TRIES))
-        if settings.makes("redraw") and rng.random() < often:
+        if settings.makes("redraw") and thing not in hoppers and rng.random() < often:
             reinsert(particles, thing, room, tries, tally)
         group = [one for one in machine.groups[thing] if machine.at[one] <= particles.stage]
         if len(group) > 1 and settings.makes("shift"):
@@ -84,6 +89,9 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
     if settings.makes("cluster"):
         for _ in range(CLUSTERS):
             cluster(particles, tally)
+    for one in hopping:
+        hop(particles, one, tally)
+        carry(particles, one, tally)
     for index, kin in enumerate(machine.kin):
         here = [block for block in kin if all(machine.at[thing] <= particles.stage for thing in block)]
         if len(here) < 2:

@@ -206,6 +206,8 @@ def tuned(tally: Tally) -> Settings:
         odds[thing] = 0.7 * gain / gain.sum() + 0.3 / (FINEST + 1)
     rates = {kind: tally.rate(kind) for kind in KINDS if kind not in LIFTS}  # how often these are made is found below
     kinds = [*LIFTS, *(kind for kind, rate in rates.items() if rate is None or rate >= USELESS)]
+    if tally.rate("hop") or tally.rate("carry"):  # however seldom: nothing else brings an object to another surface
+        kinds.append("hop")
     for kind in tally.tried:
         rate = tally.rate(kind)
         if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:

@@ -154,7 +154,10 @@ def reach(spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None)
         if not low < high:
             raise RequestError(NOTHING_TO_LEARN(label=label, value=low))
         margin = MARGIN * (high - low)
-        ends[label] = (low + margin, high - margin)
+        top = high - margin
+        if top <= 0.0 < high:  # phi of `restsOn` ends at a millimetre: scenes that satisfy it stay in reach
+            top = high * (1.0 - MARGIN)
+        ends[label] = (low + margin, top)
     return ends
 
 

@@ -1,0 +1,153 @@
+"""Moves of what stands on what, where supports are choices: hops from surface to surface, and carrying.
+
+An object and the switch that says what it stands on change together: where surfaces lie apart, such as the slots of a
+rack, neither can change alone. What stands on an object that moves, in the scene at hand, moves along.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.lang.spec import Choice
+from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
+from scenegen.sampling.growth.attempt import attempt
+from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.surfaces import Hop
+from scenegen.sampling.growth.tally import Tally
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
+
+FINEST = 9.0  # steps of what is carried go down to the box's over 2 to this power
+KEPT = 0.5  # share of the hops in which an object keeps its heading against what carries it
+
+
+def ready(particles: Particles, one: Hop) -> bool:
+    """Whether a hop's object is placed, with its switch and all that it can stand on."""
+    asked = {one.thing}
+    if one.choice is not None:
+        asked |= {one.choice.switch, *(under.carrier for under in one.choice.options if under.carrier is not None)}
+    return all(_placed(particles, thing) for thing in asked)
+
+
+def hop(particles: Particles, one: Hop, tally: Tally | None) -> None:
+    """Put an object on another surface, or elsewhere on its own: an independence move over the surfaces' boxes. Its
+    heading is drawn as well, or stays the same against what carries it."""
+    if one.choice is None:
+        return
+    machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
+    graph, column = machine.graph, np.arange(particles.count)
+    switch, (x, y, theta) = row_of(one.choice.switch, X), (row_of(one.thing, axis) for axis in FLAT)
+    ends = np.array([0.0, *one.choice.ends])
+    before, after = _option(one.choice, scenes[switch]), rng.integers(len(one.choice.ends), size=count)
+    number = ends[after] + rng.random(count) * np.diff(ends)[after]
+    (left, low, heading), boxes = _frames(particles, one.choice), np.array(one.boxes)
+    middle, half = boxes[:, :2], boxes[:, 2:]
+    place = middle[after].T + (2.0 * rng.random((2, count)) - 1.0) * half[after].T
+    u, v = _turned(place[0], place[1], heading[after, column])
+    old = _turned(scenes[x] - left[before, column], scenes[y] - low[before, column], -heading[before, column])
+    volume = half.prod(axis=1) * np.diff(ends)  # all surfaces are tried equally often, however large their share is
+    allowed = rng.random(count) * volume[before] < volume[after]
+    allowed &= (np.abs(np.array(old) - middle[before].T) <= half[before].T).all(axis=0)
+    new = {switch: number, x: u + left[after, column], y: v + low[after, column]}
+    if theta in graph.rows:
+        kept = scenes[theta] + heading[after, column] - heading[before, column]
+        new[theta] = kept if rng.random() < KEPT else _anywhere(particles, theta)
+    _bring(particles, one, (one.thing, one.choice.switch), new, allowed, "hop", tally)
+
+
+def carry(particles: Particles, one: Hop, tally: Tally | None) -> None:
+    """Move an object by a random step, with all that stands on it."""
+    machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
+    if not one.riders:
+        return
+    factor, new = 2.0 ** -(FINEST * rng.random()), {}
+    for axis in FLAT if rng.random() < 0.5 else PLACE:
+        row = row_of(one.thing, axis)
+        if row in machine.graph.rows:
+            width = float(machine.problem.highest[row] - machine.problem.lowest[row])
+            new[row] = scenes[row] + (rng.random(count) - 0.5) * (factor * width)
+    _bring(particles, one, (one.thing,), new, np.ones(count, dtype=bool), "carry", tally)
+
+
+def _bring(
+    particles: Particles,
+    one: Hop,
+    things: tuple[int, ...],
+    new: dict[int, Array],
+    allowed: Bool,
+    kind: str,
+    tally: Tally | None,
+) -> None:
+    """Try an object's new pose, with what stands on it turned and moved along."""
+    scenes, rows = particles.scenes, particles.machine.graph.rows
+    x, y, theta = (row_of(one.thing, axis) for axis in FLAT)
+    turn = new[theta] - scenes[theta] if theta in new else np.zeros(particles.count)
+    riding: dict[int, Bool] = {one.thing: np.ones(particles.count, dtype=bool)}
+    for rider in one.riders:
+        along = _along(particles, rider, riding)
+        if along is None:
+            continue
+        riding[rider] = along
+        u, v = _turned(scenes[row_of(rider, X)] - scenes[x], scenes[row_of(rider, Y)] - scenes[y], turn)
+        moved = (new[x] + u, new[y] + v, scenes[row_of(rider, THETA)] + turn)
+        for axis, value in zip(FLAT, moved, strict=True):
+            row = row_of(rider, axis)
+            if row in rows:
+                new[row] = np.where(along, value, scenes[row])
+    good = attempt(particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed)
+    if tally is not None:
+        tally.note(kind, len(good), int(good.sum()))
+
+
+def _along(particles: Particles, rider: int, riding: dict[int, Bool]) -> Bool | None:
+    """In which scenes (P,) something stands on what moves; None where it is not placed yet, or cannot move."""
+    spec, rows = particles.machine.problem.spec, particles.machine.graph.rows
+    if not _placed(particles, rider) or not all(row_of(rider, axis) in rows for axis in PLACE):
+        return None
+    never = np.zeros(particles.count, dtype=bool)
+    choice = spec.choices.get(rider)
+    if choice is None:
+        return riding.get(spec.supports[rider].carrier)  # type: ignore[arg-type]
+    if not _placed(particles, choice.switch):
+        return None
+    on = np.array([riding.get(one.carrier, never) for one in choice.options])  # type: ignore[arg-type]
+    out: Bool = on[_option(choice, particles.scenes[row_of(choice.switch, X)]), np.arange(particles.count)]
+    return out
+
+
+def _placed(particles: Particles, thing: int) -> bool:
+    """Also of what is held in place."""
+    return particles.machine.at.get(thing, -1) <= particles.stage
+
+
+def _anywhere(particles: Particles, row: int) -> Array:
+    low, high = particles.machine.graph.low[row], particles.machine.graph.high[row]
+    if len(low) > 1:
+        low, high = low[particles.cell], high[particles.cell]
+    out: Array = low + particles.rng.random(particles.count) * (high - low)
+    return out
+
+
+def _frames(particles: Particles, choice: Choice) -> tuple[Array, Array, Array]:
+    """x, y and heading of what carries the object on each surface, (K, P) each."""
+    count = particles.count
+    poses = [
+        [np.full(count, number) for number in under.pose]
+        if under.carrier is None
+        else [particles.scenes[row_of(under.carrier, axis)] for axis in FLAT]
+        for under in choice.options
+    ]
+    x, y, theta = (np.array([pose[axis] for pose in poses]) for axis in range(3))
+    return x, y, theta
+
+
+def _option(choice: Choice, number: Array) -> Index:
+    return np.minimum(np.searchsorted(np.array(choice.ends), number), len(choice.ends) - 1)
+
+
+def _turned(x: Array, y: Array, by: Array) -> tuple[Array, Array]:
+    cos, sin = np.cos(by), np.sin(by)
+    return cos * x - sin * y, sin * x + cos * y

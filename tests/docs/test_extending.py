@@ -142,8 +142,8 @@ def test_a_figure(extended):
     run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "render")
     run_tests(project, "tests/cli/test_help.py", "-k", "render")
     scenegen(project, "sample", "first", "-n", "5", "--out", "s.json")
-    scenegen(project, "render", "s.json", "--out", "drawn", "--figure", "phi")
-    assert (project / "drawn" / "phi.svg").read_text().count("<path") == 5
+    scenegen(project, "render", "s.json", "--out", "drawn", "--figure", "marks")
+    assert (project / "drawn" / "marks.svg").read_text().count("<path") == 5
 
 
 @pytest.mark.slow

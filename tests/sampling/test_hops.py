@@ -36,8 +36,8 @@ def test_what_is_carried_by_choice_is_as_rejection_has_it():
     grown, drawn_alone = (drawn(CARRIED, method, 1000) for method in ("growth", "rejection"))
     for chooser, surfaces in ((0, 2), (1, 3)):
         one, other = (shares(scenes, chooser, surfaces) for scenes in (grown, drawn_alone))
-        assert (other > 0.01).sum() >= 1
-        np.testing.assert_allclose(one, other, atol=0.1)
+        assert (other > 0.01).sum() >= 2  # some stand elsewhere
+        np.testing.assert_allclose(one, other, atol=0.1)  # 4 standard errors, if a scene of growth is worth half of one
     tray = [scenes.poses[:, list(scenes.objects).index("tray")] for scenes in (grown, drawn_alone)]
     for axis in range(2):
         quarters = [np.quantile(poses[:, axis], (0.25, 0.5, 0.75)) for poses in tray]

@@ -90,12 +90,7 @@ def _ways_held(
     (P,). Takes scenes out of `good` as often as their chances have become worse."""
     machine, cell, stage = particles.machine, particles.cell, particles.stage
     found: dict[int, tuple[Bool, Array]] = {}
-    touched = {
-        index: tuple(sorted({number for thing in things for number in machine.touch[thing].ways.get(index, ())}))
-        for index, known in enumerate(particles.held)
-        if known is not None
-    }
-    touched = {index: numbers for index, numbers in touched.items() if numbers}
+    touched = particles.touching(things)
     for index, held in zip(touched, held_of_all(machine, touched, rows, cell, stage), strict=True):
         known = particles.held[index]
         assert known is not None

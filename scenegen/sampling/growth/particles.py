@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,6 +63,16 @@ class Particles:
     @property
     def placed(self) -> tuple[int, ...]:
         return self.machine.order[: self.stage + 1]
+
+    def touching(self, things: Collection[int]) -> dict[int, tuple[int, ...]]:
+        """For every choice that has begun: its ways that touch some of the things, if any."""
+        touch = self.machine.touch
+        found = {
+            index: tuple(sorted({number for thing in things for number in touch[thing].ways.get(index, ())}))
+            for index, known in enumerate(self.held)
+            if known is not None
+        }
+        return {index: numbers for index, numbers in found.items() if numbers}
 
     def note_ancestors(self) -> None:
         self.families.append(np.arange(self.count))

@@ -19,7 +19,7 @@ from scenegen.sampling.growth.outlook import chance
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
 from scenegen.sampling.growth.tally import Tally
-from scenegen.sampling.growth.ways import held_ways
+from scenegen.sampling.growth.ways import held_of_all
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -35,9 +35,7 @@ def reinsert(particles: Particles, thing: int, room: Room, tries: int, tally: Ta
     poses = boxes.draw(tries, rng)
     value, _ = scored(particles, boxes, poses, thing, stage)
     hits = int(np.count_nonzero(value))
-    if tally is not None:
-        tally.note("redraw", value.size, hits)
-        tally.note(f"redraw of {thing}", value.size, hits)
+    _note(tally, "redraw", thing, value.size, hits)
     if not hits:
         return
     density = boxes.density(particles.scenes[rows][:, None])[0]
@@ -68,9 +66,7 @@ def relocate(particles: Particles, group: Sequence[int], tries: int, tally: Tall
             moved[row] = value
     _keep(particles, group, moved, good)
     hits = int(np.count_nonzero(good))
-    if tally is not None:
-        tally.note("relocate", good.size, hits)
-        tally.note(f"relocate of {group[0]}", good.size, hits)
+    _note(tally, "relocate", group[0], good.size, hits)
     if not hits:
         return
     value = good.astype(np.float64)
@@ -91,9 +87,7 @@ def _keep(particles: Particles, group: Sequence[int], moved: dict[int, Array], g
         number, column = tried[begin : begin + size], scene[begin : begin + size]
         for thing in group:
             touch = machine.touch[thing]
-            rows: list[Array] = []
-            for row in range(len(scenes)):
-                rows.append(moved[row][number, column] if row in moved else scenes[row, column])
+            rows = [moved[row][number, column] if row in moved else scenes[row, column] for row in range(len(scenes))]
             there = cell[column]
             met = touch.meets(rows, there, stage)
             left = np.ones(len(column), dtype=bool) if met is None else met.copy()
@@ -119,56 +113,55 @@ def _choose(value: Array, own: Array, rng: np.random.Generator) -> tuple[Index, 
     return which[taken], taken
 
 
-def _touching(particles: Particles, things: Sequence[int]) -> dict[int, list[int]]:
-    """The ways of begun choices that touch some of the things."""
+def _note(tally: Tally | None, kind: str, thing: int, tried: int, free: int) -> None:
+    if tally is not None:
+        tally.note(kind, tried, free)
+        tally.note(f"{kind} of {thing}", tried, free)
+
+
+def _tables(
+    particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index
+) -> dict[int, tuple[Bool, Array]]:
+    """For every choice that touches some of the things: which of its ways hold, (W, B), and its chance, (B,), where
+    they stand at rows `fresh` (B,) in scenes `column` (B,)."""
+    touched = particles.touching(things)
+    if not touched or not len(column):
+        return {}
+    machine, cell, stage = particles.machine, particles.cell[column], particles.stage
+    rows = [fresh[row] if row in fresh else particles.scenes[row, column] for row in range(len(particles.scenes))]
     found = {}
-    for index, known in enumerate(particles.held):
-        if known is not None:
-            numbers = {number for thing in things for number in particles.machine.touch[thing].ways.get(index, ())}
-            if numbers:
-                found[index] = sorted(numbers)
+    for index, held in zip(touched, held_of_all(machine, touched, rows, cell, stage), strict=True):
+        known = particles.held[index]
+        assert known is not None
+        table = known[:, column]
+        table[list(touched[index])] = held
+        found[index] = table, chance(table, machine.outlooks[index][:, stage], cell)
     return found
 
 
 def _chances(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> Array:
     """The product of the chances of choices, (B,), where `things` stand at rows `fresh` (B,) in scenes `column`."""
-    machine, cell, stage = particles.machine, particles.cell[column], particles.stage
     out = np.ones(len(column))
-    asking = _touching(particles, things)
-    if not asking:
-        return out
-    rows = [fresh[row] if row in fresh else particles.scenes[row, column] for row in range(len(particles.scenes))]
-    for index, numbers in asking.items():
-        known = particles.held[index]
-        assert known is not None
-        table = known[:, column]
-        table[numbers] = held_ways(machine, index, numbers, rows, cell, stage)
-        out *= chance(table, machine.outlooks[index][:, stage], cell)
+    for _, chances in _tables(particles, things, fresh, column).values():
+        out *= chances
     return out
 
 
 def _chances_now(particles: Particles, things: Sequence[int]) -> Array:
+    """The same of the scenes as they are, (P,)."""
     out = np.ones(particles.count)
-    for index in _touching(particles, things):
+    for index in particles.touching(things):
         out *= particles.chances[index]
     return out
 
 
 def _set(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> None:
     """Put `things` at rows `fresh` (B,) in scenes `column`, and note what that makes of choices."""
-    if not len(column):
-        return
-    machine, cell, stage = particles.machine, particles.cell[column], particles.stage
+    tables = _tables(particles, things, fresh, column)
     for row, values in fresh.items():
         particles.scenes[row, column] = values
-    asking = _touching(particles, things)
-    if not asking:
-        return
-    rows = list(particles.scenes[:, column])
-    for index, numbers in asking.items():
+    for index, (table, chances) in tables.items():
         known = particles.held[index]
         assert known is not None
-        table = known[:, column]
-        table[numbers] = held_ways(machine, index, numbers, rows, cell, stage)
         known[:, column] = table
-        particles.chances[index, column] = chance(table, machine.outlooks[index][:, stage], cell)
+        particles.chances[index, column] = chances

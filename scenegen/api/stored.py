@@ -13,7 +13,7 @@ from scenegen.api.scenes import SceneSet, scene_set
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.formats.blocks import BLOCK, Block, joined
-from scenegen.formats.locations import as_location
+from scenegen.formats.locations import as_location, inside
 from scenegen.formats.opening import open_store
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
@@ -135,3 +135,14 @@ def open_set(location: str | Path) -> StoredSet:
     store = open_store(as_location(location))
     manifest = read_manifest(store)
     return StoredSet(store.location, manifest, set_header(store, manifest), store)
+
+
+def sets_in(location: str | Path) -> list[str]:
+    """Where the sets of a place are: the place itself if it is a set, else the sets in the folders below it, by name.
+    Raises DataError for a place that cannot be read, and RequestError without pyarrow."""
+    from scenegen.formats.sets import MANIFEST
+
+    place = as_location(location)
+    files = open_store(place).sizes()
+    below = sorted(name.removesuffix(f"/{MANIFEST}") for name in files if name.endswith(f"/{MANIFEST}"))
+    return [place] if MANIFEST in files or not below else [inside(place, name) for name in below]

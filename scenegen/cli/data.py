@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,7 +31,7 @@ def data(
     sets: Annotated[
         list[str],
         typer.Argument(
-            help="A set: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
+            help="Sets, or folders of sets: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
             metavar="[ACTION] SET",
             show_default=False,
         ),
@@ -76,6 +77,7 @@ def data(
     \b
       scenegen data set/
       scenegen data s3://bucket/set/ --verify
+      scenegen data build/dataset/ --verify --timeout 0
       scenegen data merge a/ b/ --out both/
       scenegen data split set/ --share train=0.9 --share test=0.1 --out parts/
       scenegen data filter set/ --phi 0:0.1 --out hard/
@@ -83,16 +85,16 @@ def data(
 
     The report has histograms of phi, where objects are, which numbers of things were drawn, repeated scenes, how many
     of fresh exact scenes the set covers, and the state of every shard. The exit status is 1 if a shard is damaged.
+    Of a folder of sets, every set is reported; one that cannot be read is named and does not stop the rest.
     `remake` makes a shard of a data set again from its own seed, and puts it back where it is missing or damaged.
     """
     from scenegen.api.stored import open_set
-    from scenegen.cli.output import complain
     from scenegen.errors import RequestError
 
     action = sets[0] if sets[0] in OPTIONS and not Path(sets[0]).is_dir() else None
     places = sets if action is None else sets[1:]
     least = 2 if action == "merge" else 1
-    if len(places) < least or (len(places) > 1 and action != "merge"):
+    if len(places) < least or (len(places) > 1 and action not in (None, "merge")):
         wanted = "two sets or more" if action == "merge" else "one set"
         raise RequestError(DATA_ARGUMENTS(action=action or "", wanted=wanted))
     if action == "remake" and not shard:
@@ -109,31 +111,77 @@ def data(
     if action == "remake":
         _remake(places[0], shard or [], None if timeout == FRESH else timeout)
         return 0
-    opened = [open_set(place) for place in places]
     if action is not None:
         assert out is not None
-        _edit(action, opened, out, phi or [], share or [], seed)
+        _edit(action, [open_set(place) for place in places], out, phi or [], share or [], seed)
         return 0
-    from scenegen.api.set_report import set_report
-    from scenegen.engine.engines import map_each
+    return _report(places, Looking(verify, timeout, engine, address, workers), json=json)
 
-    report = set_report(
-        opened[0],
-        map_jobs=lambda job, items: map_each(engine, job, items, workers, address),
-        verify=verify,
-        timeout=timeout,
-    )
+
+@dataclass(frozen=True, slots=True)
+class Looking:
+    """How sets are looked at."""
+
+    verify: bool
+    timeout: float
+    engine: str
+    address: str | None
+    workers: int | None
+
+
+def _report(places: list[str], how: Looking, *, json: bool) -> int:
+    """Report every set of the places, and return the exit status."""
+    from scenegen.api.stored import sets_in
+    from scenegen.cli.many import exit_status
+    from scenegen.cli.output import complain, print_message
+    from scenegen.errors import DataError
+
+    found = [one for place in places for one in sets_in(place)]
+    documents, failed, scenes, size = [], [], 0, 0
+    for number, location in enumerate(found):
+        try:
+            stored, report = _look(location, how)
+        except DataError as error:
+            if len(found) == 1:
+                raise
+            print_message(f"{location} failed:")
+            complain(*error.diagnostics)
+            failed.append(location)
+            continue
+        scenes, size = scenes + report.scenes, size + report.bytes
+        if json:
+            documents.append(_as_json(stored, report))
+        else:
+            print("\n" * (number > 0), end="")
+            _show(stored, report)
+        if report.faults:
+            failed.append(location)
+            first = report.faults[0]
+            whole = len(report.shards)
+            complain(FAULTY_SHARDS(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
     if json:
         from json import dumps
 
-        typer.echo(dumps(_as_json(opened[0], report), indent=1, ensure_ascii=False))
-    else:
-        _show(opened[0], report)
-    if report.faults:
-        first = report.faults[0]
-        complain(FAULTY_SHARDS(count=len(report.faults), total=len(report.shards), file=first.file, reason=first.fault))
-        return 1
-    return 0
+        several = {"format": "scenegen/data", "version": 1, "sets": documents, "failed": failed}
+        typer.echo(dumps(documents[0] if len(found) == 1 else several, indent=1, ensure_ascii=False))
+    elif len(found) > 1:
+        print(f"\n{len(found)} sets: {scenes:,} scenes, {size / 1e6:,.1f} MB; {len(failed)} damaged")
+    return exit_status(failed, len(found)) if len(found) > 1 else int(bool(failed))
+
+
+def _look(location: str, how: Looking) -> tuple[StoredSet, SetReport]:
+    from scenegen.api.set_report import set_report
+    from scenegen.api.stored import open_set
+    from scenegen.engine.engines import map_each
+
+    stored = open_set(location)
+    report = set_report(
+        stored,
+        map_jobs=lambda job, items: map_each(how.engine, job, items, how.workers, how.address),
+        verify=how.verify,
+        timeout=how.timeout,
+    )
+    return stored, report
 
 
 def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share: list[str], seed: int) -> None:

@@ -81,7 +81,7 @@ def _after_pruning(problem: Problem, budget: Budget) -> Plan:
         return _because(grown, "pruning takes much work, growth does not")
     if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
         raise no_growth(problem, grown)
-    if int((problem.lowest < problem.highest).sum()) > MANY:  # neither boxes nor chains get anywhere
+    if _moving(problem) > MANY:  # neither boxes nor chains get anywhere
         grown = plan_growth(problem, budget)
         if isinstance(grown, Growth):
             return _because(grown, "pruning takes much work, growth less")
@@ -98,7 +98,7 @@ def _without_pruning(problem: Problem, budget: Budget) -> Rejection | None:
     plan = first_look(problem, budget)
     if plan is None:
         return None
-    moving = int((problem.lowest < problem.highest).sum())
+    moving = _moving(problem)
     cheap, work = max(EASY, GROWN * moving * problem.request.n), work_of(plan)
     if 2.0 * PRUNED * FIRST < work <= PRUNED * cheap:  # less pruning has not been enough
         try:
@@ -127,7 +127,7 @@ def _after_trial(
         return apart or _after_cells(problem, budget, trial, quick)
     in_range = _in_range(mine)
     open_cells = len(problem.possible) - len(mine.reached) - len(mine.ruled_out)
-    moving = int((problem.lowest < problem.highest).sum())
+    moving = _moving(problem)
     cheap = work_of(mine) <= max(TRIED, GROWN * moving * problem.request.n)
     if cheap and open_cells <= len(mine.reached):
         return _because(mine, in_range)
@@ -190,6 +190,10 @@ def _other(
         return quick
     if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):
         return quick
+    if _moving(problem) > MANY:  # more patience first: chains of so much take long to get anywhere
+        quick = plan_growth(problem, budget)
+        if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof:
+            return quick
     crowded = not isinstance(quick, Growth) and quick.crowded
     split = None if crowded else plan_splitting(problem, budget)
     if isinstance(split, Splitting) and split.schedule.left < SLOW:
@@ -200,6 +204,11 @@ def _other(
     if isinstance(grown, Growth):
         return grown
     return split if isinstance(split, Splitting) else grown
+
+
+def _moving(problem: Problem) -> int:
+    """Rows of the scenes that are not held."""
+    return int((problem.lowest < problem.highest).sum())
 
 
 def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:

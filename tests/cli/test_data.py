@@ -1,6 +1,7 @@
 """`scenegen data`: a report of a set, sets made of sets, and options that do not belong to an action."""
 
 import json
+import shutil
 
 import pytest
 
@@ -37,3 +38,33 @@ def test_report_and_edits(folder, scenegen, tmp_path):
 def test_options_of_another_action(words, code, folder, scenegen):
     done = scenegen("data", f"{folder}/", *words)
     assert done.status == 1 and f"error[{code}]" in done.err and words[0] in done.err
+
+
+def test_folder_of_sets(folder, scenegen, tmp_path):
+    for name in ("one", "two"):
+        shutil.copytree(folder, tmp_path / "all" / name)
+    said = scenegen("data", f"{tmp_path}/all", "--verify", "--timeout", "0")
+    assert said.status == 0 and "2 sets: 600 scenes, " in said.out and "0 damaged" in said.out
+    named = [line.partition(": ")[0] for line in said.out.splitlines() if line.startswith(f"{tmp_path}/all/")]
+    assert named == [f"{tmp_path}/all/one/", f"{tmp_path}/all/two/"]
+    several = scenegen("data", f"{folder}/", f"{tmp_path}/all", "--json", "--timeout", "0")
+    assert [one["scenes"] for one in json.loads(several.out)["sets"]] == [300, 300, 300]
+
+
+def test_a_damaged_one_does_not_stop_the_rest(folder, scenegen, tmp_path):
+    for name in ("a", "b", "c", "d"):
+        shutil.copytree(folder, tmp_path / name)
+    (tmp_path / "a" / "manifest.json").write_text("{}")
+    shard = next((tmp_path / "c").glob("part-*"))
+    shard.write_bytes(shard.read_bytes()[:-1])
+    said = scenegen("data", f"{tmp_path}/", "--json", "--timeout", "0")
+    found = json.loads(said.out)
+    assert said.status == 1 and found["failed"] == [f"{tmp_path}/a/", f"{tmp_path}/c/"]
+    assert [bool(one["shards"][0]["fault"]) for one in found["sets"]] == [False, True, False]
+    assert "error[not-a-set]" in said.err and "error[faulty-shards]" in said.err and "error[some-failed]" in said.err
+
+
+def test_a_folder_without_sets(scenegen, tmp_path):
+    (tmp_path / "notes.txt").write_text("none here")
+    said = scenegen("data", f"{tmp_path}/")
+    assert said.status == 1 and "error[not-a-set]" in said.err and "manifest.json" in said.err

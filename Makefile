@@ -57,7 +57,7 @@ page:            ## build the page of `scenegen view` into scenegen/view/static;
 	cd page && npm ci --silent && npm run --silent types && npm run --silent build
 
 BROWSER_TESTS ?= tests/browser
-test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pictures in build/screenshots: BROWSER_TESTS=tests/browser/test_page.py
+test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pictures in build/screenshots: BROWSER_TESTS=tests/browser/page
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo "There is no Chromium here: all tests will be skipped (apt-get install chromium)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	@test -d page/node_modules/axe-core || ! command -v npm >/dev/null || (cd page && npm ci --silent) || echo "npm cannot install axe-core: its checks are left out"

@@ -71,6 +71,20 @@ def test_scenes_are_opened_as_they_are(serve, tab, tmp_path):
     assert one.state("$.request.phi.task") == [0, 0.1]
 
 
+def test_scenes_of_drawn_numbers_are_opened_apart(serve, tab, tmp_path):
+    spec = scenegen.parse("object block[1..2], mug\ntask: leftOf(block[1], mug)\n")
+    found = scenegen.sample(spec, n=6, seed=4)
+    found.save(tmp_path / "six.json")
+    one = tab(serve("six.json").link)
+    one.ready()
+    assert one.state("$.request.phi.task") == [None, None]
+    for number in (2, 1, 2):
+        one.page.select_option("[data-count=block]", str(number))
+        one.until(f"$.spec.numbers[0].now === {number} && $.result && !$.busy && $.poses.length === {number + 1}")
+        mine = found.counts["block"] == number
+        assert one.state("$.result.poses") == found.poses[mine][:, found.present[mine][0]].tolist()
+
+
 def test_a_page_without_a_server(tab, tmp_path):
     (tmp_path / "two.spec").write_text(TEXT)
     command = [sys.executable, "-m", "scenegen", "view", "two.spec", "--export", "page.html", "-n", "40"]

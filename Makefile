@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors llms pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors llms pictures page-pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -57,7 +57,7 @@ page:            ## build the page of `scenegen view` into scenegen/view/static;
 	cd page && npm ci --silent && npm run --silent types && npm run --silent build
 
 BROWSER_TESTS ?= tests/browser
-test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pictures in build/screenshots: BROWSER_TESTS=tests/browser/test_page.py
+test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pictures in build/screenshots: BROWSER_TESTS=tests/browser/page
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo "There is no Chromium here: all tests will be skipped (apt-get install chromium)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	@test -d page/node_modules/axe-core || ! command -v npm >/dev/null || (cd page && npm ci --silent) || echo "npm cannot install axe-core: its checks are left out"
@@ -104,6 +104,10 @@ llms: $(STAMP)   ## docs/llms.txt, the reference for prompts
 pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
 	$(BIN)/python docs/make_relations.py
 	$(BIN)/python docs/make_pictures.py
+
+page-pictures: $(STAMP) ## the pictures of the page of `scenegen view`; needs Chromium
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
+	OMP_NUM_THREADS=1 $(BIN)/python docs/make_page_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
 	$(BIN)/python -m scenegen.lang.parser_tables

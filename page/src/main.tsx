@@ -132,9 +132,9 @@ function begin(): void {
     remember(alone.rarity);
     label.value = alone.spec.labels[0].name;
     request.value = { ...request.value, phi: Object.fromEntries(alone.spec.labels.map((one) => [one.name, [null, null]])) };
-  } else if (boot.request.phi && !comeBack && !hash.startsWith("#s=") && !sessionStorage.getItem(KEPT)) {
-    const { phi, n, spread } = boot.request as Request;
-    request.value = { ...request.value, phi, n: Math.min(n ?? 16, 400), spread: spread ?? "flat" };
+  } else if (boot.scenes && !comeBack && !hash.startsWith("#s=") && !sessionStorage.getItem(KEPT)) {
+    const { phi, n, spread, counts } = boot.request as Request;
+    request.value = { ...request.value, phi: phi ?? {}, n: Math.min(n ?? 16, 400), spread: spread ?? "flat", counts };
   }
   (window as any).scenegen.link = link; // for tests, as what store.ts puts there
   render(<Page />, document.getElementById("app")!);

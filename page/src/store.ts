@@ -12,7 +12,15 @@ const MOTION_METHODS = ["auto", "rejection", "splitting"];
 // ---- the text
 
 let checks = 0;
-let opened = false; // whether the scenes that were opened have been shown
+let sampled = false; // whether anything was sampled: until then, the scenes that were opened are shown
+
+/** The scenes of the opened file for these numbers of things; null where it has none, or the text is another one. */
+function stored(found: Spec): Result | null {
+  if (sampled || text.value !== boot.text) return null;
+  const fits = (counts: Record<string, number>) => (found.numbers ?? []).every(({ name, now }) => counts[name] === now);
+  if (fits(boot.request.counts ?? {})) return boot.scenes;
+  return boot.parts.find(({ counts }) => fits(counts))?.scenes ?? null;
+}
 
 const PAUSE = 90; // ms without a further change after which a text is checked
 let typed: ReturnType<typeof setTimeout> | undefined;
@@ -66,10 +74,10 @@ function take(found: Spec): void {
     const now = request.value;
     const known = new Set(before ? before.labels.map((one) => one.name) : Object.keys(now.phi));
     const phi: Record<string, Ends> = {};
-    for (const one of found.labels)
-      phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [0, null];
-    const free = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
-    const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => free.has(name)));
+    const free: Ends = boot.scenes && text.value === boot.text ? [null, null] : [0, null]; // a file of scenes says what was wanted
+    for (const one of found.labels) phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [...free];
+    const loose = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
+    const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => loose.has(name)));
     const { n, method } = found.time ? { n: Math.max(1, Math.min(now.n, found.time.most)), method: MOTION_METHODS.includes(now.method) ? now.method : "auto" } : now;
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
@@ -85,9 +93,9 @@ function take(found: Spec): void {
     }
   });
   void fetchMeshes(found);
-  if (boot.scenes && !opened && text.value === boot.text) {
-    opened = true;
-    const first = taken(boot.scenes);
+  const old = same && result.value ? null : stored(found);
+  if (old) {
+    const first = taken(old);
     learn(first);
     show(first, false);
     setTimeout(() => void measure().then(spread), 350);
@@ -127,6 +135,7 @@ export async function sample(): Promise<void> {
   const now = spec.value;
   if (!now) return;
   const mine = ++samples;
+  sampled = true;
   busy.value = "sample";
   rested.value = false;
   if (!measuringMotions()) void stop("range"); // what somebody waits for goes first

@@ -162,6 +162,7 @@ export interface Boot {
   folder: string;
   model: string | null;
   scenes: Result | null;
+  parts: { counts: Record<string, number>; scenes: Result }[]; // of a file: its scenes of other numbers of things
   request: Partial<Request>;
   missing: Record<string, string>; // formats that need an extra: what installs it
   // only in a page without a server

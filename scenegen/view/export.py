@@ -19,10 +19,11 @@ from scenegen.errors.page import PAGE_TOO_LARGE
 from scenegen.formats.files import check_writable, write_whole
 from scenegen.lang.check import check_file
 from scenegen.view.document import alone
-from scenegen.view.jobs.describe import describe, mesh_key, stage_of_spec
+from scenegen.view.jobs.describe import describe, mesh_key, numbers_data, stage_of_spec
 from scenegen.view.jobs.evaluate import reasons, scene_set, told
 from scenegen.view.jobs.meshes import packed_mesh
 from scenegen.view.jobs.range import rarity_data
+from scenegen.view.jobs.source import wanted_counts, with_numbers
 from scenegen.view.opened import Opened
 from scenegen.view.wire import finite
 
@@ -36,26 +37,30 @@ def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "")
     """Write the page of what was opened into the file `out`; returns its size in bytes.
 
     Of a spec, `n` scenes are sampled: some that satisfy all labels, the others evenly over the phi that can be reached.
-    Of a scene file, its own scenes are shown. `command` is what made the page. Raises RequestError, OutputError.
+    Of a scene file, its own scenes are shown. Where the spec draws numbers of things, all have the same: in a file the
+    most that its scenes have. `command` is what made the page. Raises RequestError, OutputError.
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise RequestError(WRONG_ENDING(path=out, ending=".html", better="page.html"))
     check_writable(out)
     root = opened.folder.root
     path = root / (opened.path or f"{opened.name}.spec")
-    spec = parse(opened.text, opened.name) if opened.scenes else Spec(check_file(path, opened.text.encode(), root))
+    family = parse(opened.text, opened.name) if opened.scenes else Spec(check_file(path, opened.text.encode(), root))
+    spec, numbers = with_numbers(family, wanted_counts(opened.request))
     rare = rarity(spec)
     some = _motions if spec.over_time is not None else _scenes
     shown, reports = some(opened, spec, rare, n, seed)
+    described = {**describe(spec), "numbers": numbers_data(family, numbers)}
     data = opened.data() | {
         "folder": "",
         "path": None,
         "sha": None,
         "model": None,
         "scenes": shown,
+        "parts": [],
         "request": {},
         "alone": {
-            "spec": describe(spec),
+            "spec": described,
             "meshes": {mesh_key(one): packed_mesh(one.shape, tuple(one.color)) for one in stage_of_spec(spec).things},
             "rarity": [rarity_data(one) for one in rare.labels],
             "reports": reports,

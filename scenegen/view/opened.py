@@ -8,8 +8,6 @@ from typing import Any
 
 from scenegen.api.family import is_family, load_model
 from scenegen.api.motions import read_motions
-from scenegen.api.scene_arrays import rows_of, stored_rows
-from scenegen.api.scenes import read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
 from scenegen.errors.files import WRONG_ENDING
@@ -18,11 +16,9 @@ from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
 from scenegen.formats.motions.table import is_motions
 from scenegen.formats.registry import FORMATS
 from scenegen.needs import INSTALL, found
-from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
 from scenegen.view.folder import Folder, Refused, digest
-from scenegen.view.jobs.evaluate import scene_set, told
-from scenegen.view.limits import MAX_POSES, MAX_SCENES
+from scenegen.view.stored import stored_scenes
 
 STARTER = "first"  # the shipped spec that is shown where nothing was named
 
@@ -30,7 +26,8 @@ STARTER = "first"  # the shipped spec that is shown where nothing was named
 @dataclass(frozen=True, slots=True)
 class Opened:
     """The folder that the page may read and write, and what it shows first. `path` is the spec's in the folder, None
-    where it is not saved there; `scenes` are as the job `sample` sends them."""
+    where it is not saved there; `scenes` are as the job `sample` sends them. `parts` are all scenes of a file by the
+    numbers of things in them: of a spec that draws those, `scenes` are the last part."""
 
     folder: Folder
     text: str
@@ -39,6 +36,7 @@ class Opened:
     digest: str | None = None
     model: Path | None = None
     scenes: dict[str, Any] | None = None
+    parts: tuple[dict[str, Any], ...] = ()
     request: dict[str, Any] = field(default_factory=dict)
 
     def data(self) -> dict[str, Any]:
@@ -51,13 +49,14 @@ class Opened:
             "folder": self.folder.root.name or str(self.folder.root),
             "model": None if self.model is None else self.model.name,
             "scenes": self.scenes,
+            "parts": list(self.parts[:-1]),
             "request": self.request,
             "missing": {} if found("pxr") else {"usd": INSTALL["pxr"]},
         }
 
 
 def open_(what: Path | None) -> Opened:
-    """Find out what a path or name is, and read it. Raises DataError, SpecError."""
+    """Find out what a path or name is, and read it. Raises DataError, RequestError, SpecError."""
     if what is not None and is_family(what):
         return _model(what)
     if what is None or what.is_dir():
@@ -94,26 +93,14 @@ def _scenes(file: Path) -> Opened:
         opened = _motions(file)
         if opened is not None:
             return opened
-    found = read_scenes(file)
-    most = max(1, min(MAX_SCENES, MAX_POSES // max(1, len(found.objects))))
-    text = found.header.spec.source
-    spec = parse(text, file.name)
-    some = found[:most]
-    rows = rows_of(spec.checked, some)  # in the order of the spec, whatever the file's is
-    count = row_count(len(spec.objects))
-    on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
-    some = scene_set(spec, as_poses(rows[:count]), None, on)
-    scenes = {
-        **told(spec, some, False),
-        "poses": some.poses.tolist(),
-        "sampler": found.header.sampler,
-        "warnings": [],
-        "notes": [f"{len(some):,} of the {len(found):,} scenes of {file.name}"],
-        "took": 0.0,
-    }
-    asked = found.header.request
-    request = {} if asked is None else asked.model_dump(mode="json")
-    return Opened(Folder(file.resolve().parent), text, file.stem, scenes=scenes, request=request)
+    scenes, spec, header = stored_scenes(file)
+    # the starts of pairs do not lie in the range of their goals
+    request = {} if header.request is None or is_motions(file) else header.request.model_dump(mode="json")
+    parts = tuple({"counts": numbers, "scenes": some} for numbers, some in scenes)
+    numbers, shown = scenes[-1]  # where numbers of things are drawn, the most, as the page begins with
+    if numbers:
+        request["counts"] = numbers
+    return Opened(Folder(file.resolve().parent), spec.source, file.stem, scenes=shown, parts=parts, request=request)
 
 
 def _motions(file: Path) -> Opened | None:

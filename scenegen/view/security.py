@@ -49,7 +49,9 @@ class Gate:
             await self.app(scope, receive, send)
             return
         problem = self._problem(scope)
-        if problem is None and scope["type"] == "http" and self.under_way >= MAX_REQUESTS:
+        # files of the page need no token: whoever reads them slowly must not keep those out who have one
+        counted = scope["type"] == "http" and not scope["path"].startswith("/static/")
+        if problem is None and counted and self.under_way >= MAX_REQUESTS:
             problem = 429, "this server answers no more requests at a time; try again in a moment"
         if problem is not None:
             await refuse(scope, send, *problem)
@@ -63,11 +65,11 @@ class Gate:
                 message["headers"] = [*message.get("headers", ()), *HEADERS]
             await send(message)
 
-        self.under_way += 1
+        self.under_way += counted
         try:
             await self.app(scope, receive, guarded)
         finally:
-            self.under_way -= 1
+            self.under_way -= counted
 
     def _problem(self, scope: Scope) -> tuple[int, str] | None:
         headers = [(name.lower(), value.decode("latin-1")) for name, value in scope["headers"]]

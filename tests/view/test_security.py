@@ -94,3 +94,19 @@ def test_too_many_requests_at_a_time_are_refused(tmp_path):
     crowded = gate(tmp_path)
     crowded.under_way = MAX_REQUESTS
     assert knock(crowded)[0] == 429
+    assert knock(crowded, path="/static/page.js", query="")[0] == 200  # it is not counted: see below
+
+
+def test_those_without_a_token_keep_nobody_out(tmp_path):
+    """Files of the page are sent to everybody, and somebody may read them as slowly as he likes."""
+    inside = []
+
+    async def app(scope, receive, send):
+        inside.append(found.under_way)
+        await nothing(scope, receive, send)
+
+    found = gate(tmp_path)
+    found.app = app
+    knock(found, path="/static/page.js", query="")
+    knock(found)
+    assert inside == [0, 1] and found.under_way == 0

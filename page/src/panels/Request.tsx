@@ -14,20 +14,20 @@ export function RequestPanel() {
   return (
     <div class="request">
       {now.labels.map((one) => <Handles key={one.name} name={one.name} />)}
-      {alone ? null : (
+      {alone && !now.numbers?.length ? null : (
         <div class="fields">
           {(now.numbers ?? []).map((one) => (
             <label key={one.name}>
               {one.assets.length ? `${one.name}: which` : `${one.name}: how many`}
-              <select data-count={one.name} value={one.now} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
+              <select data-count={one.name} value={one.now} disabled={!!alone} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
                 {Array.from({ length: one.most - one.least + 1 }, (_, k) => one.least + k).map((k) => <option key={k} value={k}>{one.assets[k - 1] ?? k}</option>)}
               </select>
             </label>
           ))}
-          {now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
+          {alone ? null : <>{now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
           <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="others: the next seed (n)" aria-label="next seed">↻</button></span></label>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
-          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label>
+          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label></>}
         </div>
       )}
       {held.length ? (

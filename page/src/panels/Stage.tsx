@@ -17,9 +17,8 @@ export function Stage() {
   return (
     <section class={`stage${stale.value ? " stale" : wrong.value ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
-      <Phi />
+      <div class="over"><Phi /><Chosen /></div>
       <Tools />
-      <Chosen />
       <Warnings />
       <Trouble />
       {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these are the scenes from before it</div> : null}
@@ -80,7 +79,7 @@ function Three() {
     <div class="three">
       <canvas ref={canvas} tabIndex={0} role="application" aria-label="scene in 3D: arrow keys move the selected object, comma and period turn it, Tab leaves" onDblClick={() => thing.value && hold(thing.value)} />
       <div class="tags" aria-hidden="true">
-        {tags.map((tag, k) => <span key={k} class={tag.kind} style={{ transform: `translate(-50%,-50%) translate(${tag.x.toFixed(1)}px,${(tag.kind === "name" || tag.kind === "chosen" ? tag.y + 10 : tag.y - 20).toFixed(1)}px)` }}>{tag.text}</span>)}
+        {tags.map((tag, k) => <span key={k} class={tag.kind} style={{ transform: `translate(-50%,-50%) translate(${tag.x.toFixed(1)}px,${tag.y.toFixed(1)}px)` }}>{tag.text}</span>)}
       </div>
     </div>
   );

@@ -2,6 +2,7 @@
 import { DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Mark, PackedMesh, Point, Pose, Spec } from "../types";
+import { apart } from "./apart";
 import { dashes, ribbon } from "./ribbons";
 import { Stage3d } from "./stage3d";
 
@@ -291,7 +292,7 @@ export class Table3d extends Stage3d {
         put(new Vector3(mesh.position.x, mesh.position.y - 1.1 * reach(thing.footprint), mesh.position.z), mesh.name, mesh.name === this.chosen ? "chosen" : "name");
     }
     for (const tag of this.markTags) put(tag.at, tag.text, tag.good ? "good" : "bad");
-    this.onTags(tags);
+    this.onTags(apart(tags));
   }
 
   /** Where an object is on the screen, in pixels of the window. */

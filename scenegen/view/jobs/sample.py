@@ -38,9 +38,8 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     if spec.over_time is not None:
         yield _motions(spec, wanted, message)
         return
-    source = _model(str(message["model"])) if wanted["method"] == "model" and message.get("model") else None
-    if source is not None and source.spec.checked.sha256 != spec.checked.sha256:
-        raise RequestError(ANOTHER_SPEC())
+    named = message.get("model") if wanted["method"] == "model" else None
+    source = _model_of(str(named), spec) if named else None
     notes: list[str] = []
     began = time.perf_counter()
     seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
@@ -138,6 +137,15 @@ def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
         "sampler": found.header.sampler,
         "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
     }
+
+
+def _model_of(path: str, spec: Spec) -> Model:
+    """The model of a spec; in a folder of models, that of its numbers of things. Raises RequestError where it is of
+    another spec."""
+    each = {one.spec.declared.sha256: one for _, one in _model(path).each}
+    if spec.checked.sha256 not in each:
+        raise RequestError(ANOTHER_SPEC())
+    return each[spec.checked.sha256]
 
 
 @lru_cache(maxsize=1)

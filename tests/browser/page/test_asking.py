@@ -1,0 +1,104 @@
+"""Asking for scenes: ranges of phi, numbers of things, and what is impossible."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from .conftest import download
+
+pytestmark = pytest.mark.browser
+
+
+def test_a_moved_handle_shows_known_scenes_at_once(served, tab):
+    one = tab(served.link)
+    one.ready()
+    found = one.page.evaluate(
+        """() => {
+          const chip = [...document.querySelectorAll(".chip")].find((one) => one.textContent === "just solved");
+          chip.click();
+          const { request, result, preview } = window.scenegen;
+          return [request.phi.task, result.phi.task ?? [], preview];
+        }"""
+    )
+    assert found[2] and all(found[0][0] <= phi <= found[0][1] for phi in found[1])
+    one.ready()
+    assert len(one.state("$.result.poses")) == 16
+
+
+def test_every_shown_phi_lies_between_the_handles(served, tab):
+    one = tab(served.link)
+    one.ready()
+    low = one.page.locator("[role=slider][aria-label='lowest phi of task']")
+    high = one.page.locator("[role=slider][aria-label='highest phi of task']")
+    box = high.bounding_box()
+    one.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
+    one.page.mouse.down()
+    one.page.mouse.move(box["x"] - 60, box["y"] + 20, steps=5)
+    one.page.mouse.up()
+    low.focus()
+    for _ in range(3):
+        one.page.keyboard.press("ArrowRight")
+    one.ready()
+    lowest, highest = one.state("$.request.phi.task")
+    assert lowest > 0 and highest is not None
+    shown = one.page.eval_on_selector_all(
+        ".grid button[data-scene] span", "all => all.map(one => JSON.parse(one.dataset.phi).task)"
+    )
+    assert len(shown) == 16 and all(lowest <= phi <= highest for phi in shown)
+
+
+def test_no_answer_to_an_older_request_is_shown_as_the_newest(served, tab):
+    one = tab(served.link)
+    one.ready()
+    low = one.page.locator("[role=slider][aria-label='lowest phi of task']")
+    low.focus()
+    one.page.evaluate(
+        """() => {
+            window.late = 0;
+            const look = () => {
+                const now = window.scenegen, [low, high] = now.request.phi.task;
+                const fits = (phi) => (low === null || phi >= low) && (high === null || phi <= high);
+                if (!now.busy && !now.preview && !(now.result.phi.task ?? []).every(fits)) window.late++;
+                setTimeout(look, 1);
+            };
+            look();
+        }"""
+    )
+    for k in range(24):
+        one.page.keyboard.press("ArrowRight")
+        one.page.wait_for_timeout(52 + 4 * k)  # as long as the page waits, and an answer takes, and longer
+    one.ready()
+    assert one.page.evaluate("window.late") == 0
+
+
+def test_what_is_impossible_says_what_clashes(served, tab):
+    one = tab(served.link)
+    one.ready()
+    one.write("object mug, plate\ntask: leftOf(mug, plate) & x(mug) >= x(plate) + 10 cm\n")
+    one.page.wait_for_selector(".problems li")
+    assert "clash" in one.page.inner_text(".problems")
+    one.page.wait_for_selector(".trouble")
+    assert "task" in one.page.inner_text(".trouble")
+
+
+def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(serve, tab, tmp_path):
+    one = tab(serve("breakfast").link)
+    one.ready()
+    one.write("object block[2..4] = box(5 cm, 5 cm, 5 cm)\nobject mug\ntask: leftOf(block[1], mug)\n")
+    one.until("$.result && $.poses.length === 5 && !$.busy")
+    one.page.select_option("[data-count=block]", "3")
+    one.until("$.result && $.poses.length === 4 && !$.busy")
+    one.page.click("button:has-text('Download')")
+    assert "--count block=3" in one.page.inner_text(".command")
+    one.page.keyboard.press("Escape")
+    scenes = json.loads(download(one, "json", tmp_path).read_text())["scenes"]
+    assert len(scenes) == 16 and all(len(each["poses"]) == 4 for each in scenes)
+    one.page.keyboard.press("Escape")
+    one.write("object mug\ntask: leftOf(mug")
+    one.until("$.wrong")
+    assert one.page.inner_text(".behind-note").startswith("the spec has a mistake")
+    one.write("object mug, plate\ntask: leftOf(mug, plate)\n")
+    one.until("!$.wrong && $.result && $.poses.length === 2")
+    assert not one.page.query_selector(".behind-note")

@@ -33,6 +33,7 @@ def pairs(
     *,
     moved: int | None = None,
     seed: int = 0,
+    workers: int | None = None,
     timeout: float = 60.0,
 ) -> MotionSet:
     """n pairs of a start and a goal, as motions of two moments: `poses` (n, 2, N, 3), the start first.
@@ -44,7 +45,7 @@ def pairs(
 
     `phi` holds `start.LABEL` and `goal.LABEL`; `facts` are `moved`, the number of objects whose place differs, and
     `distance`, the metres between their centres, summed. Every pair is scored once more before it is returned. The
-    same arguments give the same pairs.
+    same arguments give the same pairs, whatever `workers`: how many processes draw scenes (None: one).
 
     Where the spec draws how many things there are, start and goal have as many, and numbers have equal shares of the
     pairs; those that have none are left out, with a warning. Objects that are not there have NaN.
@@ -53,6 +54,7 @@ def pairs(
     """
     from scenegen.motions.numbered_pairs import draw_numbered
     from scenegen.motions.pairs import Pairs, Starts, draw_pairs
+    from scenegen.processes.pool import check_workers
     from scenegen.sampling.problem import Budget, make_problem
 
     check_spec(spec)
@@ -60,8 +62,10 @@ def pairs(
     refuse_choices(spec, "a pair")
     if moved is not None and as_int("moved", moved) < 1:
         raise RequestError(OUT_OF_RANGE(argument="moved", value=moved, wanted="at least 1"))
+    if workers is not None:
+        check_workers(workers)
     ends = {name: Range(0.0) for name in spec.labels} if goal is None else read_phi(spec, goal)
-    wanted = check_request(spec, SampleRequest(ends, n, seed=seed, timeout=timeout))
+    wanted = check_request(spec, SampleRequest(ends, n, seed=seed, workers=workers, timeout=timeout))
     budget = Budget(wanted.timeout)
     begins = {} if start is None else read_phi(spec, start)
 

@@ -54,6 +54,9 @@ def pairs(
             show_default=False,
         ),
     ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes; default: one.", show_default=False)
+    ] = None,
     timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
     root: Root = None,
 ) -> None:
@@ -71,7 +74,7 @@ def pairs(
     Where the spec draws how many things there are, start and goal have as many.
 
     Every pair has phi at both ends, how many objects were moved, and how far, in metres. Each is scored once more
-    before it is written.
+    before it is written. The pairs do not depend on --workers.
     """
     from scenegen.api.pairs import pairs as draw
     from scenegen.api.spec import load
@@ -90,7 +93,7 @@ def pairs(
     detail(f"parsed and checked {spec}")
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]
-    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, timeout=timeout)
+    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=timeout)
     complain(*checked.warnings, *found.warnings)
     if out is not None:
         found.save(out)

@@ -16,6 +16,11 @@ PDDL_NO_PROBLEM = Kind(
 PDDL_FORM = Kind("pddl-form", "this is not {wanted}", "{reason}")
 PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=NEAREST)
 PDDL_TOO_LARGE = Kind("pddl-too-large", "{what} has too many instances", help="the limit is {limit:,}")
+PDDL_TOO_MANY_THINGS = Kind(
+    "pddl-too-many-things",
+    "{file} declares {count:,} things",
+    help="the limit is {limit:,}: leave out those that the goal does not need",
+)
 
 # meaning
 UNKNOWN_CATEGORY = Kind(

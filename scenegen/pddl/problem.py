@@ -11,10 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenegen.errors import DataError, Source
-from scenegen.errors.planning import PDDL_FORM, PDDL_NO_PROBLEM
+from scenegen.errors.planning import PDDL_FORM, PDDL_NO_PROBLEM, PDDL_TOO_MANY_THINGS
 from scenegen.pddl.read import Atom, Group, Node
 
 Numbers = tuple[float, ...]
+MOST_THINGS = 200  # each pair of them may be a clause of the spec
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +101,10 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
             case ":language":
                 language = _words(one.rest)
             case ":objects" | ":fixtures":
-                found = typed(one.rest)
-                things.update(found)
+                found = _pairs(one.rest)
+                _declare(things, found)
                 if one.head == ":fixtures":
-                    fixtures.update(found)
+                    fixtures.update(each for each, _ in found)
             case ":regions":
                 for each in one.rest:
                     place = _place(each)
@@ -113,6 +114,8 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
             case ":goal":
                 if len(one.rest) != 1:
                     raise DataError(PDDL_FORM(one.span, wanted="a goal", reason="it takes one formula"))
+                if goal is not None:
+                    raise DataError(PDDL_FORM(one.span, wanted="the only goal", reason="join goals with (and ...)"))
                 goal = one.rest[0]
             case ":domain" | ":obj_of_interest" | ":requirements" | ":scene_properties":
                 pass
@@ -120,14 +123,30 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
                 other.append(one)
     if goal is None:
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it has no (:goal ...)"))
+    if len(things) > MOST_THINGS:
+        raise DataError(PDDL_TOO_MANY_THINGS(file=source.name, count=len(things), limit=MOST_THINGS))
     return Problem(
         source, name, language, domain, things, frozenset(fixtures), regions, tuple(init), goal, tuple(other), sections
     )
 
 
+def _declare(things: dict[str, tuple[str, Atom]], found: Sequence[tuple[str, tuple[str, Atom]]]) -> None:
+    """Add things to others. Raises DataError for one that is declared as something else before."""
+    for name, (kind, atom) in found:
+        if name in things and things[name][0] != kind:
+            reason = f"it is declared as `{things[name][0]}`, too"
+            raise DataError(PDDL_FORM(atom.span, wanted="a new name", reason=reason))
+        things[name] = kind, atom
+
+
 def typed(nodes: Sequence[Node]) -> dict[str, tuple[str, Atom]]:
     """`a b - block c` as types by name; what has no type is an `object`. Raises DataError."""
-    found: dict[str, tuple[str, Atom]] = {}
+    return dict(_pairs(nodes))
+
+
+def _pairs(nodes: Sequence[Node]) -> list[tuple[str, tuple[str, Atom]]]:
+    """Each name of such a list with its type, in order; a name can come twice. Raises DataError."""
+    found: list[tuple[str, tuple[str, Atom]]] = []
     waiting: list[Atom] = []
     place = 0
     while place < len(nodes):
@@ -143,10 +162,10 @@ def typed(nodes: Sequence[Node]) -> dict[str, tuple[str, Atom]]:
             kind = kind.rest[0]
         if not isinstance(kind, Atom):
             raise DataError(PDDL_FORM(one.span, wanted="a list of names", reason="no type follows"))
-        found.update({each.text: (kind.text, each) for each in waiting})
+        found.extend((each.text, (kind.text, each)) for each in waiting)
         waiting.clear()
         place += 2
-    found.update({each.text: ("object", each) for each in waiting})
+    found.extend((each.text, ("object", each)) for each in waiting)
     return found
 
 

@@ -29,6 +29,15 @@ def test_pairs_are_what_they_say(moved):
     assert np.allclose(made.facts["distance"], far)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("moved", [None, 2])
+def test_pairs_do_not_depend_on_the_number_of_processes(moved):
+    one, two = (scenegen.pairs(SPEC, n=300, moved=moved, seed=5, workers=workers) for workers in (1, 2))
+    assert one.dump() == two.dump()
+    with pytest.raises(RequestError):
+        scenegen.pairs(SPEC, n=1, workers=0)
+
+
 def test_by_default_a_start_is_anything_but_a_goal():
     made = scenegen.pairs(SPEC, (0.1, 0.2), n=400)
     assert ((made.phi["goal.task"] >= 0.1) & (made.phi["goal.task"] <= 0.2)).all()

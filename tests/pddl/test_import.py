@@ -81,6 +81,14 @@ def test_what_is_clear_at_first_need_not_stay_so(tmp_path: Path) -> None:
     assert "reachableFromAbove(b)" in text.partition("start:")[2].partition("goal:")[0]
 
 
+BLOCKS_ON = "(define (problem p) (:objects a b - block) (:goal (on a b)))"
+
+
+def test_a_thing_may_be_declared_twice_as_the_same(tmp_path: Path) -> None:
+    twice = BLOCKS_ON.replace("- block", "- block a - block")
+    assert imported(tmp_path, twice).text.count("object a ") == imported(tmp_path, BLOCKS_ON).text.count("object a ")
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [
@@ -94,6 +102,9 @@ def test_what_is_clear_at_first_need_not_stay_so(tmp_path: Path) -> None:
         (HOUSE.replace("FORMULA", "(ontop cup.n.01_1 nothing)"), "pddl-unknown-name"),
         (HOUSE.replace("FORMULA", "(ontop cup.n.01_1)"), "pddl-form"),
         (HOUSE.replace("- table.n.02 ", "- zeppelin.n.01 "), "unknown-category"),
+        (BLOCKS_ON.replace("(:goal", "(:goal (on b a)) (:goal"), "pddl-form"),
+        (BLOCKS_ON.replace("- block", "- block a - mug"), "pddl-form"),
+        (BLOCKS_ON.replace("a b", "a b " + " ".join(f"c{k}" for k in range(199))), "pddl-too-many-things"),
     ],
 )
 def test_bad_text_is_one_diagnostic(tmp_path: Path, text: str, code: str) -> None:

@@ -44,11 +44,14 @@ def test_starts_miss_the_goal_or_meet_it(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "cells"), [("blocks2", 27), ("caddy", 27), ("stack_tray", 27)])
+@pytest.mark.parametrize(("name", "cells"), [("blocks2", 27), ("caddy", 27), ("stack_tray", 27), ("bowls_plate", 20)])
 def test_a_cover_is_not_made_better_than_few_scenes_are_worth(name: str, cells: int, tmp_path: Path) -> None:
-    """These took twice as long: their covers took so much work that growth was chosen."""
+    """These took two to four times as long: their covers, of all cells or of rare ones, took so much work that growth
+    was chosen."""
     scenes = scenegen.sample(spec_of(name, tmp_path), phi={"goal": (-0.3, 0.0)}, n=50, workers=1)
     told = scenes.header.sampler
     assert told["method"] == "rejection" and told["cells"]["reached"] >= cells, told
     share = np.histogram(scenes.phi["goal"], 32, (-0.3, 0.0))[0]
-    assert share.max() == 2 and (share > 0).sum() >= cells, "evenly over what is reached"
+    assert share.max() == -(-50 // told["cells"]["reached"]) and (share > 0).sum() >= cells, (
+        "evenly over what is reached"
+    )

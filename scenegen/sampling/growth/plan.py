@@ -31,7 +31,8 @@ Index = npt.NDArray[np.intp]
 GROWTH = 6  # random stream of growth: plan and pieces
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 LEAST, MOST = 512, 4096  # scenes of a population
-OF_A_CELL = 12  # scenes of each cell of the range in an island, at least
+OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
+A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
 NUMBERS = 1 << 22  # coordinates of a population at most
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
@@ -134,7 +135,8 @@ def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
     possible = tuple(sorted(problem.possible))
     most = max(64, min(MOST, NUMBERS // len(problem.lowest)))
     wanted = min(MOST // 2, int(SPARE * problem.request.n))  # half as many would cost nearly as much
-    count = min(most, max(LEAST, wanted, ISLANDS * OF_A_CELL * len(possible)))
+    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * problem.request.n / len(possible))))
+    count = min(most, max(LEAST, wanted, ISLANDS * of_a_cell * len(possible)))
     rng = generator(problem.request.seed, -1)
     for attempt in range(again + 1):
         tally = Tally()

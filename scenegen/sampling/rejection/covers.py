@@ -3,18 +3,20 @@ make them where that takes long: it is most of the work before the first scene i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.bounds.effort import TooMuchError
-from scenegen.bounds.prune import Cover
+from scenegen.bounds.effort import TooMuchError, per_scene
+from scenegen.bounds.prune import SPENT, Cover
+from scenegen.bounds.worlds import chooses
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.problem import PLAN, Budget, Problem
-from scenegen.sampling.rejection.draw import explore
+from scenegen.sampling.rejection.draw import CHUNK, explore
 from scenegen.sampling.rejection.trial import effort_of, make_cover
 
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
@@ -44,7 +46,7 @@ class _Covering:
         problem, effort = self.problem, effort_of(self.budget, most)
         stream = (problem.request.seed, PLAN, cell + 1)
         try:
-            cover = make_cover(problem, problem.wanted(cell), stream, effort)
+            cover = make_cover(problem, problem.wanted(cell), stream, effort, *_enough(problem))
             if not cover.parts:
                 return Own(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
@@ -52,6 +54,17 @@ class _Covering:
         except TooMuchError:
             return Own(None, 0, 0, effort.used)
         return Own(cover, int(hits[cell]), tried, effort.used)
+
+
+def _enough(problem: Problem) -> tuple[float, float | None]:
+    """From which work on any cover of a cell is good enough, as `prune` takes it: see `trial._enough`. Where objects
+    choose among surfaces, a cover is worth as much work as drawing the cell's scenes takes if they are so rare that the
+    search just hits them; where the search misses them, a better cover would seldom have helped."""
+    if not chooses(problem.core):
+        return math.inf, None
+    each, _ = per_scene(problem.core.nodes)
+    share = problem.request.n / len(problem.possible)
+    return 0.0, max(SPENT, share * each * SEARCH * CHUNK)
 
 
 def own_covers(

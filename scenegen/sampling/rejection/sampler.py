@@ -17,6 +17,7 @@ import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
 from scenegen.bounds.prune import Cover, box_cover
+from scenegen.bounds.worlds import chooses
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.sampling.digest import digest
@@ -170,14 +171,15 @@ def make_plan(
         return _alone(problem, trial, frozenset({0}), frozenset(), budget)
     possible = sorted(problem.possible)
     rate = trial.hits / trial.tried
-    common = _served(rate, possible, problem.request.n / len(possible))
+    each, _ = per_scene(problem.core.nodes)
+    price = max(OWN, trial.work / each)
+    common = _served(rate, possible, problem.request.n / len(possible), price if chooses(problem.core) else OWN)
     ruled_out: set[int] = set()
     own: list[Served] = []
     draws = trial.tried
     try:
         rare = [cell for cell in possible if cell not in common]
-        each, _ = per_scene(problem.core.nodes)
-        worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
+        worth = price * len(possible) / problem.request.n
         sieve = sift(problem, trial, rare, budget, min(most, SIFTED * together), worth)
     except StoppedError:
         undecided = len(possible) - len(common)
@@ -265,10 +267,11 @@ def _alone(
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
-def _served(rate: Array, possible: list[int], share: float) -> frozenset[int]:
-    """The cells to take from the common cover: those for which that is cheaper, in candidates, than a cover each."""
+def _served(rate: Array, possible: list[int], share: float, price: float) -> frozenset[int]:
+    """The cells to take from the common cover: those for which that is cheaper than a cover each, of which one takes as
+    much work as `price` candidates."""
     order = sorted(possible, key=lambda cell: -rate[cell])
-    own = OWN + 2.0 * share
+    own = price + 2.0 * share
     best, cheapest = 0, own * len(order)
     for count in range(1, len(order) + 1):
         least = rate[order[count - 1]]

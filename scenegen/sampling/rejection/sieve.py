@@ -21,7 +21,7 @@ from scenegen.sampling.rejection.draw import explore
 from scenegen.sampling.rejection.trial import Trial, effort_of, make_cover
 
 WORTH = 3e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
-LEAST = 3  # cells of a run
+LEAST = 2  # cells of a run
 CHUNKS = 10  # drawn from the cover of a run
 ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the time that a good one takes
 
@@ -63,7 +63,8 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         return Sieve()
     served, empty, barren = list[Served](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0
-    waiting = _runs(missed)
+    possible = sorted(problem.possible)
+    waiting = _runs(missed, possible)
     while waiting:
         run = waiting.pop()
         if len(run) < LEAST:
@@ -84,15 +85,16 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         common = [cell for cell in run if hits[cell] * worth >= count]
         if common:
             served.append(Served(tuple(common), cover, float(hits[common].min()) / count))
-            waiting += _runs([cell for cell in run if cell not in common])
+            waiting += _runs([cell for cell in run if cell not in common], possible)
     return Sieve(tuple(served), frozenset(empty), frozenset(barren), tried, effort.used)
 
 
-def _runs(cells: Sequence[int]) -> list[list[int]]:
-    """Cells that follow one another."""
+def _runs(missed: Sequence[int], possible: Sequence[int]) -> list[list[int]]:
+    """Cells that follow one another among the possible ones, all rising."""
+    place = {cell: number for number, cell in enumerate(possible)}
     runs: list[list[int]] = []
-    for cell in cells:
-        if runs and cell == runs[-1][-1] + 1:
+    for cell in missed:
+        if runs and place[cell] == place[runs[-1][-1]] + 1:
             runs[-1].append(cell)
         else:
             runs.append([cell])

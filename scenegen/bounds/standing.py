@@ -9,7 +9,7 @@ walls are drawn with the place, in slices that leave out where the object does n
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
 
@@ -17,11 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import PYTHON, Effort
+from scenegen.bounds.requirements import Ends
 from scenegen.bounds.tape import Tape
 from scenegen.lang.choices import options_of
 from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
-from scenegen.primitives.footprint import Circle, Footprint, Polygon
+from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
 from scenegen.primitives.outline import corners, measures
 
 Array = npt.NDArray[np.float64]
@@ -51,8 +52,8 @@ class Stand:
 class Step:
     """How one object is drawn: from K patches, the k-th with the probability `odds[k] - odds[k - 1]`. (K,) each: the
     middle and half the size of a patch in the frame of what carries it (a `radius` above 0: a disc), the interval of
-    the switch and that of the heading against the carrier's; `number` says which of `frames` carries the patch, a row of
-    its x or the pose of a region. `turned`: the heading is drawn, too."""
+    the switch and that of the heading against the carrier's; `number` says which of `frames` carries the patch: the row
+    of its x, or the pose of a region. `turned`: the heading is drawn, too."""
 
     thing: int
     switch: int | None
@@ -76,32 +77,37 @@ class Step:
 
     def draw(self, out: Array, rng: np.random.Generator) -> None:
         """Fill the object's rows of `out` (3N, m), in which what carries it is drawn."""
-        count = out.shape[1]
-        patch = np.searchsorted(self.odds, rng.random(count), side="right")
-        np.minimum(patch, len(self.odds) - 1, out=patch)
-        one, other = rng.random((2, count))
+        for row, value in self.poses(out, (out.shape[1],), rng).items():
+            out[row] = value
+
+    def poses(self, scenes: Array, shape: tuple[int, ...], rng: np.random.Generator) -> dict[int, Array]:
+        """Values of the object's rows, of a shape (..., P), where what carries it stands as in `scenes` (3N, P)."""
+        patch = np.minimum(np.searchsorted(self.odds, rng.random(shape), side="right"), len(self.odds) - 1)
+        one, other = rng.random((2, *shape))
         u = self.middle[0].take(patch) + (2.0 * one - 1.0) * self.half[0].take(patch)
         v = self.middle[1].take(patch) + (2.0 * other - 1.0) * self.half[1].take(patch)
         if self.radius.any():
             radius = self.radius.take(patch)
             far, round_ = radius * np.sqrt(one), TWO_PI * other
             u, v = np.where(radius > 0.0, far * np.cos(round_), u), np.where(radius > 0.0, far * np.sin(round_), v)
-        x, y, theta = self._frame(out, self.number.take(patch))
+        x, y, theta = self._frame(scenes, self.number.take(patch))
         cos, sin = np.cos(theta), np.sin(theta)
-        np.add(x, cos * u - sin * v, out=out[row_of(self.thing, X)])
-        np.add(y, sin * u + cos * v, out=out[row_of(self.thing, Y)])
+        found = {row_of(self.thing, X): x + (cos * u - sin * v), row_of(self.thing, Y): y + (sin * u + cos * v)}
         if self.turned:
-            turn = theta + self.heading.take(patch) + self.slice * rng.random(count)
-            np.mod(turn, TWO_PI, out=out[row_of(self.thing, THETA)])
+            turn = theta + self.heading.take(patch) + self.slice * rng.random(shape)
+            found[row_of(self.thing, THETA)] = np.mod(turn, TWO_PI)
         if self.switch is not None:
-            np.add(self.begin.take(patch), self.width.take(patch) * rng.random(count), out=out[self.switch])
+            found[self.switch] = self.begin.take(patch) + self.width.take(patch) * rng.random(shape)
+        return found
 
-    def _frame(self, out: Array, number: npt.NDArray[np.intp]) -> list[Array]:
+    def _frame(self, scenes: Array, number: npt.NDArray[np.intp]) -> list[Array]:
         poses = [
-            [np.float64(value) for value in frame] if isinstance(frame, tuple) else [out[frame + axis] for axis in FLAT]
+            [np.float64(value) for value in frame]
+            if isinstance(frame, tuple)
+            else [scenes[frame + axis] for axis in FLAT]
             for frame in self.frames
         ]
-        found = [np.broadcast_to(value, out.shape[1]) for value in poses[-1]]
+        found = [np.asarray(value) for value in poses[-1]]
         for which in range(len(poses) - 1):
             here = number == which
             found = [np.where(here, value, rest) for value, rest in zip(poses[which], found, strict=True)]
@@ -139,9 +145,9 @@ def steps_for(
     stands: Collection[Stand], tape: Tape, lowest: Array, highest: Array, lo: Array, hi: Array, effort: Effort
 ) -> tuple[Step, ...] | None:
     """How what stands is drawn where the box of poses is contracted to lo, hi (T,). None where no surface is left for
-    something: there is no scene. What has no area anywhere is left out."""
+    something: there is no scene. What has no area anywhere is left out, and what a box holds as well as a surface."""
 
-    def ends(row: int) -> tuple[float, float]:
+    def ends(row: int) -> Ends:
         node = tape.rows.get(row)
         if node is None or lowest[row] == highest[row]:
             return float(lowest[row]), float(highest[row])
@@ -150,19 +156,41 @@ def steps_for(
     steps = []
     for stand in stands:
         effort.spend(PYTHON * 8 * len(stand.options))
-        known = {row: ends(row) for row in _read(stand)}
-        turned = _turns(stand, known)
-        pieces = _pieces(stand, known, turned)
+        if _boxed(stand, ends):
+            continue
+        pieces = _pieces(stand, ends)
         if pieces is None:
             return None
         if pieces:
-            steps.append(_step(stand, pieces, turned))
+            steps.append(_step(stand, pieces, _turns(stand, ends)))
     return tuple(steps)
 
 
-def _read(stand: Stand) -> list[int]:
-    things = [stand.thing, *(one.carrier for one in stand.options if one.carrier is not None)]
-    return [*(row_of(thing, axis) for thing in things for axis in FLAT), *stand.rows]
+def step_for(stand: Stand, ends: Callable[[int], Ends]) -> Step | None:
+    """How an object that stands is drawn where `ends` tells the interval of each row; None where it has no place."""
+    pieces = _pieces(stand, ends)
+    return _step(stand, pieces, _turns(stand, ends)) if pieces else None
+
+
+def _boxed(stand: Stand, ends: Callable[[int], Ends]) -> bool:
+    """Whether all surfaces have one rectangle of centres, along the axes of a table that none of them leaves, such as
+    boards above each other: the contracted box is as good, and can be tied to what else is asked."""
+    found = set[tuple[object, ...]]()
+    for one in stand.options:
+        pose = _carried(one, ends)
+        if pose is None or not isinstance(one.outline, Box) or (one.walled and not isinstance(stand.upper, Circle)):
+            return False
+        found.add((pose, one.outline, one.walled))
+    turn = next(iter(found))[0][2] / (TWO_PI / 4.0)  # type: ignore[index]
+    return len(found) == 1 and abs(turn - round(turn)) < HAIR
+
+
+def _carried(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float, float] | None:
+    """The pose of a surface's frame where that is the same in every scene."""
+    if under.carrier is None:
+        return under.pose
+    x, y, theta = (ends(row_of(under.carrier, axis)) for axis in FLAT)
+    return (x[0], y[0], theta[0]) if x[0] == x[1] and y[0] == y[1] and theta[0] == theta[1] else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,14 +211,14 @@ class _Piece:
         return out
 
 
-def _pieces(stand: Stand, ends: Mapping[int, tuple[float, float]], turned: bool) -> list[_Piece] | None:
+def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[_Piece] | None:
     """The patches of each surface that is left; None where none is, nothing where all of them have no area."""
-    found, left, begin = [], False, 0.0
+    found, left, begin, turned = list[_Piece](), False, 0.0, _turns(stand, ends)
     for under, end in zip(stand.options, stand.ends, strict=True):
         low, high = begin, end
         begin = end
         if stand.switch is not None:
-            low, high = max(low, ends[stand.switch][0]), min(high, ends[stand.switch][1])
+            low, high = max(low, ends(stand.switch)[0]), min(high, ends(stand.switch)[1])
             if low >= high:
                 continue
         left = True
@@ -198,37 +226,28 @@ def _pieces(stand: Stand, ends: Mapping[int, tuple[float, float]], turned: bool)
         frame: int | tuple[float, float, float] = under.pose if under.carrier is None else row_of(under.carrier, X)
         radius = _disc(stand.upper, under)
         middle, half = _patches(stand.upper if under.walled else None, under.outline, turned)
-        heading = np.arange(len(half[0])) * (TWO_PI / SLICES if turned else 0.0)
-        held = under.pose if under.carrier is None else _held([ends[row_of(under.carrier, axis)] for axis in FLAT])
+        heading: Array = np.arange(len(half[0])) * np.float64(TWO_PI / SLICES if turned else 0.0)
+        held = _carried(under, ends)
         kept = (half > 0.0).all(axis=0)
         if held is not None:
             if turned:
-                kept &= _facing(heading + held[2], ends[row_of(stand.thing, THETA)])
+                kept &= _facing(heading + held[2], ends(row_of(stand.thing, THETA)))
             if not radius:
-                middle, half = _cut(middle, half, held, [ends[row_of(stand.thing, axis)] for axis in PLACE])
+                middle, half = _cut(middle, half, held, [ends(row_of(stand.thing, axis)) for axis in PLACE])
                 kept &= (half > 0.0).all(axis=0)
         if kept.any():
             found.append(_Piece(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
     return found if left else None
 
 
-def _turns(stand: Stand, ends: Mapping[int, tuple[float, float]]) -> bool:
+def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
     """Whether the heading is drawn with the place: where walls leave less to some headings than to others."""
     if isinstance(stand.upper, Circle) or not any(one.walled for one in stand.options):
         return False
-    low, high = ends[row_of(stand.thing, THETA)]
+    low, high = ends(row_of(stand.thing, THETA))
     if low >= high:
         return False
-    frames = [
-        one.carrier is None or ends[row_of(one.carrier, THETA)][0] == ends[row_of(one.carrier, THETA)][1]
-        for one in stand.options
-    ]
-    return all(frames) or high - low >= TWO_PI - 1e-6
-
-
-def _held(ends: list[tuple[float, float]]) -> tuple[float, float, float] | None:
-    x, y, theta = (low for low, _ in ends)
-    return (x, y, theta) if all(low == high for low, high in ends) else None
+    return high - low >= TWO_PI - 1e-6 or all(_carried(one, ends) is not None for one in stand.options)
 
 
 def _disc(upper: Footprint, under: Support) -> float:

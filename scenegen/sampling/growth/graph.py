@@ -85,7 +85,8 @@ class Choice:
 class Graph:
     """`rows` are the rows of (3N, B) storage that any clause reads and that are free: all others are independent of
     everything and uniform. `low`, `high` (3N, C) is the box that contraction leaves to each cell. `stands` are the
-    objects that are placed on their surfaces, each with its switch: these count as one object."""
+    objects that are placed on their surfaces, each with its switch: these count as one object; `switched` are the
+    nodes that read such a switch."""
 
     core: Core
     clauses: tuple[Clause, ...]
@@ -95,6 +96,7 @@ class Graph:
     low: Array
     high: Array
     stands: Mapping[int, Stand] = field(default_factory=dict)
+    switched: frozenset[int] = frozenset()
 
     @property
     def objects(self) -> frozenset[int]:
@@ -131,7 +133,9 @@ def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
             clauses.append(clause)
     rows = builder.rows_read([*narrowing, *pairs])
     low, high = builder.box(narrowing)
-    return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands)
+    return Graph(
+        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switched()
+    )
 
 
 def touched(problem: Problem) -> dict[int, frozenset[int]]:
@@ -257,7 +261,7 @@ class _Builder:
         node = self._core.nodes[clause.node]
         if not isinstance(node, Junction) or len(clause.objects) < 2:
             return None
-        if self._stands(clause):  # it is drawn so that one way holds
+        if self._of_surfaces(clause):
             return None
         ways = []
         for arg in flat(self._core, clause.node):
@@ -267,14 +271,25 @@ class _Builder:
             return None
         return Choice(clause, tuple(self._possible(ways) or ways), clause.objects)
 
-    def _stands(self, clause: Clause) -> bool:
-        """Whether a disjunction says that an object stands on one of its surfaces: each way reads its switch and where
-        it is."""
+    def _of_surfaces(self, clause: Clause) -> bool:
+        """Whether a disjunction says on which surface an object stands, or what keeps two bodies clear of each other
+        on each: the object is drawn so that the one holds, and so few bodies are scored as a whole."""
+        reads = self._reads[clause.node]
+        if not any(reads >> switch & 1 for switch in self._switches):
+            return False
+        bodies = {owner(row) for row in members(reads) if row not in self._switches}
+        if len(bodies) <= LOCAL:
+            return True
         ways = [self._reads[arg] for arg in flat(self._core, clause.node)]
         return any(
             all(way >> switch & 1 and way >> row_of(thing, X) & 1 for way in ways)
             for switch, thing in self._switches.items()
         )
+
+    def switched(self) -> frozenset[int]:
+        """The nodes that read the switch of something that stands."""
+        bits = sum(1 << switch for switch in self._switches)
+        return frozenset(node for node, reads in enumerate(self._reads) if reads & bits)
 
     def _possible(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""

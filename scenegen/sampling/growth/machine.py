@@ -36,7 +36,8 @@ class Machine:
     outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
-    finds them out. `standing` are the places of what stands. `furthest` is how many objects have been placed at once."""
+    finds them out. `standing` are the places of what stands. `furthest` is how many objects have been placed at
+    once."""
 
     problem: Problem
     graph: Graph
@@ -72,7 +73,9 @@ class Machine:
         clauses = touch.in_force(stage)
         key = thing, len(clauses)
         if key not in self.rooms:
-            self.rooms[key] = make_room(self.problem, touch, clauses)
+            # what others stand on, and how high: little comes of contracting that, at a high price
+            narrowing = [one for one in clauses if one.node not in self.graph.switched]
+            self.rooms[key] = make_room(self.problem, touch, narrowing)
         return self.rooms[key]
 
     def leave_whole(self, thing: int, stage: int) -> None:

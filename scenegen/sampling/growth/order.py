@@ -29,7 +29,8 @@ def insertion_order(graph: Graph, last: Collection[int] = ()) -> tuple[tuple[int
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
     and moves together with it. Deterministic: ties go by size, then by place in the spec.
     """
-    near = _neighbours(graph, [clause.objects for clause in graph.clauses])
+    # what stands on a surface moves with what carries it by moves of its own: see hop.py
+    near = _neighbours(graph, [clause.objects for clause in graph.clauses if clause.node not in graph.switched])
     groups = [clause.objects for clause in graph.clauses] + [choice.objects for choice in graph.choices]
     linked = _neighbours(graph, groups)
     size = _sizes(graph)

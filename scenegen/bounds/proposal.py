@@ -19,8 +19,10 @@ from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_a
 from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.bounds.grid import Grid, make_grid
 from scenegen.bounds.order import Order, make_order
+from scenegen.bounds.standing import Stand, Step, steps_for
 from scenegen.bounds.tape import Tape
 from scenegen.lang.core import Coord, Junction
+from scenegen.pose import PLACE, row_of
 
 Array = npt.NDArray[np.float64]
 
@@ -53,6 +55,7 @@ class Proposal:
     hangs: tuple[Hang, ...]
     loose: tuple[int, ...]
     log_volume: float
+    steps: tuple[Step, ...] = ()  # what stands on something, drawn after what carries it
 
     def draw(self, out: Array, rng: np.random.Generator) -> npt.NDArray[np.bool_] | None:
         """Fill `out` (3N, m) with scenes; returns which of them lie in the box, None for all."""
@@ -78,8 +81,11 @@ class Proposal:
         for hang in self.hangs:
             value, row = points[hang.grid][hang.position], out[hang.child]
             (np.add if hang.sign > 0.0 else np.subtract)(out[hang.parent], value, out=row)
+        for step in self.steps:
+            step.draw(out, rng)
+        standing = (row_of(step.thing, axis) for step in self.steps for axis in PLACE)
         inside: npt.NDArray[np.bool_] | None = None
-        for child in (*(hang.child for hang in self.hangs), *self.loose):
+        for child in (*(hang.child for hang in self.hangs), *self.loose, *standing):
             held = (out[child] >= self.lowest[child]) & (out[child] <= self.highest[child])
             inside = held if inside is None else np.logical_and(inside, held, out=inside)
         return inside
@@ -96,20 +102,33 @@ def propose(
     relative: bool,
     budget: int,
     effort: Effort,
+    stands: Collection[Stand] = (),
 ) -> Proposal | None:
     """The proposal for one contracted box lo, hi (T,). None where a cover comes out empty: there is no solution.
 
     `pending` are the demands that the box leaves open; those whose core node is in `coupling` are worth a grid.
-    `relative`: objects that they couple hang from one another. Raises what `effort` raises.
+    `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
+    to nothing else. Raises what `effort` raises.
     """
-    mine = [one for one in pending if one.core in coupling and not isinstance(tape.nodes[one.node], Junction)]
+    steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
+    if steps is None:
+        return None
+    taken = {row for step in steps for row in step.rows}
+    placed = {tape.rows[row] for row in taken if row in tape.rows}
+    placed.update(node for node, pair in tape.differences.items() if steps and not taken.isdisjoint(pair))
+    mine = [
+        one
+        for one in pending
+        if one.core in coupling
+        and not isinstance(tape.nodes[one.node], Junction)
+        and (not steps or placed.isdisjoint(one.support))
+    ]
     forest = make_forest(tape, lo, hi, mine) if relative else Forest()
     groups = groups_of(tape, forest, mine, effort)
     grids: list[Grid] = []
     rows_of: list[tuple[int, ...]] = []
     slot: dict[int, tuple[int, int]] = {}
-    taken: set[int] = set()
-    log_volume = 0.0
+    log_volume = sum(step.log_volume for step in steps)
     for dims in groups:
         names = sorted(dims)
         few = len(names) <= MOST_DIMS
@@ -173,6 +192,7 @@ def propose(
         tuple(hangs),
         tuple(loose),
         log_volume,
+        steps,
     )
 
 

@@ -19,6 +19,7 @@ from scenegen.bounds.coupling import Open, open_nodes
 from scenegen.bounds.effort import PYTHON, Effort, scoring
 from scenegen.bounds.proposal import Proposal, propose
 from scenegen.bounds.requirements import Ends, alternatives, push_down
+from scenegen.bounds.standing import Stand
 from scenegen.bounds.tape import Tape, make_tape
 from scenegen.lang.core import Core, Junction
 from scenegen.lang.interpret import evaluate
@@ -108,12 +109,13 @@ def prune(
     effort: Effort | None = None,
     enough: float = math.inf,
     least: float | None = None,
+    stands: Collection[Stand] = (),
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
     `enough` is the work that its scenes would take if all that is drawn were kept. A cover from which they take less
     work than it has taken itself, where that is `least` (by default SPENT) or more, is good enough, too; with 0 any
-    cover of so much work.
+    cover of so much work. `stands` are drawn on their surfaces; that they are on them must be part of what is wanted.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
     Raises what `effort` raises: half a cover is none.
@@ -121,7 +123,7 @@ def prune(
     effort = Effort() if effort is None else effort
     tape = make_tape(core, lowest, highest, effort) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-    search = _Search(core, tape, lowest, highest, wanted, rng, effort)
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
     begun, least = effort.used, SPENT if least is None else least
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
@@ -148,10 +150,11 @@ def box_cover(
     seed: Sequence[int],
     tape: Tape,
     effort: Effort,
+    stands: Collection[Stand] = (),
 ) -> Cover:
     """A cover as `prune` makes it, of one part: the box that contraction leaves, neither split nor coupled."""
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-    search = _Search(core, tape, lowest, highest, wanted, rng, effort)
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
     parts = search.open_up([(push_down(core, wanted), ())], couple=False)
     return _whole(parts, lowest, highest)
 
@@ -181,6 +184,7 @@ class _Search:
     wanted: Mapping[int, Ends]
     rng: np.random.Generator
     effort: Effort
+    stands: Collection[Stand] = ()
 
     def open_up(
         self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]], *, couple: bool = True
@@ -262,6 +266,7 @@ class _Search:
             relative,
             budget,
             self.effort,
+            self.stands,
         )
 
     def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:

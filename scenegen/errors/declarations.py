@@ -86,7 +86,7 @@ MEASURED_TOO_EARLY = Kind(
     "measured-too-early",
     "a declaration cannot measure objects",
     "the shapes of objects are not known yet",
-    "write numbers and constants here",
+    ("{instead}", "write numbers and constants here"),
 )
 PLACE_OUTSIDE_WORKSPACE = Kind(
     "place-outside-workspace",

@@ -117,6 +117,8 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         name = words.pop(next((place for place, one in enumerate(words) if re.search(r"[A-Z]", one[1:])), 1))
         first, second = words
         instead = between(name, first, second, declared=re.match(r"\s*object\b", line) is not None)
+        if word == "or" and re.search(rf"\bon[ \t]+{previous}[ \t]*$", line):
+            instead = f"write on any of [{first}, {second}]"
         return INFIX_RELATION(here, name=name, first=first, second=second, instead=instead)
     if re.fullmatch(r"\s*", line[: before.start()]) and re.match(r"\s*\(", text[here.end :]) and not depth:
         return MISSING_LABEL_COLON(here, name=previous, formula=f"{word}(...)")

@@ -47,7 +47,8 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
     if any(isinstance(value, AnyValue) for value in values):
         return AnyValue(origin=origin)
     if lowering.heights is None:
-        raise lowering.error(MEASURED_TOO_EARLY, node, frame)
+        named = "name the surfaces: on any of [a, b]" if name == "surfaces" else None
+        raise lowering.error(MEASURED_TOO_EARLY, node, frame, instead=named)
     value = values[0]
     if isinstance(value, ObjectValue) and value.index >= FIRST:
         raise Depends

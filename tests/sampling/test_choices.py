@@ -108,7 +108,7 @@ def test_a_stream_has_the_same_scenes(scenes, tmp_path):
 @pytest.mark.long
 def test_a_fixed_object_keeps_its_choice(scenes):
     spec, _ = scenes
-    held = scenegen.sample(spec, {"task": (0.0, None)}, 30, fix={"can[1]": (0.7, 0.2)}, workers=1)
+    held = scenegen.sample(spec, {"task": (0.0, None)}, 150, fix={"can[1]": (0.7, 0.2)}, workers=1)
     assert (held.poses[:, 1, :2] == (0.7, 0.2)).all() and set(held.on[:, 0]) >= {2.0, 3.0}
 
 

@@ -29,9 +29,9 @@ def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
     if not touch.ways:
         return
     index = list(touch.ways)[int(rng.integers(len(touch.ways)))]
-    placed = set(particles.placed)
+    placed, switched = set(particles.placed), machine.graph.switched  # heights say little of where things are
     asked = [
-        tuple(one for one in clauses if thing in one.objects and one.objects <= placed)
+        tuple(one for one in clauses if thing in one.objects and one.objects <= placed and one.node not in switched)
         for clauses in (machine.graph.choices[index].ways[number].clauses for number in touch.ways[index])
     ]
     branches = [clauses for clauses in asked if clauses]

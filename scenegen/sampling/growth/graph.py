@@ -15,15 +15,17 @@ The ends of a clause depend on the cell of the range that a scene is for.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS, contract, start
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
+from scenegen.bounds.standing import Stand, stands_of
 from scenegen.lang.core import REQUIRE, Apply, Const, Coord, Core, Junction, Node
-from scenegen.pose import FLAT, PLACE, owner, row_of
+from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.primitives import Footprint
 from scenegen.primitives.footprint import POINT
 from scenegen.sampling.growth.reading import flat, members, needed, offset_of, read_by
@@ -31,6 +33,7 @@ from scenegen.sampling.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
+NONE: Mapping[int, Stand] = MappingProxyType({})
 LOCAL = 2  # objects up to which a disjunction is evaluated as a whole if each of its ways touches them all
 
 
@@ -81,7 +84,9 @@ class Choice:
 @dataclass(frozen=True, slots=True, eq=False)
 class Graph:
     """`rows` are the rows of (3N, B) storage that any clause reads and that are free: all others are independent of
-    everything and uniform. `low`, `high` (3N, C) is the box that contraction leaves to each cell."""
+    everything and uniform. `low`, `high` (3N, C) is the box that contraction leaves to each cell. `stands` are the
+    objects that are placed on their surfaces, each with its switch: these count as one object; `switched` are the
+    nodes that read such a switch."""
 
     core: Core
     clauses: tuple[Clause, ...]
@@ -90,16 +95,25 @@ class Graph:
     rows: frozenset[int]
     low: Array
     high: Array
+    stands: Mapping[int, Stand] = field(default_factory=dict)
+    switched: frozenset[int] = frozenset()
 
     @property
     def objects(self) -> frozenset[int]:
         """The free objects that phi depends on."""
-        return frozenset(owner(row) for row in self.rows)
+        switches = {stand.switch for stand in self.stands.values()}
+        return frozenset(owner(row) for row in self.rows if row not in switches)
+
+    def rows_of(self, thing: int) -> tuple[int, ...]:
+        """The free rows of an object that some clause reads, the switch of what stands first."""
+        switch = self.stands[thing].switch if thing in self.stands else None
+        return (*(() if switch is None else (switch,)), *(row for row in rows_of(thing) if row in self.rows))
 
 
 def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
     """The factor graph of a request, its box contracted in so many rounds."""
-    builder = _Builder(problem, rounds)
+    stands = {one.thing: one for one in stands_of(problem.spec, problem.lowest, problem.highest)}
+    builder = _Builder(problem, rounds, stands)
     clauses: list[Clause] = []
     pairs: list[Pair] = []
     choices: list[Choice] = []
@@ -119,7 +133,9 @@ def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
             clauses.append(clause)
     rows = builder.rows_read([*narrowing, *pairs])
     low, high = builder.box(narrowing)
-    return Graph(problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high)
+    return Graph(
+        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switched()
+    )
 
 
 def touched(problem: Problem) -> dict[int, frozenset[int]]:
@@ -145,8 +161,9 @@ def components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
 
 
 class _Builder:
-    def __init__(self, problem: Problem, rounds: int = ROUNDS) -> None:
+    def __init__(self, problem: Problem, rounds: int = ROUNDS, stands: Mapping[int, Stand] = NONE) -> None:
         self._problem, self._core, self._rounds = problem, problem.core, rounds
+        self._switches = {one.switch: thing for thing, one in stands.items() if one.switch is not None}
         free = problem.lowest < problem.highest
         self._reads: list[int] = []  # bit r of entry i: node i reads row r, and row r is free
         for node in self._core.nodes:
@@ -187,7 +204,7 @@ class _Builder:
         return [Clause(node, self._objects(node), low, high) for node, (low, high) in demands.items()]
 
     def _objects(self, node: int) -> frozenset[int]:
-        return frozenset(owner(row) for row in members(self._reads[node]))
+        return frozenset(self._switches.get(row, owner(row)) for row in members(self._reads[node]))
 
     def rows_read(self, clauses: Iterable[Clause | Pair]) -> frozenset[int]:
         """The free rows that some clause reads."""
@@ -244,6 +261,8 @@ class _Builder:
         node = self._core.nodes[clause.node]
         if not isinstance(node, Junction) or len(clause.objects) < 2:
             return None
+        if self._of_surfaces(clause):
+            return None
         ways = []
         for arg in flat(self._core, clause.node):
             whole = Clause(arg, self._objects(arg), clause.low, clause.high)
@@ -251,6 +270,26 @@ class _Builder:
         if len(clause.objects) <= LOCAL and all(way.whole.objects == clause.objects for way in ways):
             return None
         return Choice(clause, tuple(self._possible(ways) or ways), clause.objects)
+
+    def _of_surfaces(self, clause: Clause) -> bool:
+        """Whether a disjunction says on which surface an object stands, or what keeps two bodies clear of each other
+        on each: the object is drawn so that the one holds, and so few bodies are scored as a whole."""
+        reads = self._reads[clause.node]
+        if not any(reads >> switch & 1 for switch in self._switches):
+            return False
+        bodies = {owner(row) for row in members(reads) if row not in self._switches}
+        if len(bodies) <= LOCAL:
+            return True
+        ways = [self._reads[arg] for arg in flat(self._core, clause.node)]
+        return any(
+            all(way >> switch & 1 and way >> row_of(thing, X) & 1 for way in ways)
+            for switch, thing in self._switches.items()
+        )
+
+    def switched(self) -> frozenset[int]:
+        """The nodes that read the switch of something that stands."""
+        bits = sum(1 << switch for switch in self._switches)
+        return frozenset(node for node, reads in enumerate(self._reads) if reads & bits)
 
     def _possible(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""

@@ -97,6 +97,8 @@ def _bring(
             row = row_of(rider, axis)
             if row in rows:
                 new[row] = np.where(along, value, scenes[row])
+    touch = particles.machine.touch
+    things = tuple(thing for thing in things if thing in touch)  # a switch can be a part of its object
     good = attempt(particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed)
     if tally is not None:
         tally.note(kind, len(good), int(good.sum()))

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import FLAT, axis_of, row_of
+from scenegen.pose import FLAT, axis_of, owner, row_of
 from scenegen.sampling.growth.aim import New, aimed, chances_of, look_out, newly
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Boxes
+from scenegen.sampling.growth.stand import Places
 
 Array = npt.NDArray[np.float64]
 
@@ -45,7 +46,8 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
         machine.leave_whole(thing, stage)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     new = newly(machine, stage)
-    boxes = aimed(particles, boxes, new, stage)
+    if isinstance(boxes, Boxes):  # what stands is drawn on its surfaces, whatever its choices ask
+        boxes = aimed(particles, boxes, new, stage)
     rows = machine.touch[thing].rows
     count = particles.count
     total = np.zeros(count)
@@ -72,7 +74,9 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
     return Placed(total / tries * factor, hits, attracted, tries * count)
 
 
-def _score(particles: Particles, boxes: Boxes, poses: Array, new: Sequence[New], stage: int) -> tuple[Array, int]:
+def _score(
+    particles: Particles, boxes: Boxes | Places, poses: Array, new: Sequence[New], stage: int
+) -> tuple[Array, int]:
     """What each pose (R, M, P) of the stage's object counts, (M, P): 0 where a clause is not met, else the chance that
     choices are met which it touches, over the density with which it was drawn; and how many meet all clauses but the
     pairs."""
@@ -86,7 +90,7 @@ def _score(particles: Particles, boxes: Boxes, poses: Array, new: Sequence[New],
     return value, attracted
 
 
-def scored(particles: Particles, boxes: Boxes, poses: Array, thing: int, stage: int) -> tuple[Array, int]:
+def scored(particles: Particles, boxes: Boxes | Places, poses: Array, thing: int, stage: int) -> tuple[Array, int]:
     """What each pose (R, M, P) of an object counts, choices apart, (M, P): 0 where a clause over it and objects placed
     by a stage is not met, else one over the density with which it was drawn; and how many meet all but the pairs."""
     machine, cell = particles.machine, particles.cell
@@ -110,7 +114,7 @@ def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_],
     """Take out of `good` (M, P) the poses (R, M, P) of an object that are too near to something."""
     machine, cell, scenes = particles.machine, particles.cell, particles.scenes
     touch = machine.touch[thing]
-    place = {axis_of(row): values for row, values in zip(touch.rows, poses, strict=True)}
+    place = {axis_of(row): values for row, values in zip(touch.rows, poses, strict=True) if owner(row) == thing}
     if good.mean() > MANY:  # most are to be looked at: try by try, the scenes are read where they are
         machine.count(6 * stage, good.size)
         for which, mine in enumerate(good):

@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS
 from scenegen.bounds.effort import StoppedError, TooMuchError
-from scenegen.pose import TWO_PI, axis_of, is_angle
+from scenegen.pose import TWO_PI, axis_of, is_angle, owner
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.implied import strengthened
 from scenegen.sampling.growth.order import insertion_order
 from scenegen.sampling.growth.outlook import outlooks
 from scenegen.sampling.growth.room import Room, make_room
+from scenegen.sampling.growth.stand import Standing, make_standing
 from scenegen.sampling.growth.touch import Touch, touches
 from scenegen.sampling.growth.values import Values, make_values
 from scenegen.sampling.problem import Problem
@@ -35,7 +36,8 @@ class Machine:
     outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
-    finds them out. `furthest` is how many objects have been placed at once."""
+    finds them out. `standing` are the places of what stands. `furthest` is how many objects have been placed at
+    once."""
 
     problem: Problem
     graph: Graph
@@ -50,6 +52,7 @@ class Machine:
     evaluators: dict[object, Values] = field(default_factory=dict)
     notes: dict[object, Any] = field(default_factory=dict)
     rooms: dict[object, Room] = field(default_factory=dict)
+    standing: Mapping[int, Standing] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
     work: float = 0.0
     deadline: float = math.inf
@@ -60,15 +63,19 @@ class Machine:
     def cells(self) -> int:
         return self.problem.cells.count
 
-    def room(self, thing: int, stage: int) -> Room:
-        """The room of an object under the clauses in force at a stage."""
+    def room(self, thing: int, stage: int) -> Room | Standing:
+        """The room of an object under the clauses in force at a stage; of what stands, its surfaces."""
+        if thing in self.standing:
+            return self.standing[thing]
         touch = self.touch[thing]
         if thing in self.whole:
             return make_room(self.problem, touch, ())
         clauses = touch.in_force(stage)
         key = thing, len(clauses)
         if key not in self.rooms:
-            self.rooms[key] = make_room(self.problem, touch, clauses)
+            # what others stand on, and how high: little comes of contracting that, at a high price
+            narrowing = [one for one in clauses if one.node not in self.graph.switched]
+            self.rooms[key] = make_room(self.problem, touch, narrowing)
         return self.rooms[key]
 
     def leave_whole(self, thing: int, stage: int) -> None:
@@ -126,7 +133,16 @@ def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROU
     roots = [thing for thing in order if thing not in parent]
     kin = _kin(touch, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1])
     mixed = _mixed(touch)
-    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, outlooks(problem, graph, at))
+    at |= {
+        owner(one.switch): at[thing] for thing, one in graph.stands.items() if one.switch is not None and thing in at
+    }
+    standing = {
+        thing: found
+        for thing, one in graph.stands.items()
+        if thing in touch and (found := make_standing(one, touch[thing])) is not None
+    }
+    seen = outlooks(problem, graph, at)
+    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing)
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import PLACE, THETA, X, Y, axis_of, row_of
+from scenegen.pose import PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.attempt import attempt
 from scenegen.sampling.growth.choose import cluster, jump
 from scenegen.sampling.growth.hop import carry, hop, ready
@@ -68,6 +68,7 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
     taken = 0.0
     hopping = [one for one in hops(machine) if settings.makes("hop") and ready(particles, one)]
     hoppers = {one.thing for one in hopping if one.choice is not None}  # a hop redraws them, and needs no contraction
+    hoppers -= machine.graph.stands.keys()
     turns = rng.permutation(len(placed))[:most]
     for place in turns:
         thing = placed[place]
@@ -84,7 +85,7 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
         often, tries = settings.relocations.get(thing, (REDRAWS, TRIES))
         if len(group) > 1 and settings.makes("relocate") and rng.random() < often:
             relocate(particles, group, tries, tally)
-        if settings.makes("jump") and rng.random() < settings.jumps:
+        if settings.makes("jump") and thing not in machine.graph.stands and rng.random() < settings.jumps:
             jump(particles, thing, tally)
     if settings.makes("cluster"):
         for _ in range(CLUSTERS):
@@ -112,7 +113,7 @@ def sweep(particles: Particles, settings: Settings, tally: Tally | None = None, 
 
 def _walk(particles: Particles, thing: int, settings: Settings, tally: Tally | None) -> float:
     machine, rng = particles.machine, particles.rng
-    rows = list(machine.touch[thing].rows)
+    rows = [row for row in machine.touch[thing].rows if owner(row) == thing]  # its switch is left to hops
     if len(rows) == 3:  # place and heading together, or one of them
         which = rng.integers(4)
         rows = rows if which < 2 else rows[:2] if which == 2 else rows[2:]
@@ -184,7 +185,7 @@ def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Set
     factor = 0.5 * 2.0 ** -(FINEST * rng.random())
     new = {}
     touch = particles.machine.touch
-    rows = [[row for one in group for row in touch[one].rows if axis_of(row) == axis] for axis in PLACE]
+    rows = [[row for one in group for row in touch[one].rows if row == row_of(one, axis)] for axis in PLACE]
     for along in rows:
         if along:
             width = float((particles.machine.problem.highest - particles.machine.problem.lowest)[along].min())

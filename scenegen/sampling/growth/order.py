@@ -29,20 +29,26 @@ def insertion_order(graph: Graph, last: Collection[int] = ()) -> tuple[tuple[int
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
     and moves together with it. Deterministic: ties go by size, then by place in the spec.
     """
-    near = _neighbours(graph, [clause.objects for clause in graph.clauses])
+    # what stands on a surface moves with what carries it by moves of its own: see hop.py
+    near = _neighbours(graph, [clause.objects for clause in graph.clauses if clause.node not in graph.switched])
     groups = [clause.objects for clause in graph.clauses] + [choice.objects for choice in graph.choices]
     linked = _neighbours(graph, groups)
     size = _sizes(graph)
     room = _log_room(graph)
     for thing, share in _log_share(graph).items():
         room[thing] += share
-    left = set(graph.objects)
+    left, none = set(graph.objects), frozenset[int]()
+    waits = {  # what stands is placed on what carries it
+        thing: {one.carrier for one in stand.options if one.carrier is not None}
+        for thing, stand in graph.stands.items()
+    }
     order: list[int] = []
     parent: dict[int, int] = {}
     depth: dict[int, int] = {}
     while left:
         # the neighbours of what was placed last come first: a group is finished before the next one begins
-        now = left.difference(last) or left
+        ready = {thing for thing in left if waits.get(thing, none).isdisjoint(left)}
+        now = ready.difference(last) or ready
         held = [thing for thing in now if linked[thing] & depth.keys()]
         pool = held or sorted(now)
 

@@ -82,7 +82,7 @@ class Particles:
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
         if len(index) == self.count:
-            rows = [row for thing in self.placed for row in rows_of(thing)]
+            rows = [row for thing in self.placed for row in {*rows_of(thing), *self.machine.touch[thing].rows}]
             self.scenes[rows] = self.scenes[rows][:, index]
         else:
             self.scenes = self.scenes[:, index]

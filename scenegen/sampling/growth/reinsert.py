@@ -18,6 +18,7 @@ from scenegen.sampling.growth.insert import NUMBERS, scored
 from scenegen.sampling.growth.outlook import chance
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Room
+from scenegen.sampling.growth.stand import Standing
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.growth.ways import held_of_all
 
@@ -26,7 +27,7 @@ Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 
-def reinsert(particles: Particles, thing: int, room: Room, tries: int, tally: Tally | None) -> None:
+def reinsert(particles: Particles, thing: int, room: Room | Standing, tries: int, tally: Tally | None) -> None:
     """Move one object to one of `tries` poses in its room."""
     machine, rng, stage = particles.machine, particles.rng, particles.stage
     rows = list(machine.touch[thing].rows)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import FLAT, along, rows_of
+from scenegen.pose import FLAT, along
 from scenegen.primitives import Footprint
 from scenegen.primitives.footprint import Circle
 from scenegen.primitives.outline import measures
@@ -52,9 +52,9 @@ class Layer:
 
 @dataclass(slots=True, eq=False)
 class Touch:
-    """All that touches object `thing`. `rows` are its rows that some clause reads, `shapes` its footprints in pairs;
-    `ways[c]` the ways of choice c that touch it. `cache` holds evaluators by the number of clauses that they are
-    for."""
+    """All that touches object `thing`. `rows` are its rows that some clause reads, the switch of what stands first;
+    `shapes` are its footprints in pairs, `ways[c]` the ways of choice c that touch it. `cache` holds evaluators by the
+    number of clauses that they are for."""
 
     thing: int
     rows: tuple[int, ...]
@@ -209,7 +209,7 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
         mine = sorted(clauses[thing], key=lambda one: (stage(one.objects), one.node))
         found[thing] = Touch(
             thing,
-            tuple(row for row in rows_of(thing) if row in graph.rows),
+            graph.rows_of(thing),
             graph,
             tuple(mine),
             tuple(stage(one.objects) for one in mine),

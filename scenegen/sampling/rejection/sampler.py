@@ -17,6 +17,7 @@ import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
 from scenegen.bounds.prune import Cover, box_cover
+from scenegen.bounds.standing import stands_of
 from scenegen.bounds.worlds import chooses
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE
@@ -234,8 +235,9 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     fewer candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
     seed, effort = problem.request.seed, effort_of(budget, LOOK)
     try:
+        stands = stands_of(problem.spec, problem.lowest, problem.highest)
         cover = box_cover(
-            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort
+            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort, stands
         )
         if not cover.parts:
             raise RequestError(impossible(problem, effort_of(budget)))

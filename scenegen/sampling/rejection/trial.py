@@ -10,6 +10,7 @@ import numpy as np
 
 from scenegen.bounds.effort import Effort, StoppedError, per_scene
 from scenegen.bounds.prune import Cover, prune
+from scenegen.bounds.standing import stands_of
 from scenegen.bounds.worlds import chooses
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
@@ -114,4 +115,7 @@ def make_cover(
     least: float | None = None,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
-    return prune(problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least)
+    stands = stands_of(problem.spec, problem.lowest, problem.highest)
+    return prune(
+        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, stands
+    )

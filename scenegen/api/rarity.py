@@ -38,6 +38,8 @@ ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 CURVE = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
 HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
 SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
+CROWDED = 0.5  # unless so much of what is satisfied lies there, as where a body rests on another: then all of it,
+BEYOND = 1.02  # and a little more, for rounding
 MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
 
 Ends = tuple[float, float]
@@ -193,7 +195,7 @@ def _measure(
     the requirement."""
     checked = spec.checked
     lowest, highest = checked.box()
-    if vast(checked.core, lowest, highest, labels):
+    if vast(checked, labels):
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
@@ -284,7 +286,8 @@ def _bands(reach: Reach) -> list[Band]:
         ("easy" if top[0] >= 0.0 else "easier", *top),
     ]
     if high > 0.0:
-        found.append(("satisfied", max(0.0, low), SATISFIED * high))
+        crowded = _share(reach.up(SATISFIED * high)) >= CROWDED * _share(reach.up(max(0.0, low)))
+        found.append(("satisfied", max(0.0, low), (BEYOND if crowded else SATISFIED) * high))
     bands = []
     for name, least, most in found:
         if not least < most:
@@ -301,9 +304,10 @@ def _bands(reach: Reach) -> list[Band]:
 def _between(reach: Reach, low: float, high: float) -> float:
     """P(low <= phi <= high), from the tail that is the smaller one."""
 
-    def share(estimate: Estimate | None) -> float:
-        return 0.0 if estimate is None else 10.0**estimate.log10
-
-    up = share(reach.up(low)), share(reach.up(high))
-    down = share(reach.down(low)), share(reach.down(high))
+    up = _share(reach.up(low)), _share(reach.up(high))
+    down = _share(reach.down(low)), _share(reach.down(high))
     return up[0] - up[1] if up[0] <= down[1] else down[1] - down[0]
+
+
+def _share(estimate: Estimate | None) -> float:
+    return 0.0 if estimate is None else 10.0**estimate.log10

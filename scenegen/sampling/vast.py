@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.bounds.requirements import push_down
-from scenegen.lang.core import REQUIRE, Core, Junction, gated, part
+from scenegen.lang.core import REQUIRE, Junction, gated, part
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import cut
 from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
@@ -44,13 +44,17 @@ REACHED = 16  # scenes that reach the next level
 EFFORT = 5e8  # visits of formula nodes by all tails together: about 5 s
 FIRST = 4e9  # the same for the scenes with which all tails begin
 FEWEST = 2  # runs of a tail that are afforded, if they take no more than the scenes that it begins with
+SATISFIED = 1e9  # visits of nodes for a run restricted to phi >= 0, where a tail's effort is too small for it
 GAP = 0.5  # share of a tail's effort after which a run is restricted to phi >= 0, if that was not reached
 WAYS = 64  # maximum alternatives of a disjunction to which growth can be restricted
 
 
-def vast(core: Core, lowest: Array, highest: Array, labels: Sequence[str]) -> bool:
-    """Whether to use growth instead of splitting: for many objects, or if phi takes long to compute."""
-    core = gated(core)
+def vast(spec: CheckedSpec, labels: Sequence[str]) -> bool:
+    """Whether to use growth instead of splitting: for many objects, where some choose among surfaces, which chains
+    hardly ever change, or if phi takes long to compute."""
+    if spec.choices:
+        return True
+    core, (lowest, highest) = gated(spec.core), spec.box()
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
         one = part(core, (label, *gate))
@@ -120,6 +124,7 @@ class _Run:
         self.end = float(values.max())
         self.middle = float(np.median(values[np.isfinite(values)])) if np.isfinite(self.end) else self.end
         self.whole = False
+        self.held = False  # whether a run was restricted to phi >= 0
 
     def tail(self) -> Tail:
         levels = np.array([stage.level for stage in self.stages])
@@ -148,8 +153,10 @@ class _Run:
             quick = self.work + self._each() <= GAP * effort
             going = quick and level is not None and self._hold(level, effort)
             if not going and (self.work > effort or not self._hold(0.0, effort)):
-                return
+                break
             far = not self._tells(0.0)
+        if far and not self.held:  # what satisfies a label is what people ask for: it is worth more than a tail
+            self._hold(0.0, 0.5 * (self.work + SATISFIED))
 
     def _tells(self, phi: float) -> bool:
         """Whether the last run found enough scenes beyond a value of phi."""
@@ -174,6 +181,7 @@ class _Run:
     def _hold(self, level: float, effort: float) -> bool:
         """A run restricted to sign * phi >= level; False if it found nothing, or if the tail took twice its effort."""
         self.runs += 1
+        self.held |= level == 0.0
         ends = Range(level, None) if self.sign > 0 else Range(None, -level)
         problem = _held(self.base, self.label, ends)
         try:

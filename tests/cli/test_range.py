@@ -105,6 +105,7 @@ def test_what_is_very_rare_is_offered_even_where_it_cannot_be_counted(told, repo
     if not told:
         monkeypatch.setattr("scenegen.sampling.vast.EFFORT", 0.0)
         monkeypatch.setattr("scenegen.sampling.vast.FEWEST", -1)
+        monkeypatch.setattr("scenegen.sampling.vast.SATISFIED", 0.0)
     (here / "rare.spec").write_text(RARE)
     out = report("rare.spec").out
     share = "1 scene in 10^10" if told else "so few scenes that their share cannot be told"

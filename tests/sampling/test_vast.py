@@ -104,10 +104,34 @@ def test_who_takes_whose_place():
     large = check_text(
         "object block[20] = box(0.06, 0.06, 0.05)\nrequire noOverlap()\ntask: leftOf(block[1], block[2])"
     )
-    assert vast(large.core, *large.box(), large.labels)
+    assert vast(large, large.labels)
     for name in ("dinner_for_two", "table_setting", "office_desk", "sort_7"):
         spec = check_text(shipped_specs()[name].read_text(), name)
-        assert not vast(spec.core, *spec.box(), spec.labels)
+        assert not vast(spec, spec.labels)
+
+
+def test_who_chooses_surfaces_is_grown():
+    """Chains hardly ever change surfaces."""
+    text = "region near = rect(0, 0, 1, 0.4)\nregion far = rect(0, 0.6, 1, 1)\n"
+    text += "object can on any of [near, far], cup\ntask: leftOf(can, cup)"
+    chosen, plain = check_text(text), check_text(text.replace("any of [near, far]", "far"))
+    assert vast(chosen, chosen.labels)
+    assert not vast(plain, plain.labels)
+
+
+@pytest.mark.long
+def test_what_is_satisfied_is_told_however_little_the_tail_may_take(monkeypatch):
+    """P(phi >= 0) is (pi 0.02^2 * 0.02)^3, less what lies beyond the border; a single run level by level, which is
+    all that the effort allows, stays far away."""
+    monkeypatch.setattr(module, "EFFORT", 0.0)
+    monkeypatch.setattr(module, "FEWEST", 1)
+    close = " & ".join(
+        f"dist(a[{k}], b[{k}]) <= 2 cm & abs(wrap(theta(a[{k}]) - theta(b[{k}]))) <= 3.6 deg" for k in (1, 2, 3)
+    )
+    spec = check_text(f"object a[3], b[3]\ntask: {close}")
+    at_zero = measure_vast(spec, spec.labels, up_only=True).reaches["task"].up(0.0)
+    truth = 3.0 * math.log10(math.pi * 0.02**2 * 0.02)
+    assert at_zero is not None and abs(at_zero.log10 - truth) < SURE * at_zero.error + 0.03
 
 
 @pytest.mark.long

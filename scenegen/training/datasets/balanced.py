@@ -8,6 +8,7 @@ solved: of experiment 2's range [-2.94, 0.1] that is a fifteenth, and the part t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sized
 from dataclasses import replace
 
@@ -15,11 +16,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine.run import BESIDE, in_memory
 from scenegen.engine.stream import Progress
 from scenegen.errors import RequestError
 from scenegen.errors.models import NOTHING_TO_LEARN, RARE_SCENES, TOO_FEW_BALANCED
-from scenegen.errors.requests import REQUIREMENT_NOT_FOUND
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.examples import EVERY
 from scenegen.sampling.auto import choose
@@ -27,7 +28,8 @@ from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
-from scenegen.sampling.tails import OutOfReach
+from scenegen.sampling.tails import Rarity
+from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled
 from scenegen.training.datasets.gathering import Gathering
 
@@ -55,7 +57,7 @@ def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator, gatheri
     seed = int(torch.randint(2**62, (), generator=generator))
     gathering = gathering or Gathering()
     gathering.begin("measuring the range of phi")
-    whole = reach(spec, seed, gathering.check)
+    whole = reach(spec, seed, gathering.check, gathering.until)
     parts = [(place, ranges) for place, (label, ends) in enumerate(whole.items()) for ranges in _halves({label: ends})]
     share = round(_joint_share(whole) * scenes)
     wanted = scenes - share + POOL * share
@@ -141,13 +143,12 @@ def _halves(ends: dict[str, Ends]) -> list[Ranges]:
     return [{label: Range(*both) for label, both in part.items()} for part in ([ends, middles] if narrow else [ends])]
 
 
-def reach(spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None) -> dict[str, Ends]:
-    """The range of phi of each label that scenes were found to have; `check` is called now and then. Raises
-    RequestError."""
-    lowest, highest = spec.box()
-    found = measure(spec.core, lowest, highest, spec.labels, seed, check)
-    if isinstance(found, OutOfReach):
-        raise RequestError(REQUIREMENT_NOT_FOUND())
+def reach(
+    spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None, deadline: float = math.inf
+) -> dict[str, Ends]:
+    """The range of phi of each label that scenes were found to have; `check` is called now and then, and must raise
+    after the `deadline`, by the monotonic clock. Raises RequestError."""
+    found = _measured(spec, seed, check, deadline)
     ends = {}
     for label, one in found.reaches.items():
         low, high = one.down.end, one.up.end
@@ -159,6 +160,21 @@ def reach(spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None)
             top = high * (1.0 - MARGIN)
         ends[label] = (low + margin, top)
     return ends
+
+
+def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, deadline: float) -> Rarity:
+    """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
+    if not spec.choices:
+        lowest, highest = spec.box()
+        found = measure(spec.core, lowest, highest, spec.labels, seed, check)
+        if isinstance(found, Rarity):
+            return found
+    try:
+        return measure_vast(spec, spec.labels, seed, deadline=deadline)
+    except StoppedError:
+        if check is not None:
+            check()
+        raise
 
 
 def middle(ends: Ends) -> Ends:

@@ -192,7 +192,7 @@ def _other(
         return quick
     if _moving(problem) > MANY:  # more patience first: chains of so much take long to get anywhere
         quick = plan_growth(problem, budget)
-        if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof:
+        if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof or quick.crowded:
             return quick
     crowded = not isinstance(quick, Growth) and quick.crowded
     split = None if crowded else plan_splitting(problem, budget)

@@ -7,11 +7,10 @@ slows one down. A round makes each call twice and times the second, so that what
 them (in float32, a million scenes of the smallest formula are 20 MB). The floor is measured in the same rounds: the
 numbers that a formula reads (the rows of the storage that occur in it, and no others) and writes (one for each label)
 are moved through memory once, in the fastest way of four: half of them copied to the other half, all of them summed up,
-the rows added up by torch into a row, or by a kernel of torch.compile, which is the formula's own access to memory with
-next to no arithmetic. `plain` is compiled without check=False and out: all rows are searched for NaN and infinity,
-and phi gets memory of its own, which the system may have to hand out page by page. Compiling is timed in a process of
-its own with nothing cached, CPU seconds of it and of the C++ compiler; the first kernel of a process also pays for the
-import of torch's compiler and, once on a machine, for precompiled headers.
+the rows added up by torch into a row, or by machine code of ours, which is the formula's own access to memory with next
+to no arithmetic. `plain` is compiled without check=False and out: all rows are searched for NaN and infinity, and phi
+gets memory of its own, which the system may have to hand out page by page. Compiling is the first call with 64 scenes,
+CPU seconds of this process and of the C compiler; nothing is cached between processes.
 """
 
 from __future__ import annotations
@@ -19,9 +18,6 @@ from __future__ import annotations
 import argparse
 import os
 import resource
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -29,29 +25,28 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import torch
-import torch._dynamo
-from torch import Tensor
 
 import scenegen
 from scenegen.lang.core import Coord
+from scenegen.native import make_kernel
 from scenegen.pose import row_count
 from scenegen.resources import shipped_specs
 
-EAGER, COMPILED = 12.0, 2.0  # the bars, in floors
+OF_POINTS, OF_FOOTPRINTS = (12.0, 2.0), (50.0, 5.0)  # the bars, eager and compiled, in floors
 
 BOXES = "object a, b, c, d = box(0.1, 0.06, 0.05)\ntask: noOverlap()"
 ON_TRAY = """object a, b = box(0.1, 0.06, 0.05)
 region tray = polygon([(0.65, 0.12), (0.95, 0.12), (0.9, 0.48), (0.7, 0.48)])
 task: clearOf(a, tray) & clearOf(b, tray)"""
 
-# name, what it is, its text, whether the bars are for it
+# name, what it is, its text, its bars
 CASES = (
-    ("3 atoms", "leftOf, aboveOf, closeTo in one label", "leftOf(a, b) & aboveOf(a, b) & !closeTo(a, b)", True),
-    ("3 atoms, 2 labels", "mug_left_of_plate", "mug_left_of_plate", False),
-    ("15 atoms", "table_setting", "table_setting", True),
-    ("24 atoms in 4 disjuncts", "sort_7", "sort_7", True),
-    ("6 gaps", "noOverlap of 4 boxes", BOXES, False),
-    ("2 gaps to a polygon", "clearOf of 2 boxes", ON_TRAY, False),
+    ("3 atoms", "leftOf, aboveOf, closeTo in one label", "leftOf(a, b) & aboveOf(a, b) & !closeTo(a, b)", OF_POINTS),
+    ("3 atoms, 2 labels", "mug_left_of_plate", "mug_left_of_plate", None),
+    ("15 atoms", "table_setting", "table_setting", OF_POINTS),
+    ("24 atoms in 4 disjuncts", "sort_7", "sort_7", OF_POINTS),
+    ("6 gaps", "noOverlap of 4 boxes", BOXES, OF_FOOTPRINTS),
+    ("2 gaps to a polygon", "clearOf of 2 boxes", ON_TRAY, None),
 )
 
 
@@ -81,35 +76,24 @@ def floor_calls(read: int, written: int, scenes: int, dtype: torch.dtype) -> dic
     other = other[: len(half)]
     rows, out = numbers[: read * scenes].view(read, scenes), numbers[read * scenes :].view(written, scenes)
 
-    def added(*given: Tensor) -> None:
-        *taken, result = given
-        total = taken[0]
-        for row in taken[1:]:
-            total = total + row
-        result.copy_(total)
+    objects = [f"o{place}" for place in range(-(-read // 2))]
+    terms = [f"{axis}({name})" for name in objects for axis in "xy"][:read]
+    task = f"{' + '.join(terms)} <= 1"
+    labels = "\n".join(f"label{place}: {task}" for place in range(written))
+    core = scenegen.parse(f"object {', '.join(objects)}\n{labels}").checked.core
+    kernel = make_kernel(core, single=dtype == torch.float32)
+    storage, phi = torch.rand(row_count(len(objects)), scenes, dtype=dtype).numpy(), out.numpy()
 
-    kernel = torch.compile(added, dynamic=True, fullgraph=True)
-    taken = [torch.from_numpy(row) for row in rows.numpy()]
-    filled = [torch.from_numpy(row) for row in out.numpy()]
-
-    def compiled() -> None:
-        with torch.no_grad():
-            kernel(*taken, filled[0])
-            for row in filled[1:]:
-                row.copy_(filled[0])
-
-    compiled()
     return {
         "copied": lambda: other.copy_(half[: len(other)]),
         "summed": numbers.sum,
         "added": lambda: (torch.sum(rows, 0, out=out[0]), *(row.copy_(out[0]) for row in out[1:])),
-        "kernel": compiled,
+        "kernel": lambda: kernel(storage, phi),
     }
 
 
 def measure(source: str, dtype: torch.dtype, scenes: int, seconds: float) -> tuple[dict[str, float], int]:
     """Seconds of the floor, eager, compiled and plain; and the number of rows that the formula reads."""
-    torch._dynamo.reset()  # it would compile the kernel of the floor a few times only, and there is one for each case
     spec = scenegen.parse(text_of(source))
     core = spec.checked.core
     read = len({node.row for node in core.nodes if isinstance(node, Coord)})
@@ -133,28 +117,18 @@ def measure(source: str, dtype: torch.dtype, scenes: int, seconds: float) -> tup
     return took, read
 
 
-def compile_seconds() -> list[float]:
-    """CPU seconds to compile each case; the first value is that of a formula that comes before all."""
-    with tempfile.TemporaryDirectory() as folder:
-        texts = ["rightOf(a, b)", *(text_of(source) for _, _, source, _ in CASES)]
-        environment = {**os.environ, "TORCHINDUCTOR_CACHE_DIR": folder}
-        words = [sys.executable, __file__, "--compile", *texts]
-        done = subprocess.run(words, check=True, capture_output=True, text=True, env=environment)
-    return [float(line) for line in done.stdout.split()]
-
-
-def compile_alone(texts: list[str]) -> None:
-    """Print the CPU seconds, of this process and of its compilers, in which each spec is compiled."""
+def compile_seconds(source: str, dtype: torch.dtype) -> float:
+    """CPU seconds of the first call, which compiles, of this process and of the compiler."""
 
     def cpu() -> float:
         used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         return sum(one.ru_utime + one.ru_stime for one in used)
 
-    for text in texts:
-        spec = scenegen.parse(text)
-        rows, start = torch.zeros(row_count(len(spec.objects)), 1000), cpu()
-        spec.robustness(compiled=True).rows(rows)
-        print(cpu() - start)
+    spec = scenegen.parse(text_of(source))
+    run, rows = spec.robustness(compiled=True), torch.zeros(row_count(len(spec.objects)), 64, dtype=dtype)
+    start = cpu()
+    run.rows(rows)
+    return cpu() - start
 
 
 def main() -> None:
@@ -162,35 +136,29 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=1_000_000)
     parser.add_argument("--seconds", type=float, default=6.0, help="CPU seconds for each line")
     parser.add_argument("--out", type=Path, default=None, help="write the table there, too")
-    parser.add_argument("--compile", nargs="+", metavar="TEXT", help="only compile these specs, and print CPU seconds")
     options = parser.parse_args()
     torch.set_num_threads(1)
-    if options.compile:
-        compile_alone(options.compile)
-        return
     columns = (
         "formula", "dtype", "rows read", "floor, ms (GB/s)", "eager, ms", "eager / floor", "compiled, ms",
         "compiled / floor", "scenes/s compiled", "plain / floor", "compiling, CPU s",
     )  # fmt: skip
     lines = [f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|"]
     print(lines[0], flush=True)
-    first, *compiling = compile_seconds()
-    for (name, what, source, barred), compiled in zip(CASES, compiling, strict=True):
+    for name, what, source, limits in CASES:
         for dtype in (torch.float32, torch.float64):
+            compiling = compile_seconds(source, dtype)
             took, read = measure(source, dtype, options.scenes, options.seconds)
             floor = took["floor"]
             written = len(scenegen.parse(text_of(source)).labels)
             moved = (read + written) * options.scenes * dtype.itemsize / floor / 1e9
-            bars = [f" (bar {bar:.0f})" if barred else "" for bar in (EAGER, COMPILED)]
+            bars = [f" (bar {bar:.0f})" for bar in limits] if limits else ["", ""]
             lines.append(
                 f"| {name}: {what} | {str(dtype).removeprefix('torch.')} | {read} | {1e3 * floor:.2f} ({moved:.0f}) "
                 f"| {1e3 * took['eager']:.2f} | {took['eager'] / floor:.1f}{bars[0]} "
                 f"| {1e3 * took['compiled']:.2f} | {took['compiled'] / floor:.2f}{bars[1]} "
-                f"| {options.scenes / took['compiled']:.3g} | {took['plain'] / floor:.2f} | {compiled:.1f} |"
+                f"| {options.scenes / took['compiled']:.3g} | {took['plain'] / floor:.2f} | {compiling:.2f} |"
             )
             print(lines[-1], flush=True)
-    lines.append(f"\nThe first kernel of a process, with nothing cached on the machine: {first:.1f} CPU s.")
-    print(lines[-1])
     if options.out is not None:
         options.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

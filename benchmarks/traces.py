@@ -10,9 +10,7 @@ with an until without a window, for which rtamt is fastest, and one with a windo
 square of the window.
 
 Compiled is `trace_robustness(compiled=True)` beside the same without, for the same motions in the same minute: fewer of
-them at T = 2,000. Compiling is timed at the first call, CPU seconds of this process and of the C++ compiler, with
-nothing cached at first: the first row has the import of torch's compiler and the compilation, and the others, whose
-formulas of a state are the same, find its machine code.
+them at T = 2,000. Compiling is timed at the first call, CPU seconds of this process and of the C compiler.
 
 The exponent is the slope of log time over log T, for T from a tenth of the longest on, with windows of a quarter of T:
 1 is linear. The number of motions keeps the number of poses the same, so each call has as much to do beside overhead.
@@ -24,7 +22,6 @@ import argparse
 import math
 import os
 import resource
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -157,7 +154,7 @@ def beside_compiled(case: str, steps: int, seconds: float) -> list[str]:
         f"{fast:,.0f}",
         f"{fast / plain:.2f}",
         f"{apart:.1g}",
-        f"{compiling:.1f}",
+        f"{compiling:.2f}",
     ]
 
 
@@ -189,7 +186,6 @@ def main() -> None:
     parser.add_argument("--longest", type=int, default=10_000, help="T of the last measurement of the exponent")
     parser.add_argument("--out", type=Path, help="write the tables here, too")
     given = parser.parse_args()
-    os.environ["TORCHINDUCTOR_CACHE_DIR"] = tempfile.mkdtemp()
     lines = [
         "| formula | T | traces a second | with gradients | rtamt | times rtamt | phi differs by |",
         "|---|---|---|---|---|---|---|",

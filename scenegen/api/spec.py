@@ -176,8 +176,9 @@ class Spec:
     def robustness(self, *, compiled: bool = False) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
 
-        `compiled` makes machine code of it (seconds, at the first call in each dtype): worth it for millions of scenes
-        stored as (3N, B). See Robustness. Raises RequestError where torch is not installed.
+        `compiled` makes machine code of it by the machine's C compiler (tenths of a second, at the first call in each
+        dtype): worth it for millions of scenes stored as (3N, B). See Robustness. Raises RequestError where torch is
+        not installed.
         """
         refuse_choices(self, "`robustness()`")
         need("torch", "for `robustness()`")
@@ -187,8 +188,9 @@ class Spec:
 
     def trace_robustness(self, *, compiled: bool = False) -> TraceRobustness:
         """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
-        `time`. `compiled` makes machine code of its formulas of a state (seconds, at the first call in each dtype,
-        whatever T). See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
+        `time`. `compiled` makes machine code of its formulas of a state (tenths of a second, at the first call in
+        each dtype, whatever T). See TraceRobustness. Raises RequestError for a spec without, and where torch is not
+        installed."""
         if self._checked.timed is None:
             raise RequestError(NOT_OVER_TIME(file=self._checked.name))
         need("torch", "for `trace_robustness()`")

@@ -21,7 +21,7 @@ def gap(ns: Namespace, a: Box, b: Box, dx: Any, dy: Any, a_turn: Turn, b_turn: T
     """The signed clearance in metres, of b at (dx, dy) from a's centre."""
     (a_cos, a_sin), (b_cos, b_sin) = a_turn, b_turn
     cos, sin = a_cos * b_cos + a_sin * b_sin, a_cos * b_sin - a_sin * b_cos
-    lean = ns.sign(cos * sin)  # which way b leans, as a sees it; a leans the other way, as b sees it
+    lean = cos * sin  # its sign: which way b leans, as a sees it; a leans the other way, as b sees it
     cos, sin = ns.absolute(cos), ns.absolute(sin)
     of_b = _reach(b, cos, sin)
     of_a = of_b if a == b else _reach(a, cos, sin)
@@ -41,7 +41,7 @@ def _reach(box: Box, cos: Any, sin: Any) -> tuple[Any, Any, Any, Any]:
 
 def _outline(ns: Namespace, box: Box, other: tuple[Any, Any, Any, Any], x: Any, y: Any, lean: Any) -> tuple[Any, Any]:
     """(x, y) in the frame of the box, above the octagon's four edges across its axes: the greatest height, and the
-    square of the smallest distance. `other` is the reach of the other box, which leans by `lean`, 1 or -1."""
+    square of the smallest distance. `other` is the reach of the other box; the sign of `lean` is the way it leans."""
     reach_x, reach_y, off_x, off_y = other
     half_length, half_width = box.length / 2.0, box.width / 2.0
     side = x * y * lean  # which of the two mirror images of the octagon it is, once (x, y) is in the first quadrant

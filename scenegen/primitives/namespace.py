@@ -51,10 +51,6 @@ class Namespace(Protocol):
         """How far `a` lies outside of [-half, half], with its sign or without; 0 inside."""
         ...
 
-    def sign(self, a: Any) -> Any:
-        """1.0 or -1.0; of zero, either. Without a gradient."""
-        ...
-
     def copysign(self, size: Any, sign: Any) -> Any:
         """The size of one number, which is not negative, with the sign of the other; where that is zero, either sign.
         No gradient flows to the latter."""
@@ -87,14 +83,6 @@ def _math_turn(a: float) -> tuple[float, float]:
 
 def _math_signed_root(square: float, signed: float) -> float:
     return math.copysign(math.sqrt(square), signed)
-
-
-def _math_sign(a: float) -> float:
-    return math.copysign(1.0, a)
-
-
-def _numpy_sign(a: Any) -> Any:
-    return np.copysign(np.ones((), np.asarray(a).dtype), a)
 
 
 def _numpy_turn(a: Any) -> tuple[Any, Any]:
@@ -133,7 +121,6 @@ class _Math:
     atan2 = staticmethod(math.atan2)
     clip = staticmethod(_math_clip)
     beyond = staticmethod(_math_beyond)
-    sign = staticmethod(_math_sign)
     copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
 
@@ -154,7 +141,6 @@ class _Numpy:
     atan2 = staticmethod(np.arctan2)
     clip = staticmethod(_numpy_clip)
     beyond = staticmethod(_numpy_beyond)
-    sign = staticmethod(_numpy_sign)
     copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
 

@@ -50,10 +50,6 @@ def _beyond(a: Tensor, half: float) -> Tensor:
     return a - a.clamp(-half, half)
 
 
-def _sign(a: Tensor) -> Tensor:
-    return torch.copysign(a.new_ones(()), a.detach())
-
-
 def _copysign(size: Tensor, sign: Tensor) -> Tensor:
     return torch.copysign(size, sign.detach())
 
@@ -76,7 +72,6 @@ class _Torch:
     atan2 = staticmethod(_atan2)
     clip = staticmethod(_clip)
     beyond = staticmethod(_beyond)
-    sign = staticmethod(_sign)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)
 

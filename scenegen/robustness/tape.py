@@ -1,4 +1,4 @@
-"""The tape of a core formula, run once over torch tensors or over anything that records what is done to it."""
+"""The tape of a core formula, run once over torch tensors."""
 
 from __future__ import annotations
 
@@ -58,18 +58,17 @@ def run(
     coordinate: Callable[[int], Any],
     constant: Callable[[float], Any],
     beta: float | None = None,
-    of: Namespace = TORCH,
     closest: Mapping[int, Closest] = MappingProxyType({}),
 ) -> list[Any]:
     """phi of every label: tensors (B,), or () where no coordinate decides.
 
     `dead` is last_uses(core) or, with `closest`, last_uses_of(core, closest): each intermediate is freed after its last
     use. coordinate(row) is the row (B,) of the storage, constant(value) a tensor () of its dtype: torch.minimum and its
-    kin take no floats. `of` are the primitives' functions; each heading goes through `turn` once. Of the clearances in
-    `closest`, only those that may decide are computed, which takes plain tensors on the CPU without gradients.
+    kin take no floats. Each heading goes through `turn` once. Of the clearances in `closest`, only those that may
+    decide are computed, which takes plain tensors on the CPU without gradients.
     """
     values: list[Any] = []
-    algebra = _Tensors(of, coordinate, constant, beta, closest, values)
+    algebra = _Tensors(coordinate, constant, beta, closest, values)
     fold(core.nodes, algebra, dead=dead, free=algebra.drop, values=values)
     return [values[node] for node in core.labels.values()]
 
@@ -79,14 +78,13 @@ class _Tensors(Numbers):
 
     def __init__(
         self,
-        of: Namespace,
         coordinate: Callable[[int], Any],
         constant: Callable[[float], Any],
         beta: float | None,
         closest: Mapping[int, Closest],
         values: list[Any],
     ) -> None:
-        self._turning = Turning(of)
+        self._turning = Turning(TORCH)
         super().__init__(cast(Namespace, self._turning), ())
         self._coordinate, self._constant, self._beta = coordinate, constant, beta
         self._closest, self._values = closest, values

@@ -26,7 +26,7 @@ class TraceRobustness:
     minima and maxima, differentiable; time grows with T log T at most, whatever the windows. Works in the dtype and on
     the device of its input.
 
-    With `compiled`, the formulas of a state are one kernel that torch.compile makes, for all moments of all motions;
+    With `compiled`, the formulas of a state are one loop of machine code, for all moments of all motions;
     windows over time, which are a few operations on whole arrays, stay as they are. So compiling takes as long as for
     a scene, whatever T. Everything else that Robustness says of `compiled` holds here.
     """

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.robustness.fused import record
+from scenegen.native.source import write
 
 TEXT = """time {} steps
 object mug, plate, fork
@@ -55,21 +55,11 @@ def test_gradients_of_compiled_motions_are_those_of_the_tape():
     assert torch.equal(found, wanted) and wanted.abs().sum() > 0
 
 
-@pytest.mark.long
-def test_one_kernel_serves_all_calls_and_is_no_larger_for_longer_motions():
-    from torch._dynamo.utils import counters
-
-    sizes = set()
-    for steps in (4, 300):
-        run = scenegen.parse(TEXT.format(steps)).trace_robustness(compiled=True)
-        run(motions(steps, 3))
-        before = counters["stats"]["unique_graphs"]
-        for count in (1, 2, 7):
-            run(motions(steps, count))
-            run.required(motions(steps, count))
-        assert before > 0 and counters["stats"]["unique_graphs"] == before
-        sizes.add(len(record(run.timed.state, torch.float64)[0].nodes))
-    assert len(sizes) == 1
+def test_the_kernel_is_the_same_for_all_horizons():
+    texts = {
+        write(scenegen.parse(TEXT.format(steps)).trace_robustness().timed.state, single=False) for steps in (4, 300)
+    }
+    assert len(texts) == 1
 
 
 def test_refusals_and_copies():
@@ -86,13 +76,10 @@ def test_refusals_and_copies():
 
 
 def test_where_compiling_fails_motions_are_scored_all_the_same(monkeypatch):
-    def fails(module, **options):
-        raise RuntimeError("no compiler")
-
-    monkeypatch.setattr(torch, "compile", fails)
+    monkeypatch.setenv("CC", "false")
     spec = scenegen.parse("time 3 steps object a, b task: always farFrom(a, b, 0.0625)")  # of no other test
     poses, run = motions(3)[:, :, :2], spec.trace_robustness(compiled=True)
-    with pytest.warns(RuntimeWarning, match=r"operation by operation.*: no compiler"):
+    with pytest.warns(RuntimeWarning, match=r"operation by operation.*: false failed"):
         found = run(poses)
     assert torch.equal(found, spec.trace_robustness()(poses))
     with warnings.catch_warnings():

@@ -11,11 +11,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.lang.core import Atom, Core, Junction
+from scenegen.lang.core import Atom, Core, Junction, read_rows
 from scenegen.lang.interpret import evaluate
 from scenegen.pose import THETA, TWO_PI, along, object_count
 from scenegen.primitives import NUMPY
-from scenegen.sampling.splitting.chain_state import read_rows
 from scenegen.scene.workspace import Workspace
 
 Array = npt.NDArray[np.float64]

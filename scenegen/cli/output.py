@@ -15,6 +15,8 @@ from scenegen.errors import Diagnostic, render_all
 from scenegen.errors.program import OTHER_FILES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
     from rich.progress import Progress
 
@@ -58,6 +60,17 @@ def print_error(text: str) -> None:
     """What a command did, or a note: on standard error, unless -q was given."""
     if not _voice().quiet:
         print_message(text)
+
+
+def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A small table under a header, unless -q was given; without rich, which takes a while to load."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+
+    def line(cells: Sequence[str], bold: bool = False) -> str:
+        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
+        return " " + "  ".join(f"\x1b[1m{cell}\x1b[0m" if bold else cell for cell in padded) + " "
+
+    print_error("\n".join([line(header, bold=use_color()), *map(line, rows)]))
 
 
 def detail(text: str) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.output import console, print_error, progress_bar
+from scenegen.cli.output import print_columns, print_error, progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+    from rich.progress import Progress
 
     from scenegen.api.written import Met
     from scenegen.scene.data import SceneFile
@@ -18,17 +20,21 @@ class Bar:
     """A progress bar that appears only when sampling takes a while."""
 
     def __enter__(self) -> Bar:
-        self._progress = progress_bar()
-        self._task = self._progress.add_task("sampling", total=None)
+        self._progress: Progress | None = None
         self._calls = 0
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+        if self._progress is not None:
+            self._progress.stop()
 
     def __call__(self, found: int, wanted: int, candidates: int) -> None:
         self._calls += 1
-        if self._calls == 2:
+        if self._calls < 2:
+            return
+        if self._progress is None:
+            self._progress = progress_bar()
+            self._task = self._progress.add_task("sampling", total=None)
             self._progress.start()
         text = f"sampling: {found:,} of {wanted:,} in {candidates:,} candidates"
         self._progress.update(self._task, description=text, completed=found, total=wanted)
@@ -36,15 +42,13 @@ class Bar:
 
 def summary(header: SceneFile, count: int, phi: Mapping[str, Met], out: Path | str | None) -> None:
     """The requested ranges beside the results."""
-    from rich.table import Table
-
     print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
-    table = Table("label", "wanted phi", "lowest", "mean", "highest", box=None, header_style="bold")
+    rows = []
     for label, values in phi.items():
         low, high = header.request.phi.get(label, (None, None))
         wanted = "any" if low is None and high is None else f"{_end(low)}:{_end(high)}"
-        table.add_row(label, wanted, *(f"{value:+.4f}" for value in (values.lowest, values.mean, values.highest)))
-    console().print(table)
+        rows.append((label, wanted, *(f"{value:+.4f}" for value in (values.lowest, values.mean, values.highest))))
+    print_columns(("label", "wanted phi", "lowest", "mean", "highest"), rows)
 
 
 def _how(info: Mapping[str, Any]) -> str:

@@ -93,7 +93,7 @@ class BlockAssembler:
         """The blocks that m more candidates complete; `cell` (m,) is -1 for those out of range."""
         index = self._index[np.minimum(cell, len(self._index) - 1)]
         known = index >= 0
-        self.strays.update(np.unique(cell[~known & (cell >= 0)]).tolist())
+        self.strays.update(np.bincount(cell[~known & (cell >= 0)]).nonzero()[0].tolist())
         self.candidates += int(known.sum())
         # In slices: scenes that are dropped because a cell is full could be used after a block is finished.
         for start in range(0, block.count, self._size):

@@ -7,7 +7,7 @@ margin: satisfied where it is >= 0) and Junction (hard min or max of formulas). 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
@@ -139,16 +139,29 @@ def gated(core: Core) -> Core:
     return replace(core, labels={**core.labels, REQUIRE: core.requirement}, requirement=None)
 
 
+def needed(core: Core) -> set[int]:
+    """The nodes that phi of any label depends on."""
+    return _needed(core.nodes, core.labels.values())
+
+
+def read_rows(core: Core) -> set[int]:
+    """The rows of (3N, B) storage that phi of any label depends on."""
+    nodes = [core.nodes[index] for index in needed(core)]
+    return {node.row for node in nodes if isinstance(node, Coord)}
+
+
+def _needed(nodes: Sequence[Node], roots: Iterable[int]) -> set[int]:
+    found = set(roots)
+    for index in range(len(nodes) - 1, -1, -1):
+        if index in found:
+            found.update(children(nodes[index]))
+    return found
+
+
 def part(core: Core, labels: Sequence[str]) -> Core:
     """The core of some of its labels: what they do not need is left out, the order of the rest is kept."""
-    needed = [False] * len(core.nodes)
-    for name in labels:
-        needed[core.labels[name]] = True
-    for index in range(len(core.nodes) - 1, -1, -1):
-        if needed[index]:
-            for child in children(core.nodes[index]):
-                needed[child] = True
-    place = {old: new for new, old in enumerate(index for index, wanted in enumerate(needed) if wanted)}
+    wanted = {name: core.labels[name] for name in labels}
+    place = {old: new for new, old in enumerate(sorted(_needed(core.nodes, wanted.values())))}
     nodes = tuple(moved(core.nodes[old], place) for old in place)
     return Core(nodes, {name: place[core.labels[name]] for name in labels}, core.objects)
 

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from scenegen.lang.core import Coord, Core, children
+from scenegen.lang.core import Core, gated, read_rows
 from scenegen.pose import is_angle, row_count
 
 Row = Annotated[int, Field(ge=0, lt=30_000)]
@@ -69,16 +69,4 @@ def layout_of(core: Core, branches: int = 1) -> Layout:
 
 def depends_on(core: Core) -> list[int]:
     """The rows of (3N, B) storage that some label or the requirement reads, in order."""
-    needed = [False] * len(core.nodes)
-    for root in (*core.labels.values(), core.requirement):
-        if root is not None:
-            needed[root] = True
-    found = set()
-    for index in range(len(core.nodes) - 1, -1, -1):
-        if needed[index]:
-            node = core.nodes[index]
-            if isinstance(node, Coord):
-                found.add(node.row)
-            for child in children(node):
-                needed[child] = True
-    return sorted(found)
+    return sorted(read_rows(gated(core)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenegen.lang.core import Coord, Core
+from scenegen.lang.core import Core, read_rows
 from scenegen.lang.fold import fold
 from scenegen.lang.headings import bare_rows
 from scenegen.lang.interpret import Numbers
@@ -29,7 +29,7 @@ class Source:
 
 def write(core: Core, *, single: bool) -> Source:
     """The function for float64, or for float32 if `single`. Raises TooLargeError."""
-    read = sorted({node.row for node in core.nodes if isinstance(node, Coord)})
+    read = sorted(read_rows(core))
     lines = Lines(MOST_LINES)
     functions = Functions(lines)
     bare = bare_rows(core)

@@ -41,7 +41,7 @@ def methods_help() -> str:
 
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None, *, method: str | None = None) -> Plan:
     """The plan of a problem, by the request's method or another one. Raises what the method raises."""
-    from scenegen.sampling.splitting.sampler import moves
+    from scenegen.sampling.problem import moves
 
     entry = METHODS[method or problem.request.method]
     if not entry.proposes and not moves(problem):  # all scenes have the same phi

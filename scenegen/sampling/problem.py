@@ -20,7 +20,7 @@ from scenegen.bounds.tape import Tape, make_tape
 from scenegen.bounds.worlds import improbable, worlds
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK
-from scenegen.lang.core import REQUIRE, Core, gated
+from scenegen.lang.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
@@ -143,6 +143,12 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int
     if not possible:
         raise RequestError(impossible(problem, effort))
     return problem
+
+
+def moves(problem: Problem) -> bool:
+    """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
+    method."""
+    return any(problem.lowest[row] < problem.highest[row] for row in read_rows(problem.core))
 
 
 def narrowed(

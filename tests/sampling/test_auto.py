@@ -10,7 +10,7 @@ from scenegen.engine.run import draw
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling import auto
+from scenegen.sampling import contest
 from scenegen.sampling import problem as module
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
@@ -95,11 +95,11 @@ def test_a_search_that_time_cuts_short_is_no_plan():
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     cut = Stalled("time", (), (), 0, 0)
-    monkeypatch.setattr(auto, "plan_splitting", lambda *words: cut)
+    monkeypatch.setattr(contest, "plan_splitting", lambda *words: cut)
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))
-    assert auto._other(problem, Budget(), quick) is cut
+    assert contest._other(problem, Budget(), quick) is cut
 
 
 @pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])

@@ -213,7 +213,7 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
     monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
-    monkeypatch.setattr("scenegen.sampling.auto.first_look", lambda problem, budget: None)
+    monkeypatch.setattr("scenegen.sampling.contest.first_look", lambda problem, budget: None)
     problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
     choice = make_plan(problem, Budget(), method="auto")
     assert choice.method == "growth" and choice.why == "pruning takes much work, growth does not"

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import NEVER, Stop
-from scenegen.lang.core import Apply, Atom, Coord, Core, Junction, children, last_uses, part
+from scenegen.lang.core import Apply, Atom, Coord, Core, Junction, last_uses, needed, part, read_rows
 from scenegen.lang.fold import fold
 from scenegen.lang.interpret import Numbers
 from scenegen.pose import THETA, TWO_PI, X, Y, axis_of, is_angle, owner, rows_of
@@ -110,21 +110,6 @@ def make_frame(core: Core, lowest: Array, highest: Array) -> ChainState:
     low, high = lowest[chosen], highest[chosen]
     circular = np.array([is_angle(row) for row in rows], dtype=bool) & (np.abs(high - low - TWO_PI) < 1e-12)
     return ChainState(core, rows, low, high, circular, parts, lowest.copy())
-
-
-def read_rows(core: Core) -> set[int]:
-    """The rows of (3N, B) storage that phi of any label depends on."""
-    nodes = [core.nodes[index] for index in needed(core)]
-    return {node.row for node in nodes if isinstance(node, Coord)}
-
-
-def needed(core: Core) -> set[int]:
-    """The nodes that phi of any label depends on."""
-    found = set(core.labels.values())
-    for index in range(len(core.nodes) - 1, -1, -1):
-        if index in found:
-            found.update(children(core.nodes[index]))
-    return found
 
 
 def watched(core: Core) -> Core:

@@ -158,12 +158,6 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     return plan
 
 
-def moves(problem: Problem) -> bool:
-    """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
-    method."""
-    return frame_of(problem).dimension > 0
-
-
 def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> Population:
     """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
     with np.errstate(all="ignore"):

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from scenegen.api.spec import Spec
 from scenegen.assets import Shape, parts_of
 from scenegen.assets.mesh import shaded
 from scenegen.view.jobs.describe import mesh_key, stage_of_spec
-from scenegen.view.jobs.source import spec_of
 
 STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
 
 
-def meshes(message: dict[str, Any]) -> Iterator[Any]:
-    """The meshes of the spec's objects whose keys are wanted, one part each: {"key", "mesh"}."""
-    wanted = {str(key) for key in message.get("want", ())}
-    done = set[str]()
-    for thing in stage_of_spec(spec_of(message)).things:
-        key = mesh_key(thing)
-        if key in wanted and key not in done:
-            done.add(key)
-            yield {"key": key, "mesh": packed_mesh(thing.shape, tuple(thing.color))}
+def meshes_of(spec: Spec, have: Collection[str]) -> dict[str, Any]:
+    """The meshes of the spec's objects by key, without those that a page has already."""
+    things = {mesh_key(thing): thing for thing in stage_of_spec(spec).things}
+    return {key: packed_mesh(one.shape, tuple(one.color)) for key, one in things.items() if key not in have}
 
 
 @lru_cache(maxsize=256)

@@ -4,8 +4,6 @@ import { askOne, stop } from "./server";
 import { about, boot, request, spec, text } from "./state";
 import type { Ends, Result } from "./types";
 
-const FEW = 4; // objects from which on it is worth it
-
 export interface Look {
   held: string;
   found: Promise<Result | null>; // null where nothing is found soon
@@ -36,8 +34,7 @@ export function foresee(): Look {
 
 /** The first look at the spec as it stands: the one that was asked for early, if that still fits. */
 export function look(early: Look | null): Look | null {
-  const now = spec.value!;
-  if (now.time || now.objects.length < FEW) return null;
+  if (spec.value!.time) return null;
   return early?.held === held() ? early : ask({});
 }
 

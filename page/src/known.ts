@@ -54,11 +54,14 @@ export function within(phi: number | undefined, [low, high]: Ends): boolean {
   return phi !== undefined && (low === null || phi >= low) && (high === null || phi <= high);
 }
 
-/** The known scenes in the ranges of a request, at most as many as it wants. */
+/** The known scenes in the ranges of a request, at most as many as it wants: first those that are on the screen. */
 export function inside(wanted: Request): Result {
   fresh();
   const ranges = Object.entries(wanted.phi);
-  const some = known.filter((one) => (one.require ?? 0) >= 0 && ranges.every(([name, ends]) => within(one.phi[name], ends))).slice(0, wanted.n);
+  const fits = known.filter((one) => (one.require ?? 0) >= 0 && ranges.every(([name, ends]) => within(one.phi[name], ends)));
+  const order = new Map((result.value?.poses ?? []).map((poses, k) => [poses, k]));
+  const place = (one: Known) => order.get(one.poses) ?? order.size;
+  const some = fits.sort((one, two) => place(one) - place(two)).slice(0, wanted.n);
   const labels = Object.keys(some[0]?.phi ?? {});
   return {
     poses: some.map((one) => one.poses),

@@ -135,7 +135,10 @@ export function sameObjects(one: Spec | null, other: Spec | null): boolean {
 // ---- scenes
 
 let samples = 0;
-const HEAD = 400; // ms that the first look gets before the scenes themselves take a processor from it
+const FEW = 4; // objects: the scenes of fewer are mostly there at once
+const QUICK = 150; // ms that these get before a first look is shown
+const HEAD = 400; // ms that the first look at more gets before the scenes themselves take a processor from it
+const pause = (ms: number) => new Promise<void>((then) => setTimeout(then, ms));
 const ENOUGH = 4; // known scenes that are as good as a first look
 
 export async function sample(early: Look | null = null): Promise<void> {
@@ -143,7 +146,8 @@ export async function sample(early: Look | null = null): Promise<void> {
     if (!shown.value.includes(selected.value)) select(shown.value[0] ?? 0);
     return;
   }
-  if (!spec.value) return;
+  const now = spec.value;
+  if (!now) return;
   const mine = ++samples;
   sampled = true;
   owed = false;
@@ -155,12 +159,13 @@ export async function sample(early: Look | null = null): Promise<void> {
   const first = inside(request.value).poses.length < Math.min(ENOUGH, request.value.n) ? look(early) : null;
   if (!first) leaveLook();
   else {
-    const seen = first.found.then((found) => {
+    const few = now.objects.length < FEW;
+    const seen = (few ? pause(QUICK) : Promise.resolve()).then(() => first.found).then((found) => {
       if (!found || mine !== samples || busy.value !== "sample") return;
       learn(found);
       narrow();
     });
-    await Promise.race([seen, new Promise((then) => setTimeout(then, HEAD))]);
+    if (!few) await Promise.race([seen, pause(HEAD)]);
     if (mine !== samples) return;
   }
   try {
@@ -190,7 +195,8 @@ export function show(found: Result, early: boolean): void {
     refusal.value = null;
     result.value = found;
     preview.value = early;
-    select(Math.min(selected.value, found.poses.length - 1), true);
+    const at = early ? found.poses.indexOf(poses.value) : -1; // a scene that stays in range stays in sight
+    select(at < 0 ? Math.min(selected.value, found.poses.length - 1) : at, true);
     if (!early) {
       const some = found.warnings.map((one) => `; ${one.title}`).join("");
       message.value = `${found.poses.length} ${found.motions ? "motions" : "scenes"}${some}`;
@@ -210,6 +216,10 @@ export function select(index: number, again = false): void {
   if (!found || !found.poses.length) return;
   index = Math.max(0, Math.min(index, found.poses.length - 1));
   if (!again && index === selected.value && !edited.value) return;
+  if (again && !found.motions && found.poses[index] === poses.value && !edited.value && report.value?.decides) {
+    selected.value = index; // it is on the screen, and explained
+    return;
+  }
   batch(() => {
     selected.value = index;
     if (found.motions) choose(found, index);

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.api.spec import Spec
 from scenegen.assets import Shape, parts_of
@@ -42,8 +43,8 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
             np.round(np.clip(np.concatenate(colors), 0.0, 1.0) * 255.0),
         ],
         axis=1,
-    ).astype(np.int32)
-    unique, index = np.unique(table, axis=0, return_inverse=True)
+    ).astype(np.int64)
+    unique, index = _unique(table)
     wide = len(unique) > 65535
     return {
         "scale": scale,
@@ -53,6 +54,19 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
         "index": _text(index.reshape(-1).astype("<u4" if wide else "<u2")),
         "wide": wide,
     }
+
+
+def _unique(table: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The different rows of a (V, 9) table of vertices in order, and where each row is among them. Two numbers hold a
+    row, which sorts faster than nine."""
+    place = (table[:, :3] + (1 << 15)) @ np.array([1 << 32, 1 << 16, 1])
+    rest = (table[:, 3:] + (1 << 7)) @ (1 << np.arange(50, -1, -10))
+    order = np.lexsort((rest, place))
+    new = np.ones(len(table), dtype=np.int64)
+    new[1:] = (np.diff(place[order]) != 0) | (np.diff(rest[order]) != 0)
+    index = np.empty(len(table), dtype=np.int64)
+    index[order] = np.cumsum(new) - 1
+    return table[order[new == 1]], index
 
 
 def _text(array: Any) -> str:

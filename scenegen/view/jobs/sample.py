@@ -76,13 +76,10 @@ def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
 def first(message: dict[str, Any]) -> Iterator[Any]:
     """A few scenes in the range of a request, soon: something to look at until the scenes themselves are there. None
     where it fails. The page may ask before it knows what the text means: with `others`, the range of all labels that the
-    request does not name, its labels are those of the text, and None is the answer where no first look is worth it."""
+    request does not name, its labels are those of the text."""
     wanted = message.get("request") or {}
     if "others" in wanted:
         spec = spec_of(message)
-        if spec.over_time is not None or len(spec.objects) < MANY:
-            yield None
-            return
         message = {**message, "request": fitted(wanted, spec)}
     yield _glimpse(message, FIRST)
 

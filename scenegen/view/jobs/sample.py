@@ -75,8 +75,8 @@ def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
 
 def first(message: dict[str, Any]) -> Iterator[Any]:
     """A few scenes in the range of a request, soon: something to look at until the scenes themselves are there. None
-    where it fails. The page may ask before it knows what the text means: with `others`, the range of all labels that the
-    request does not name, its labels are those of the text."""
+    where it fails. The page may ask before it knows what the text means: with `others`, the range of all labels that
+    the request does not name, its labels are those of the text."""
     wanted = message.get("request") or {}
     if "others" in wanted:
         spec = spec_of(message)
@@ -85,7 +85,7 @@ def first(message: dict[str, Any]) -> Iterator[Any]:
 
 
 def fitted(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
-    """A request made before its text was read: of the labels that the spec has, and with no object held that it lacks."""
+    """A request made before its text was read: of the spec's labels, and with no object held that the spec lacks."""
     try:
         phi = {name: wanted["phi"].get(name, wanted["others"]) for name in spec.labels}
         fix = {name: pose for name, pose in wanted.get("fix", {}).items() if name in spec.objects}

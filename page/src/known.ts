@@ -54,11 +54,14 @@ export function within(phi: number | undefined, [low, high]: Ends): boolean {
   return phi !== undefined && (low === null || phi >= low) && (high === null || phi <= high);
 }
 
-/** The known scenes in the ranges of a request, at most as many as it wants. */
+/** The known scenes in the ranges of a request, at most as many as it wants: first those that are on the screen. */
 export function inside(wanted: Request): Result {
   fresh();
   const ranges = Object.entries(wanted.phi);
-  const some = known.filter((one) => (one.require ?? 0) >= 0 && ranges.every(([name, ends]) => within(one.phi[name], ends))).slice(0, wanted.n);
+  const fits = known.filter((one) => (one.require ?? 0) >= 0 && ranges.every(([name, ends]) => within(one.phi[name], ends)));
+  const order = new Map((result.value?.poses ?? []).map((poses, k) => [poses, k]));
+  const place = (one: Known) => order.get(one.poses) ?? order.size;
+  const some = fits.sort((one, two) => place(one) - place(two)).slice(0, wanted.n);
   const labels = Object.keys(some[0]?.phi ?? {});
   return {
     poses: some.map((one) => one.poses),
@@ -76,18 +79,18 @@ export function inside(wanted: Request): Result {
 
 /** Ask for scenes over all of the phi that each label can have, while nothing else is to do. */
 export async function spread(): Promise<void> {
-  const mine = about_;
-  await spreadNow();
-  if (mine === about_ && known.length) {
+  if (!(await spreadNow())) return;
+  if (known.length) {
     preparing.value = true;
     coming.value = known.slice(0, DRAWN);
   }
   rested.value = true;
 }
 
-async function spreadNow(): Promise<void> {
+/** Whether it came to an end. */
+async function spreadNow(): Promise<boolean> {
   const now = spec.value;
-  if (!now || alone || !result.value || now.time) return; // motions take longer than anybody waits
+  if (!now || alone || !result.value || now.time) return true; // motions take longer than anybody waits
   fresh();
   for (const { label, reached } of Object.values(rarity.value)) {
     const mine = about_;
@@ -95,11 +98,12 @@ async function spreadNow(): Promise<void> {
     const wanted = { ...request.value, method: "auto", n: SPREAD, phi: { ...request.value.phi, [label]: reached } };
     try {
       const found = await askOne<Result | null>("spread", { ...about(), request: wanted });
-      if (mine !== subject()) return;
+      if (mine !== subject()) return false;
       spreads.add(label);
       if (found) learn(found);
     } catch {
-      return; // what somebody waits for took its place: it is asked for again after that
+      return false; // what somebody waits for took its place: it is asked for again after that
     }
   }
+  return true;
 }

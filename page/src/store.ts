@@ -1,11 +1,12 @@
 // What changes the page: its text, its scenes, and what is asked of the server.
 import { batch } from "@preact/signals";
+import { foresee, leaveLook, look, others, type Look } from "./early";
 import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
 import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
-import type { Ends, PackedMesh, Report, Request, Result, Spec } from "./types";
+import type { Ends, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
 
@@ -22,7 +23,7 @@ function stored(found: Spec): Result | null {
   return boot.parts.find(({ counts }) => fits(counts))?.scenes ?? null;
 }
 
-const PAUSE = 90; // ms without a further change after which a text is checked
+const PAUSE = 40; // ms without a further change after which a text is checked
 let typed: ReturnType<typeof setTimeout> | undefined;
 
 export function setText(value: string): void {
@@ -33,23 +34,35 @@ export function setText(value: string): void {
   typed = setTimeout(check, PAUSE);
 }
 
+let owed = false; // scenes were under way when they were ended
+
+/** End what works for the text before. */
+function quiet(): void {
+  owed ||= busy.value === "sample";
+  samples++;
+  clearTimeout(waitingForSample);
+  for (const job of ["sample", "range", "spread"]) void stop(job);
+}
+
 export async function check(): Promise<void> {
   if (alone) return;
   const mine = ++checks;
+  quiet();
+  const early = sampled || !boot.scenes ? foresee() : null;
   busy.value = "check";
   try {
-    await ask("check", about(), (part) => {
+    await ask("check", { ...about(), have: Object.keys(meshes.value) }, (part) => {
       if (mine !== checks) return;
       if ("spec" in part) {
         wrong.value = !part.spec;
         refusal.value = null; // what was said of the text before
-        if (part.spec) take(part.spec);
+        if (part.spec) take(part.spec, early);
         else {
-          void stop("sample");
-          void stop("first");
+          leaveLook();
           busy.value = "";
         }
-      } else problems.value = part.problems ?? [];
+      } else if ("meshes" in part) meshes.value = { ...meshes.value, ...part.meshes };
+      else problems.value = part.problems ?? [];
     });
   } catch (error) {
     if (mine === checks && !(error instanceof Ended)) refuse(error);
@@ -64,7 +77,8 @@ export function setCount(name: string, count: number): void {
   void check();
 }
 
-function take(found: Spec): void {
+/** Take a spec over from the server; `early` is a first look at it. */
+function take(found: Spec, early: Look | null): void {
   const before = spec.value;
   const same = before?.sha256 === found.sha256;
   batch(() => {
@@ -74,7 +88,7 @@ function take(found: Spec): void {
     const now = request.value;
     const known = new Set(before ? before.labels.map((one) => one.name) : Object.keys(now.phi));
     const phi: Record<string, Ends> = {};
-    const free: Ends = boot.scenes && text.value === boot.text ? [null, null] : [0, null]; // a file of scenes says what was wanted
+    const free = others();
     for (const one of found.labels) phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [...free];
     const loose = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
     const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => loose.has(name)));
@@ -92,15 +106,24 @@ function take(found: Spec): void {
       playing.value = false;
     }
   });
-  void fetchMeshes(found);
   const old = same && result.value ? null : stored(found);
   if (old) {
     const first = taken(old);
     learn(first);
     show(first, false);
-    setTimeout(() => void measure().then(spread), 350);
-  } else if (!same || !result.value) void sample();
-  else explain();
+    rest();
+  } else if (!same || !result.value || owed) void sample(early);
+  else {
+    leaveLook();
+    explain();
+    rest();
+  }
+}
+
+/** Once nobody waits for anything: how rare each phi is, and scenes that a handle may show. */
+function rest(): void {
+  const mine = samples;
+  setTimeout(() => mine === samples && void measure().then(() => mine === samples && void spread()), 350);
 }
 
 export function sameObjects(one: Spec | null, other: Spec | null): boolean {
@@ -109,25 +132,16 @@ export function sameObjects(one: Spec | null, other: Spec | null): boolean {
   return !!one && !!other && facts(one) === facts(other) && lasts(one) === lasts(other);
 }
 
-async function fetchMeshes(found: Spec): Promise<void> {
-  const want = [...new Set(found.objects.map((one) => one.mesh))].filter((key) => !(key in meshes.value));
-  if (!want.length) return;
-  try {
-    const more: Record<string, PackedMesh> = {};
-    await ask("meshes", { ...about(), want }, (part) => (more[part.key] = part.mesh));
-    meshes.value = { ...meshes.value, ...more };
-  } catch {
-    /* blocks are drawn instead */
-  }
-}
-
 // ---- scenes
 
 let samples = 0;
-const EARLY = 5; // ms after which a first look is asked for, too
-const FEW = 4; // objects from which on it is worth it
+const FEW = 4; // objects: the scenes of fewer are mostly there at once
+const QUICK = 150; // ms that these get before a first look is shown
+const HEAD = 400; // ms that the first look at more gets before the scenes themselves take a processor from it
+const pause = (ms: number) => new Promise<void>((then) => setTimeout(then, ms));
+const ENOUGH = 4; // known scenes that are as good as a first look
 
-export async function sample(): Promise<void> {
+export async function sample(early: Look | null = null): Promise<void> {
   if (alone) {
     if (!shown.value.includes(selected.value)) select(shown.value[0] ?? 0);
     return;
@@ -136,35 +150,36 @@ export async function sample(): Promise<void> {
   if (!now) return;
   const mine = ++samples;
   sampled = true;
+  owed = false;
   busy.value = "sample";
   rested.value = false;
   if (!measuringMotions()) void stop("range"); // what somebody waits for goes first
   void stop("spread");
   const fields = { ...about(), request: request.value };
-  const early = setTimeout(() => {
-    if (mine !== samples || now.objects.length < FEW || now.time) return;
-    askOne<Result | null>("first", fields).then(
-      (found) => {
-        if (!found || mine !== samples || busy.value !== "sample") return;
-        learn(found);
-        narrow();
-      },
-      () => {},
-    );
-  }, EARLY);
+  const first = inside(request.value).poses.length < Math.min(ENOUGH, request.value.n) ? look(early) : null;
+  if (!first) leaveLook();
+  else {
+    const few = now.objects.length < FEW;
+    const seen = (few ? pause(QUICK) : Promise.resolve()).then(() => first.found).then((found) => {
+      if (!found || mine !== samples || busy.value !== "sample") return;
+      learn(found);
+      narrow();
+    });
+    if (!few) await Promise.race([seen, pause(HEAD)]);
+    if (mine !== samples) return;
+  }
   try {
     const found = taken(await askOne<Result>("sample", fields));
     if (mine !== samples) return;
-    void stop("first");
+    leaveLook();
     learn(found);
     show(found, false);
-    setTimeout(() => mine === samples && void measure().then(spread), 350);
+    rest();
   } catch (error) {
     if (mine !== samples || error instanceof Ended) return;
     preview.value = false;
     refuse(error);
   } finally {
-    clearTimeout(early);
     if (mine === samples) busy.value = "";
   }
 }
@@ -180,7 +195,8 @@ export function show(found: Result, early: boolean): void {
     refusal.value = null;
     result.value = found;
     preview.value = early;
-    select(Math.min(selected.value, found.poses.length - 1), true);
+    const at = early ? found.poses.indexOf(poses.value) : -1; // a scene that stays in range stays in sight
+    select(at < 0 ? Math.min(selected.value, found.poses.length - 1) : at, true);
     if (!early) {
       const some = found.warnings.map((one) => `; ${one.title}`).join("");
       message.value = `${found.poses.length} ${found.motions ? "motions" : "scenes"}${some}`;
@@ -200,6 +216,10 @@ export function select(index: number, again = false): void {
   if (!found || !found.poses.length) return;
   index = Math.max(0, Math.min(index, found.poses.length - 1));
   if (!again && index === selected.value && !edited.value) return;
+  if (again && !found.motions && found.poses[index] === poses.value && !edited.value && report.value?.decides) {
+    selected.value = index; // it is on the screen, and explained
+    return;
+  }
   batch(() => {
     selected.value = index;
     if (found.motions) choose(found, index);
@@ -231,19 +251,24 @@ export function change(fields: Partial<Request>): void {
 
 let waitingForSample: ReturnType<typeof setTimeout> | undefined;
 
+const SOON = 50; // ms
+const LATER = 150; // where there is something to look at
+
 /** Sample soon: what changes many times a second is sampled a few times a second. */
-export function soon(): void {
+export function soon(pause = SOON): void {
   if (!alone && spec.value) {
     samples++; // what is under way answers an older request
     busy.value = "sample";
   }
   clearTimeout(waitingForSample);
-  waitingForSample = setTimeout(() => void sample(), alone ? 0 : 50);
+  waitingForSample = setTimeout(() => void sample(), alone ? 0 : pause);
 }
 
 export function setEnds(name: string, ends: Ends): void {
   change({ phi: { ...request.value.phi, [name]: ends } });
-  if (!alone && result.value) narrow();
+  if (alone || !result.value) return;
+  narrow();
+  if (result.value.poses.length >= ENOUGH) soon(LATER); // pictures first
 }
 
 // ---- what a scene is worth, and why

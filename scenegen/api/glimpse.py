@@ -31,7 +31,7 @@ def glimpse(
     wanted = {} if fix is None else fix
     request = SampleRequest(read_phi(spec, phi), n, seed=seed, method="growth", fix=wanted, timeout=timeout)
     budget = Budget(timeout)
-    problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=ROUNDS)
+    problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=ROUNDS, most=n)
     rows = grown(problem, budget, n)
     found = problem.phi(rows)
     header = make_header(spec.checked, {"method": "glimpse", "seed": seed}, request_data(problem.request))

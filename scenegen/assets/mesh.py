@@ -74,12 +74,14 @@ def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
     angles = np.arccos(np.clip((ahead * behind).sum(axis=2) / np.maximum(lengths, 1e-30), -1.0, 1.0)).ravel()
     flat = mesh.faces.ravel()
     order = np.argsort(flat, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(flat[order])) + 1)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(flat[order])) + 1])
+    counts = np.diff(starts, append=flat.size)
     normals = np.empty((flat.size, 3))
-    for group in groups:
+    for count in np.unique(counts):  # all vertices with so many corners at a time
+        group = order[starts[counts == count, None] + np.arange(count)]
         faces = unit[group // 3]
-        near = faces @ faces.T > math.cos(CREASE)
-        normals[group] = near @ (faces * angles[group, None])
+        near = faces @ faces.transpose(0, 2, 1) > math.cos(CREASE)
+        normals[group] = near @ (faces * angles[group][..., None])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     return corners.reshape(-1, 3), normals, np.arange(flat.size)
 

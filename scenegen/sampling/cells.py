@@ -57,12 +57,15 @@ class Cells:
         return ", ".join(f"{self.labels[k]} {low[k]:.4g}:{high[k]:.4g}" for k in self.bounded) or "the whole range"
 
 
-def cut(request: SampleRequest, labels: Sequence[str]) -> Cells:
-    """The cells of a request; a single one for `--spread base`, or if no range is bounded."""
+def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -> Cells:
+    """The cells of a request; a single one for `--spread base`, or if no range is bounded. About `most` at most: what
+    wants a few scenes needs no more."""
     ranges = [request.phi.get(label, Range()) for label in labels]
     low = np.array([-np.inf if wanted.low is None else wanted.low for wanted in ranges])
     high = np.array([np.inf if wanted.high is None else wanted.high for wanted in ranges])
     bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.bounded) if request.spread == "flat" else ()
     pieces = _PER_LABEL.get(len(bounded), 8)
+    if most < pieces ** len(bounded):
+        pieces = math.ceil(most ** (1 / len(bounded)))
     edges = tuple(np.linspace(low[k], high[k], pieces + 1) for k in bounded)
     return Cells(tuple(labels), bounded, edges, low, high)

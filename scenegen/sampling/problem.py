@@ -116,18 +116,24 @@ class Problem:
 
 
 def make_problem(
-    spec: CheckedSpec, request: SampleRequest, budget: Budget | None = None, *, rounds: int = ROUNDS
+    spec: CheckedSpec,
+    request: SampleRequest,
+    budget: Budget | None = None,
+    *,
+    rounds: int = ROUNDS,
+    most: float = math.inf,
 ) -> Problem:
-    """Check a request against its spec. Raises RequestError, also if contraction in so many rounds proves the whole
-    range empty, and if the time of `budget` is long up before that is known."""
+    """Check a request against its spec, and cut it into about `most` cells at most. Raises RequestError, also if
+    contraction in so many rounds proves the whole range empty, and if the time of `budget` is long up before that is
+    known."""
     effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
     try:
-        return _make(spec, request, effort, rounds)
+        return _make(spec, request, effort, rounds, most)
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
 
 
-def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int) -> Problem:
+def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int, most: float) -> Problem:
     lowest, highest, fixed = hold_fixed(spec, request.fix)
     core = gated(spec.core)
     low, high = label_bounds(spec.core, lowest, highest, effort)
@@ -135,7 +141,7 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int
     tape = make_tape(core, lowest, highest, effort)
     _refuse_points(core, lowest, highest, request.phi, effort)
     checked, warnings = check_request(dataclasses.replace(request, fix=fixed), bounds)
-    cells = cut(checked, tuple(core.labels))
+    cells = cut(checked, tuple(core.labels), most)
     if core is not spec.core:
         cells.low[-1] = 0.0
     possible = _possible(core, tape, cells, lowest, highest, effort, rounds)

@@ -31,7 +31,6 @@ SECONDS: Mapping[str, float] = MappingProxyType(
         "check": 15.0,
         "assist": 5.0,
         "evaluate": 10.0,
-        "meshes": 15.0,
         "sample": 60.0,
         "first": 6.0,
         "spread": 6.0,

@@ -22,7 +22,7 @@ from scenegen.view.lanes import Lane
 from scenegen.view.limits import MAX_SCENES, MAX_TEXT, MAX_WAITING
 from scenegen.view.workers import Crowded, Gone, Workers
 
-Name = Literal["check", "assist", "evaluate", "meshes", "sample", "first", "spread", "range"]
+Name = Literal["check", "assist", "evaluate", "sample", "first", "spread", "range"]
 
 
 class Message(BaseModel):
@@ -40,7 +40,7 @@ class Message(BaseModel):
     poses: list[Any] = Field(default=[], max_length=MAX_SCENES)
     on: list[Any] | None = Field(None, max_length=MAX_SCENES)
     why: bool = False
-    want: list[str] = Field(default=[], max_length=2000)
+    have: list[str] | None = Field(None, max_length=2000)
     request: dict[str, Any] = Field(default={}, max_length=20)
     counts: dict[str, int] = Field(default={}, max_length=64)
     timeout: float | None = Field(None, gt=0, le=60)

@@ -26,6 +26,19 @@ def test_counts(bounded, count):
     assert cells_of("base", **{name: Range(0.0, 1.0) for name in LABELS[:bounded]}).count == 1
 
 
+@pytest.mark.parametrize(("most", "count"), [(1, 1), (4, 4), (32, 32), (100, 32)])
+def test_what_wants_few_scenes_gets_few_cells(most, count):
+    request = SampleRequest({LABELS[0]: Range(0.0, 1.0)}, 1)
+    found = cut(request, LABELS, most)
+    assert found.count == count and found.edges[0][[0, -1]].tolist() == [0.0, 1.0]
+
+
+def test_few_cells_of_two_bounded_labels_and_of_none():
+    request = SampleRequest({LABELS[0]: Range(0.0, 1.0), LABELS[1]: Range(0.0, 1.0)}, 1)
+    assert cut(request, LABELS, 4).count == 4 and cut(request, LABELS, 5).count == 9
+    assert cut(SampleRequest({}, 1), LABELS, 4).count == 1
+
+
 def test_open_ends_bound_without_being_cut():
     cells = cells_of(a=Range(0.0, 1.0), b=Range(0.0), c=Range(None, 0.5))
     assert cells.count == 32

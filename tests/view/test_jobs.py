@@ -125,6 +125,18 @@ def test_the_first_look_gives_way_quietly(tmp_path):
     assert list(do("first", tmp_path, text=text, request={"phi": {"task": [0, None]}})) == [None]
 
 
+def test_the_first_look_of_a_text_that_is_not_read_yet(tmp_path):
+    text = "object a, b, c, d\nrequire noOverlap()\nfirst: leftOf(a, b)\nsecond: leftOf(c, d)\n"
+    request = {"phi": {"first": [0, 0.1], "gone": [2, 3]}, "n": 40, "fix": {"gone": [0, 0], "b": [0.5, 0.5]}}
+    (found,) = do("first", tmp_path, text=text, request={**request, "others": [None, -0.05]})
+    assert len(found["poses"]) >= 2 and all(one[1][:2] == [0.5, 0.5] for one in found["poses"])
+    assert all(0 <= phi <= 0.1 for phi in found["phi"]["first"])
+    assert all(phi <= -0.05 for phi in found["phi"]["second"])
+    for wrong in ({"phi": 3}, {"phi": {}, "fix": 3}, {}):
+        with pytest.raises(RequestError):
+            do("first", tmp_path, text=text, request={**wrong, "others": [0, None]})
+
+
 def test_what_stands_on_one_of_several_surfaces_keeps_its_own(tmp_path):
     described, _ = do("check", tmp_path, text=SHELVES)
     spec = described["spec"]
@@ -191,10 +203,12 @@ def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
 
 
 def test_meshes_unpack_to_the_size_of_their_object(tmp_path):
-    (described, _) = do("check", tmp_path)
+    described, part, _ = do("check", tmp_path, have=[])
     keys = [one["mesh"] for one in described["spec"]["objects"]]
-    found = {part["key"]: part["mesh"] for part in do("meshes", tmp_path, want=keys)}
+    found = part["meshes"]
     assert set(found) == set(keys)
+    assert set(do("check", tmp_path, have=keys[:1])[1]["meshes"]) == {keys[1]}
+    assert all("meshes" not in part for part in do("check", tmp_path, have=keys))
     plate = found[described["spec"]["objects"][1]["mesh"]]
     steps = np.frombuffer(base64.b64decode(plate["position"]), "<i2").reshape(-1, 3)
     assert steps.max() * plate["scale"] == pytest.approx(0.125, abs=1e-3)

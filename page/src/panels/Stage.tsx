@@ -169,13 +169,29 @@ function Warnings() {
   );
 }
 
+const BEAT = 200; // ms: an animation of the style sheet would have the whole page drawn 60 times a second
+
+/** A bar that runs while scenes are sampled; not for what takes a moment only. */
+function Working() {
+  const bar = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    let beat = -1;
+    const timer = setInterval(() => {
+      beat++;
+      if (bar.current) bar.current.style.transform = `translateX(${-100 + (beat % 7) * 72}%)`;
+    }, BEAT);
+    return () => clearInterval(timer);
+  }, []);
+  return <div class="working" role="progressbar" aria-label="sampling"><div ref={bar} /></div>;
+}
+
 function Trouble() {
   const found = scenes.value;
   const told = refusal.value;
   const working = busy.value === "sample";
   return (
     <>
-      {working ? <div class="working" role="progressbar" aria-label="sampling" /> : null}
+      {working ? <Working /> : null}
       {preview.value && working ? <div class="first">{found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range"}</div> : null}
       {told && !working ? (
         <div class="trouble" role="alert">

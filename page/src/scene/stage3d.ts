@@ -55,7 +55,7 @@ export class Stage3d {
         this.table.geometry.dispose();
       }
       this.wood?.dispose();
-      this.wood = woodTexture(spec, this.small ? 256 : 768);
+      this.wood = woodTexture(spec, this.small ? 256 : devicePixelRatio > 1 ? 768 : 512);
       const edge = new MeshLambertMaterial({ color: 0x9a7650 });
       const top = new MeshLambertMaterial({ map: this.wood });
       this.table = new Mesh(new BoxGeometry(x1 - x0, y1 - y0, spec.thickness), [edge, edge, edge, edge, top, edge]);

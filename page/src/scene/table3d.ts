@@ -31,6 +31,7 @@ export class Table3d extends Stage3d {
   private ring = new Group();
   private knob: Mesh;
   private dirty = true;
+  private scheduled = false;
   private running = true;
   private held: { name: string; kind: "move" | "turn"; offset: Vector2; plane: Plane } | null = null;
   private ray = new Raycaster();
@@ -42,6 +43,7 @@ export class Table3d extends Stage3d {
   private last = 0;
   private slow = 0;
   private framed = "";
+  private seen = { width: 1, height: 1 }; // of the view, in pixels of the window
   names = false;
   onTags: (tags: Tag[]) => void = () => {};
   frames = 0; // for tests: how many pictures were drawn
@@ -68,11 +70,19 @@ export class Table3d extends Stage3d {
     canvas.addEventListener("pointermove", this.hover);
     canvas.addEventListener("pointerup", this.up);
     canvas.addEventListener("pointercancel", this.up);
-    requestAnimationFrame(this.loop);
+    this.schedule();
   }
 
   wake(): void {
     this.dirty = true;
+    this.schedule();
+  }
+
+  /** Pictures are drawn when something changes: a page at rest leaves the processor to others. */
+  private schedule(): void {
+    if (this.scheduled || !this.running) return;
+    this.scheduled = true;
+    requestAnimationFrame(this.loop);
   }
 
   override setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
@@ -115,6 +125,7 @@ export class Table3d extends Stage3d {
 
   resize(width: number, height: number): void {
     if (width < 2 || height < 2) return;
+    this.seen = { width, height };
     const first = this.camera.aspect;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
@@ -249,15 +260,15 @@ export class Table3d extends Stage3d {
   };
 
   private loop = (): void => {
+    this.scheduled = false;
     if (!this.running) return;
-    requestAnimationFrame(this.loop);
     const moving = performance.now() - this.lastMove < 300;
     if (!moving && this.now !== this.ratio) {
       this.now = this.ratio;
       this.renderer.setPixelRatio(this.now);
       this.renderer.shadowMap.needsUpdate = true;
       this.dirty = true;
-    }
+    } else if (moving) this.schedule();
     // Until the scenes of a new spec are there, the last picture stays: to draw an empty table would hold them up.
     if (!this.dirty || !this.objects.children.some((one) => one.visible)) return;
     this.dirty = false;
@@ -279,7 +290,7 @@ export class Table3d extends Stage3d {
   };
 
   private tags(): void {
-    const box = this.renderer.domElement.getBoundingClientRect();
+    const box = this.seen; // to measure it would lay the page out anew
     const tags: Tag[] = [];
     const put = (at: Vector3, text: string, kind: Tag["kind"]) => {
       const seen = at.clone().project(this.camera);

@@ -53,7 +53,7 @@ export class Thumbs {
     this.waiting = all.filter((one) => !this.again(one));
     if (!this.drawing && this.waiting.length) {
       this.drawing = true;
-      requestAnimationFrame(() => this.some());
+      requestAnimationFrame(() => setTimeout(() => this.some())); // after the large picture is on the screen
     }
   }
 

@@ -5,6 +5,22 @@ import type { Spec } from "../types";
 const TABLE = 256;
 const PLANKS = 6;
 
+let grain: Float32Array | null = null;
+
+/** Smooth noise along one row. */
+function noise(table: Float32Array, v: number): (u: number) => number {
+  const iv = Math.floor(v), near = (iv & 255) * TABLE, far = ((iv + 1) & 255) * TABLE;
+  let fv = v - iv;
+  fv = fv * fv * (3 - 2 * fv);
+  return (u) => {
+    const iu = Math.floor(u), left = iu & 255, right = (iu + 1) & 255;
+    let fu = u - iu;
+    fu = fu * fu * (3 - 2 * fu);
+    const below = table[near + left] + fu * (table[near + right] - table[near + left]);
+    return below + fv * (table[far + left] + fu * (table[far + right] - table[far + left]) - below);
+  };
+}
+
 function chances(): Float32Array {
   const out = new Float32Array(TABLE * TABLE);
   let state = 0x2545f491;
@@ -20,7 +36,7 @@ function chances(): Float32Array {
 const made = new Map<string, HTMLCanvasElement>(); // wood without regions: most specs have the same table
 const KEPT = 6;
 
-export function woodTexture(spec: Spec, size = 768): CanvasTexture {
+export function woodTexture(spec: Spec, size: number): CanvasTexture {
   const key = JSON.stringify([spec.table, spec.workspace, size]);
   const plain = made.get(key) ?? plainWood(spec, size);
   made.delete(key);
@@ -50,17 +66,8 @@ function plainWood(spec: Spec, size: number): HTMLCanvasElement {
   canvas.width = width;
   canvas.height = height;
   const context = canvas.getContext("2d")!;
-  const image = context.createImageData(width, height);
-  const table = chances();
-  const noise = (u: number, v: number) => {
-    const iu = Math.floor(u), iv = Math.floor(v);
-    let fu = u - iu, fv = v - iv;
-    fu = fu * fu * (3 - 2 * fu);
-    fv = fv * fv * (3 - 2 * fv);
-    const left = iu & 255, right = (iu + 1) & 255, near = (iv & 255) * TABLE, far = ((iv + 1) & 255) * TABLE;
-    const below = table[near + left] + fu * (table[near + right] - table[near + left]);
-    return below + fv * (table[far + left] + fu * (table[far + right] - table[far + left]) - below);
-  };
+  const image = context.createImageData(width, height), { data } = image;
+  const table = (grain ??= chances());
   const pixel = Math.max((x1 - x0) / width, (y1 - y0) / height) / side;
   const inlay = Math.max(0.0022, 0.8 * pixel), seam = Math.max(0.0016, 0.7 * pixel);
   for (let row = 0; row < height; row++) {
@@ -70,21 +77,24 @@ function plainWood(spec: Spec, size: number): HTMLCanvasElement {
     const chance = table[number & 255];
     const v = lane - number + 5 * number;
     const toSeam = Math.abs(lane - Math.round(lane)) / PLANKS;
+    const seamline = 0.14 * Math.max(0, Math.min(1, 1.5 - toSeam / seam));
+    const wide = noise(table, 1.1 * v), fine = noise(table, 3 * v), flecks = noise(table, 46 * v), pores = noise(table, 88 * v);
     for (let column = 0; column < width; column++) {
       const x = x0 + ((column + 0.5) * (x1 - x0)) / width;
       const u = x / side + 9 * chance;
-      const rings = 1.7 * v + 1.5 * noise(1.3 * u, 1.1 * v) + 0.35 * noise(3.7 * u, 3 * v);
+      const rings = 1.7 * v + 1.5 * wide(1.3 * u) + 0.35 * fine(3.7 * u);
       const streaks = 0.5 + 0.5 * Math.sin(2 * Math.PI * 2.6 * rings);
-      let dark = 0.065 * (chance - 0.5) + 0.06 * (streaks * streaks - 0.4) + 0.07 * (noise(11 * u, 46 * v) - 0.5) + 0.2 * noise(26 * u, 88 * v) ** 6;
+      const pore = pores(26 * u) ** 2;
+      const dark = 0.065 * (chance - 0.5) + 0.06 * (streaks * streaks - 0.4) + 0.07 * (flecks(11 * u) - 0.5) + 0.2 * pore * pore * pore;
       const outside = Math.max(u0 - x, x - u1, v0 - y, y - v1) / side;
-      let line = 0.14 * Math.max(0, Math.min(1, 1.5 - toSeam / seam));
+      let line = seamline;
       line += outside > 0 ? 0.035 : 0;
       line += 0.26 * Math.max(0, Math.min(1, 1.5 - Math.abs(outside) / inlay));
       const at = 4 * (row * width + column);
-      image.data[at] = 255 * 0.86 * (1 - dark * 0.35 - line * 0.8);
-      image.data[at + 1] = 255 * 0.74 * (1 - dark - line);
-      image.data[at + 2] = 255 * 0.585 * (1 - dark * 1.75 - line * 1.1);
-      image.data[at + 3] = 255;
+      data[at] = 255 * 0.86 * (1 - dark * 0.35 - line * 0.8);
+      data[at + 1] = 255 * 0.74 * (1 - dark - line);
+      data[at + 2] = 255 * 0.585 * (1 - dark * 1.75 - line * 1.1);
+      data[at + 3] = 255;
     }
   }
   context.putImageData(image, 0, 0);

@@ -16,7 +16,6 @@ TABLE: dict[str, str] = {
     "check": "scenegen.view.jobs.check:check",
     "assist": "scenegen.view.jobs.assist:assist",
     "evaluate": "scenegen.view.jobs.evaluate:evaluate",
-    "meshes": "scenegen.view.jobs.meshes:meshes",
     "sample": "scenegen.view.jobs.sample:sample",
     "first": "scenegen.view.jobs.sample:first",
     "spread": "scenegen.view.jobs.sample:spread",

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-NICE = 5  # of 19: how far work gives way that nobody waits for
+NICE = 10  # of 19: how far work gives way that nobody waits for
 SLIGHTLY = 2  # and work that somebody waits for, after a first look
 
 

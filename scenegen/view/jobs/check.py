@@ -12,11 +12,13 @@ from scenegen.lsp.answers import Question, answer
 from scenegen.view.jobs.assist import page_of
 from scenegen.view.jobs.calm import calmly
 from scenegen.view.jobs.describe import describe, numbers_data
+from scenegen.view.jobs.meshes import meshes_of
 from scenegen.view.jobs.source import inside, wanted_counts, with_numbers
 
 
 def check(message: dict[str, Any]) -> Iterator[Any]:
-    """First what the spec is about (None where it is wrong), then its problems as a language server puts them."""
+    """First what the spec is about (None where it is wrong), then its meshes where the message says which ones the page
+    has, then its problems as a language server puts them."""
     page = page_of(message)
     found = page.document.checked
     described = None
@@ -28,6 +30,9 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
         except SpecError:  # phi beyond what computers can hold: a problem that the list tells
             described = None
     yield {"spec": described}
+    have = message.get("have")
+    if described is not None and have is not None and (meshes := meshes_of(spec, set(have))):
+        yield {"meshes": meshes}
     # what clashes takes as long to find out as scenes, which somebody waits for
     problems = calmly(lambda: answer(page, Question("diagnostics")))
     yield {"problems": [{**one, "message": inside(one["message"], message["root"])} for one in problems or []]}

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from scenegen.api.spec import Spec
 from scenegen.assets import Shape, parts_of
 from scenegen.assets.mesh import shaded
 from scenegen.view.jobs.describe import mesh_key, stage_of_spec
-from scenegen.view.jobs.source import spec_of
 
 STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
 
 
-def meshes(message: dict[str, Any]) -> Iterator[Any]:
-    """The meshes of the spec's objects whose keys are wanted, one part each: {"key", "mesh"}."""
-    wanted = {str(key) for key in message.get("want", ())}
-    done = set[str]()
-    for thing in stage_of_spec(spec_of(message)).things:
-        key = mesh_key(thing)
-        if key in wanted and key not in done:
-            done.add(key)
-            yield {"key": key, "mesh": packed_mesh(thing.shape, tuple(thing.color))}
+def meshes_of(spec: Spec, have: Collection[str]) -> dict[str, Any]:
+    """The meshes of the spec's objects by key, without those that a page has already."""
+    things = {mesh_key(thing): thing for thing in stage_of_spec(spec).things}
+    return {key: packed_mesh(one.shape, tuple(one.color)) for key, one in things.items() if key not in have}
 
 
 @lru_cache(maxsize=256)
@@ -47,8 +43,8 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
             np.round(np.clip(np.concatenate(colors), 0.0, 1.0) * 255.0),
         ],
         axis=1,
-    ).astype(np.int32)
-    unique, index = np.unique(table, axis=0, return_inverse=True)
+    ).astype(np.int64)
+    unique, index = _unique(table)
     wide = len(unique) > 65535
     return {
         "scale": scale,
@@ -58,6 +54,19 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
         "index": _text(index.reshape(-1).astype("<u4" if wide else "<u2")),
         "wide": wide,
     }
+
+
+def _unique(table: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The different rows of a (V, 9) table of vertices in order, and where each row is among them. Two numbers hold a
+    row, which sorts faster than nine."""
+    place = (table[:, :3] + (1 << 15)) @ np.array([1 << 32, 1 << 16, 1])
+    rest = (table[:, 3:] + (1 << 7)) @ (1 << np.arange(50, -1, -10))
+    order = np.lexsort((rest, place))
+    new = np.ones(len(table), dtype=np.int64)
+    new[1:] = (np.diff(place[order]) != 0) | (np.diff(rest[order]) != 0)
+    index = np.empty(len(table), dtype=np.int64)
+    index[order] = np.cumsum(new) - 1
+    return table[order[new == 1]], index
 
 
 def _text(array: Any) -> str:

@@ -75,8 +75,23 @@ def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
 
 def first(message: dict[str, Any]) -> Iterator[Any]:
     """A few scenes in the range of a request, soon: something to look at until the scenes themselves are there. None
-    where it fails."""
+    where it fails. The page may ask before it knows what the text means: with `others`, the range of all labels that
+    the request does not name, its labels are those of the text."""
+    wanted = message.get("request") or {}
+    if "others" in wanted:
+        spec = spec_of(message)
+        message = {**message, "request": fitted(wanted, spec)}
     yield _glimpse(message, FIRST)
+
+
+def fitted(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
+    """A request made before its text was read: of the spec's labels, and with no object held that the spec lacks."""
+    try:
+        phi = {name: wanted["phi"].get(name, wanted["others"]) for name in spec.labels}
+        fix = {name: pose for name, pose in wanted.get("fix", {}).items() if name in spec.objects}
+    except (TypeError, KeyError, AttributeError):
+        raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
+    return {**wanted, "phi": phi, "fix": fix}
 
 
 def spread(message: dict[str, Any]) -> Iterator[Any]:

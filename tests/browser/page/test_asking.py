@@ -27,6 +27,27 @@ def test_a_moved_handle_shows_known_scenes_at_once(served, tab):
     assert len(one.state("$.result.poses")) == 16
 
 
+def test_scenes_that_stay_in_range_stay_on_the_screen(served, tab):
+    """A wider range keeps what is shown, pictures included, until the wanted scenes are there."""
+    one = tab(served.link)
+    one.ready()
+    one.until("!document.querySelector('.grid button[data-scene]:not(.drawn)')")
+    kept = one.page.evaluate(
+        """async () => {
+          const before = window.scenegen.result.poses, explained = window.scenegen.report;
+          document.querySelector("[role=slider]").dispatchEvent(
+            new KeyboardEvent("keydown", { key: "ArrowLeft", bubbles: true }));
+          const { result, preview, report } = window.scenegen;
+          await new Promise(requestAnimationFrame);
+          await new Promise(requestAnimationFrame);
+          const drawn = document.querySelectorAll(".grid button.drawn").length;
+          return [preview, result.poses.every((one, k) => one === before[k]), drawn, report === explained];
+        }"""
+    )
+    assert kept == [True, True, 16, True]
+    one.ready()
+
+
 def test_every_shown_phi_lies_between_the_handles(served, tab):
     one = tab(served.link)
     one.ready()

@@ -15,7 +15,7 @@ from scenegen.assets.filenames import local_name
 from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats, Mesh, box, disc, joined, revolve
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.surface import Budget, Surface, fewer
+from scenegen.assets.surface import Budget, Surface
 from scenegen.assets.urdf_tree import UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 
 SIDES, RINGS = 24, 8  # of round shapes
@@ -56,7 +56,7 @@ def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, 
     found = mesh_surfaces(name, data, read, Budget(), painted=painted)
     mesh = joined([Mesh(one.vertices, one.faces) for one in found])
     pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
-    skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in fewer(found)) if painted else ()
+    skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
     return OwnBody(pieces, skins=skins)
 
 
@@ -81,7 +81,7 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
             for piece in reader.pieces(solid_of(shape))
         ]
         bare = [link for link, _ in links]
-        skins = fewer(robot_surfaces(data, read)) if painted else ()
+        skins = robot_surfaces(data, read) if painted else ()
         return OwnBody(tuple(pieces), _mass(bare), _friction(robot, bare), skins)
     except ElementsError as error:
         raise UrdfError(str(error)) from None

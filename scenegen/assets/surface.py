@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from scenegen.assets.mesh import Floats, Indices
 from scenegen.assets.meshfile import MeshError
@@ -15,8 +12,6 @@ MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they ar
 MOST_TRIANGLES = 4_000_000
 MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
 MOST_BYTES = 128_000_000  # of all files together
-MANY = 64  # surfaces of an object that are drawn one by one; of more, those that look alike together
-MOST_LOOKS = 256  # of an object that has more: a renderer takes a body for each
 WHITE: RGB = (1.0, 1.0, 1.0)
 
 
@@ -31,33 +26,6 @@ class Surface:
     color: RGB | None
     uv: Floats | None = None
     texture: bytes = b""
-
-
-def fewer(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
-    """The surfaces of one object, those with one colour and texture joined where there are more than `MANY`. Raises
-    MeshError where more than `MOST_LOOKS` are left."""
-    if len(surfaces) <= MANY:
-        return tuple(surfaces)
-    alike: dict[tuple[RGB | None, bytes, bool], list[Surface]] = {}
-    for one in surfaces:
-        alike.setdefault((one.color, one.texture, one.uv is None), []).append(one)
-    if len(alike) > MOST_LOOKS:
-        raise MeshError(
-            f"it has {len(alike):,} colours and textures, and more than {MOST_LOOKS} are not drawn: join them"
-        )
-    return tuple(map(_joined, alike.values()))
-
-
-def _joined(surfaces: Sequence[Surface]) -> Surface:
-    starts = np.cumsum([0, *(len(one.vertices) for one in surfaces)])
-    faces = [one.faces + start for one, start in zip(surfaces, starts[:-1], strict=True)]
-    places = [one.uv for one in surfaces if one.uv is not None]
-    return replace(
-        surfaces[0],
-        vertices=np.concatenate([one.vertices for one in surfaces]),
-        faces=np.concatenate(faces),
-        uv=np.concatenate(places) if places else None,
-    )
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from scenegen.assets.drawn import mesh_surfaces, robot_surfaces
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.surface import Surface, fewer
+from scenegen.assets.surface import Surface
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
@@ -54,7 +54,7 @@ def _model(folder: Path, shape: ShapeData) -> Model:
     made = robot_surfaces(file.data, file.beside) if file.is_robot else mesh_surfaces(file.path, file.data, file.beside)
     for texture in {one.texture for one in made if one.texture}:
         _check_texture(texture)
-    return tuple(replace(one, vertices=one.vertices @ file.matrix.T + file.offset) for one in fewer(made))
+    return tuple(replace(one, vertices=one.vertices @ file.matrix.T + file.offset) for one in made)
 
 
 def _check_texture(data: bytes) -> None:

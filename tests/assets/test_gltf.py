@@ -10,7 +10,6 @@ import pytest
 from scenegen.assets.gltf import surfaces
 from scenegen.assets.mesh import Mesh
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.surface import fewer
 from scenegen.assets.urdf import mesh_outline
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import SpecError
@@ -155,31 +154,6 @@ def test_a_picture_that_announces_too_many_pixels_is_not_read():
         image[16:24] = width.to_bytes(4, "big") + height.to_bytes(4, "big")
         image[29:33] = zlib.crc32(bytes(image[12:29])).to_bytes(4, "big")
         refused(document(texture={"uri": inline(bytes(image))}), "pixels together")
-
-
-def of_many_parts(colours):
-    """A file whose 1,000 nodes have a box each, in so many colours."""
-    (part,) = document()["meshes"][0]["primitives"]
-    materials = [{"pbrMetallicRoughness": {"baseColorFactor": [k / 1000, 0, 0, 1]}} for k in range(colours)]
-    return document(
-        nodes=[{"children": list(range(1, 1001))}, *({"mesh": k % colours} for k in range(1000))],
-        meshes=[{"primitives": [{**part, "material": k}]} for k in range(colours)],
-        materials=materials,
-    )
-
-
-def test_many_parts_that_look_alike_are_drawn_together():
-    made = surfaces("a.glb", glb(of_many_parts(3)), nothing)
-    joined = fewer(made)
-    assert len(made) == 1000 and len(joined) == 3
-    assert sum(len(one.faces) for one in joined) == 1000 * len(FACES)
-    first = [one for one in made if one.color == joined[0].color]
-    assert np.array_equal(
-        joined[0].vertices[joined[0].faces], np.concatenate([one.vertices[one.faces] for one in first])
-    )
-    assert fewer(made[:64]) == made[:64]
-    with pytest.raises(MeshError, match="300 colours and textures, and more than 256"):
-        fewer(surfaces("a.glb", glb(of_many_parts(300)), nothing))
 
 
 def test_a_triangle_of_no_vertex_is_refused():

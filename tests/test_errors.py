@@ -212,6 +212,15 @@ def test_no_diagnostic_floods_a_terminal(field, text):
     assert name in to_json(one).get({"title": "message"}.get(field, field))
 
 
+@pytest.mark.parametrize("field", ["title", "label", "help", "note"])
+def test_names_from_files_do_not_steer_a_terminal(field):
+    said = "cannot read a\n\x1b[31mb\x9b2J\x00.png"
+    shown = render(problem(**{"label": "l"} | {field: "{said}"})(CASES["one line"].span, said=said))
+    assert all(one.isprintable() for line in shown.split("\n") for one in line)
+    if field in ("title", "label"):
+        assert "cannot read a ·[31mb·2J·.png" in shown
+
+
 def test_names_of_a_sensible_length_are_shown_whole():
     name = "x" * 80
     assert render(problem("unknown name `{name}`")(name=name)) == f"error[some-code]: unknown name `{name}`"

@@ -256,8 +256,8 @@ def _mesh_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Ca
 
 def _check_size(size: float, scale: float) -> None:
     if size > LARGEST:
-        likely = next(((scale * factor, unit) for factor, unit in UNITS if size * factor <= USUAL), None)
-        raise AssetSizeError(size, "" if likely is None else f"is its file in {likely[1]}? scale = {likely[0]:g}")
+        likely = [f"in {unit}? scale = {scale * factor:g}" for factor, unit in UNITS if size * factor <= USUAL]
+        raise AssetSizeError(size, f"is its file {'; '.join(likely)}" if likely else "")
     if size < SMALLEST:
         raise AssetSizeError(
             size, f"is its file in metres? scale = {scale * 1000.0:g}" if size * 1000.0 <= USUAL else ""

@@ -21,6 +21,7 @@ from scenegen.assets.urdf_tree import Pose, UrdfError, links_of, numbers_of, ori
 from scenegen.primitives import Box, Circle, Footprint
 
 LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
+USUAL = 20.0  # metres: a file of something larger is in another unit
 MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
 MOST_BYTES = 128_000_000  # of all mesh files together
 PLAIN = (".obj", ".stl")
@@ -61,7 +62,7 @@ def outline(data: bytes, read_mesh: Callable[[str], bytes]) -> tuple[Footprint, 
     stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj
     or .stl) as the file names it; what it raises passes through. Raises UrdfError.
     """
-    return measured(robot_shadow(data, read_mesh), "for meshes in millimetres write scale")
+    return measured(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
 
 
 def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Footprint, float]:
@@ -69,7 +70,9 @@ def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[
     the metre; z points up in the first two, y in glTF files. As in `outline`, the footprint is the convex hull of what
     it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
     file names; what that raises passes through. Raises UrdfError."""
-    return measured(mesh_shadow(name, data, read), "for a mesh in millimetres write a URDF with scale")
+    return measured(
+        mesh_shadow(name, data, read), 'give it an entry in assets.toml with scale = 0.001, and write asset("NAME")'
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +130,8 @@ def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Fl
 
 
 def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
-    """Footprint and height of a shadow, in metres. Raises UrdfError, with the `hint` where it is too large."""
+    """Footprint and height of a shadow, in metres. Raises UrdfError. With a `hint`, which says what to do about a
+    file in millimetres, what is larger than things on tables is refused."""
     try:
         footprint = shadow.footprint()
     except OutlineError as error:
@@ -138,9 +142,11 @@ def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
 
 
 def _check_sizes(footprint: Footprint, height: float, hint: str) -> None:
-    if max(*footprint.extent, height) > LARGEST:
-        help_ = f'{hint}="0.001 0.001 0.001"'
-        raise UrdfError(f"it is larger than {LARGEST:,.0f} m; {help_}")
+    size = max(*footprint.extent, height)
+    if hint and size > USUAL:
+        raise UrdfError(f"it would measure {size:,.4g} m; if its numbers are millimetres, {hint}")
+    if size > LARGEST:
+        raise UrdfError(f"it is larger than {LARGEST:,.0f} m")
     least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
     if min(least, height) < SMALLEST:
         raise UrdfError("it covers no area of the table" if least < SMALLEST else "it has no height")

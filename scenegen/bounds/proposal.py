@@ -19,7 +19,8 @@ from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_a
 from scenegen.bounds.effort import PYTHON, Effort
 from scenegen.bounds.grid import Grid, make_grid
 from scenegen.bounds.order import Order, make_order
-from scenegen.bounds.standing import Stand, Step, steps_for
+from scenegen.bounds.patches import Step
+from scenegen.bounds.standing import Stand, steps_for
 from scenegen.bounds.tape import Tape
 from scenegen.lang.core import Coord, Junction
 from scenegen.pose import PLACE, row_of

@@ -1,4 +1,4 @@
-"""Drawing what stands on something where it stands: on one of its surfaces, in the frame of what carries it.
+"""Who stands where: objects that stand on one of some surfaces, and the patches of these on which each is drawn.
 
 The set of poses that supports allow is thin in a box of poses: a bottle on any of six slots is on one of them in one of
 a thousand. But its volume does not depend on where the carriers are, so it can be drawn uniformly: carriers first, then
@@ -8,26 +8,23 @@ walls are drawn with the place, in slices that leave out where the object does n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import PYTHON, Effort
+from scenegen.bounds.patches import SLICES, Piece, Step, cut, disc, facing, patches, step_of
 from scenegen.bounds.requirements import Ends
 from scenegen.bounds.tape import Tape
 from scenegen.lang.choices import options_of
 from scenegen.lang.spec import CheckedSpec, Support
-from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
-from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
-from scenegen.primitives.outline import corners, measures
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, row_of
+from scenegen.primitives.footprint import Box, Circle, Footprint
 
 Array = npt.NDArray[np.float64]
 
-SLICES = 128  # of the circle of headings
 HAIR = 1e-9  # metres and radians by which boxes are larger than contraction says
 
 
@@ -46,72 +43,6 @@ class Stand:
     def rows(self) -> tuple[int, ...]:
         place = tuple(row_of(self.thing, axis) for axis in PLACE)
         return place if self.switch is None else (*place, self.switch)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """How one object is drawn: from K patches, the k-th with the probability `odds[k] - odds[k - 1]`. (K,) each: the
-    middle and half the size of a patch in the frame of what carries it (a `radius` above 0: a disc), the interval of
-    the switch and that of the heading against the carrier's; `number` says which of `frames` carries the patch: the row
-    of its x, or the pose of a region. `turned`: the heading is drawn, too."""
-
-    thing: int
-    switch: int | None
-    turned: bool
-    odds: Array
-    middle: Array  # (2, K)
-    half: Array  # (2, K)
-    radius: Array
-    begin: Array
-    width: Array
-    heading: Array
-    slice: float
-    number: npt.NDArray[np.intp]
-    frames: tuple[int | tuple[float, float, float], ...]
-    log_volume: float
-
-    @property
-    def rows(self) -> tuple[int, ...]:
-        place = tuple(row_of(self.thing, axis) for axis in (FLAT if self.turned else PLACE))
-        return place if self.switch is None else (*place, self.switch)
-
-    def draw(self, out: Array, rng: np.random.Generator) -> None:
-        """Fill the object's rows of `out` (3N, m), in which what carries it is drawn."""
-        for row, value in self.poses(out, (out.shape[1],), rng).items():
-            out[row] = value
-
-    def poses(self, scenes: Array, shape: tuple[int, ...], rng: np.random.Generator) -> dict[int, Array]:
-        """Values of the object's rows, of a shape (..., P), where what carries it stands as in `scenes` (3N, P)."""
-        patch = np.minimum(np.searchsorted(self.odds, rng.random(shape), side="right"), len(self.odds) - 1)
-        one, other = rng.random((2, *shape))
-        u = self.middle[0].take(patch) + (2.0 * one - 1.0) * self.half[0].take(patch)
-        v = self.middle[1].take(patch) + (2.0 * other - 1.0) * self.half[1].take(patch)
-        if self.radius.any():
-            radius = self.radius.take(patch)
-            far, round_ = radius * np.sqrt(one), TWO_PI * other
-            u, v = np.where(radius > 0.0, far * np.cos(round_), u), np.where(radius > 0.0, far * np.sin(round_), v)
-        x, y, theta = self._frame(scenes, self.number.take(patch))
-        cos, sin = np.cos(theta), np.sin(theta)
-        found = {row_of(self.thing, X): x + (cos * u - sin * v), row_of(self.thing, Y): y + (sin * u + cos * v)}
-        if self.turned:
-            turn = theta + self.heading.take(patch) + self.slice * rng.random(shape)
-            found[row_of(self.thing, THETA)] = np.mod(turn, TWO_PI)
-        if self.switch is not None:
-            found[self.switch] = self.begin.take(patch) + self.width.take(patch) * rng.random(shape)
-        return found
-
-    def _frame(self, scenes: Array, number: npt.NDArray[np.intp]) -> list[Array]:
-        poses = [
-            [np.float64(value) for value in frame]
-            if isinstance(frame, tuple)
-            else [scenes[frame + axis] for axis in FLAT]
-            for frame in self.frames
-        ]
-        found = [np.asarray(value) for value in poses[-1]]
-        for which in range(len(poses) - 1):
-            here = number == which
-            found = [np.where(here, value, rest) for value, rest in zip(poses[which], found, strict=True)]
-        return found
 
 
 def stands_of(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Stand, ...]:
@@ -162,14 +93,14 @@ def steps_for(
         if pieces is None:
             return None
         if pieces:
-            steps.append(_step(stand, pieces, _turns(stand, ends)))
+            steps.append(step_of(stand.thing, stand.switch, pieces, _turns(stand, ends)))
     return tuple(steps)
 
 
 def step_for(stand: Stand, ends: Callable[[int], Ends]) -> Step | None:
     """How an object that stands is drawn where `ends` tells the interval of each row; None where it has no place."""
     pieces = _pieces(stand, ends)
-    return _step(stand, pieces, _turns(stand, ends)) if pieces else None
+    return step_of(stand.thing, stand.switch, pieces, _turns(stand, ends)) if pieces else None
 
 
 def _boxed(stand: Stand, ends: Callable[[int], Ends]) -> bool:
@@ -193,27 +124,9 @@ def _carried(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float,
     return (x[0], y[0], theta[0]) if x[0] == x[1] and y[0] == y[1] and theta[0] == theta[1] else None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    frame: int | tuple[float, float, float]
-    begin: float
-    width: float
-    middle: Array  # (2, K)
-    half: Array
-    radius: float
-    heading: Array  # (K,)
-
-    @property
-    def areas(self) -> Array:
-        if self.radius > 0.0:
-            return np.full(len(self.heading), math.pi * self.radius**2)
-        out: Array = 4.0 * self.half[0] * self.half[1]
-        return out
-
-
-def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[_Piece] | None:
+def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[Piece] | None:
     """The patches of each surface that is left; None where none is, nothing where all of them have no area."""
-    found, left, begin, turned = list[_Piece](), False, 0.0, _turns(stand, ends)
+    found, left, begin, turned = list[Piece](), False, 0.0, _turns(stand, ends)
     for under, end in zip(stand.options, stand.ends, strict=True):
         low, high = begin, end
         begin = end
@@ -224,19 +137,19 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[_Piece] | None:
         left = True
         low, high = max(low, 0.0), min(high, 1.0)
         frame: int | tuple[float, float, float] = under.pose if under.carrier is None else row_of(under.carrier, X)
-        radius = _disc(stand.upper, under)
-        middle, half = _patches(stand.upper if under.walled else None, under.outline, turned)
+        radius = disc(stand.upper, under)
+        middle, half = patches(stand.upper if under.walled else None, under.outline, turned)
         heading: Array = np.arange(len(half[0])) * np.float64(TWO_PI / SLICES if turned else 0.0)
         held = _carried(under, ends)
         kept = (half > 0.0).all(axis=0)
         if held is not None:
             if turned:
-                kept &= _facing(heading + held[2], ends(row_of(stand.thing, THETA)))
+                kept &= facing(heading + held[2], ends(row_of(stand.thing, THETA)))
             if not radius:
-                middle, half = _cut(middle, half, held, [ends(row_of(stand.thing, axis)) for axis in PLACE])
+                middle, half = cut(middle, half, held, [ends(row_of(stand.thing, axis)) for axis in PLACE])
                 kept &= (half > 0.0).all(axis=0)
         if kept.any():
-            found.append(_Piece(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
+            found.append(Piece(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
     return found if left else None
 
 
@@ -248,91 +161,3 @@ def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
     if low >= high:
         return False
     return high - low >= TWO_PI - 1e-6 or all(_carried(one, ends) is not None for one in stand.options)
-
-
-def _disc(upper: Footprint, under: Support) -> float:
-    """The radius of the disc of centres on a round surface, 0 where it is no disc."""
-    if not isinstance(under.outline, Circle):
-        return 0.0
-    if not under.walled:
-        return under.outline.radius
-    return max(0.0, under.outline.radius - upper.radius) if isinstance(upper, Circle) else 0.0
-
-
-@cache
-def _patches(upper: Footprint | None, outline: Footprint, turned: bool) -> tuple[Array, Array]:
-    """The boxes of centres on a surface, for each slice of headings where they are `turned`: middle and half the size,
-    (2, K) each. `upper` is what must lie inside, None where only the centre must."""
-    points = np.array(_corners(outline))
-    low, high = points.min(axis=0)[:, None], points.max(axis=0)[:, None]
-    count = SLICES if turned else 1
-    if upper is None:
-        low, high = np.repeat(low, count, axis=1), np.repeat(high, count, axis=1)
-    elif isinstance(upper, Circle) or not turned:
-        inner = max(0.0, measures(upper).inner)
-        low, high = np.repeat(low + inner, count, axis=1), np.repeat(high - inner, count, axis=1)
-    else:
-        angle = (np.arange(SLICES) + 0.5) * (TWO_PI / SLICES)
-        slack = measures(upper).turn * (TWO_PI / SLICES / 2.0)
-        x, y = np.array(corners(upper)).T[:, :, None]
-        turned_points = np.array([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y])
-        low = low + np.maximum(-turned_points.min(axis=1) - slack, 0.0)
-        high = high - np.maximum(turned_points.max(axis=1) - slack, 0.0)
-    return (low + high) / 2.0, (high - low) / 2.0
-
-
-def _corners(outline: Footprint) -> tuple[tuple[float, float], ...]:
-    if isinstance(outline, Circle):
-        return ((-outline.radius, -outline.radius), (outline.radius, outline.radius))
-    return outline.vertices if isinstance(outline, Polygon) else corners(outline)
-
-
-def _facing(begin: Array, ends: tuple[float, float]) -> npt.NDArray[np.bool_]:
-    """Which slices of headings, (K,) begins, meet an interval of headings."""
-    low, high = ends
-    if high - low >= TWO_PI - 1e-6:
-        return np.ones(len(begin), dtype=bool)
-    out: npt.NDArray[np.bool_] = np.mod(begin - low, TWO_PI) <= high - low
-    out |= np.mod(begin + TWO_PI / SLICES - low, TWO_PI) <= high - low
-    out |= np.mod(low - begin, TWO_PI) <= TWO_PI / SLICES
-    return out
-
-
-def _cut(
-    middle: Array, half: Array, frame: tuple[float, float, float], ends: list[tuple[float, float]]
-) -> tuple[Array, Array]:
-    """Patches in a frame that stays where it is, as far as they lie in a box of the table."""
-    x, y, theta = frame
-    cos, sin = math.cos(theta), math.sin(theta)
-    centre = [(low + high) / 2.0 for low, high in ends]
-    size = [(high - low) / 2.0 for low, high in ends]
-    dx, dy = centre[0] - x, centre[1] - y
-    about = np.array([cos * dx + sin * dy, cos * dy - sin * dx])[:, None]
-    reach = np.array([abs(cos) * size[0] + abs(sin) * size[1], abs(sin) * size[0] + abs(cos) * size[1]])[:, None]
-    low, high = np.maximum(middle - half, about - reach), np.minimum(middle + half, about + reach)
-    return (low + high) / 2.0, (high - low) / 2.0
-
-
-def _step(stand: Stand, pieces: list[_Piece], turned: bool) -> Step:
-    frames = tuple(dict.fromkeys(one.frame for one in pieces))
-    size = [len(one.heading) for one in pieces]
-    weights = np.concatenate([one.width * one.areas for one in pieces])
-    slice_ = TWO_PI / SLICES
-    total = float(weights.sum()) * (slice_ if turned else 1.0)
-    odds = np.cumsum(weights)
-    return Step(
-        stand.thing,
-        stand.switch,
-        turned,
-        odds / odds[-1],
-        np.concatenate([one.middle for one in pieces], axis=1),
-        np.concatenate([one.half for one in pieces], axis=1),
-        np.repeat([one.radius for one in pieces], size),
-        np.repeat([one.begin for one in pieces], size),
-        np.repeat([one.width for one in pieces], size),
-        np.concatenate([one.heading for one in pieces]),
-        slice_,
-        np.repeat(np.array([frames.index(one.frame) for one in pieces], dtype=np.intp), size),
-        frames,
-        math.log(total),
-    )

@@ -42,7 +42,9 @@ NO_SPATIAL_GOAL = Kind(
 BAD_MAP = Kind("bad-map", "{file} is not a map of objects and predicates: {reason}")
 MAP_NAMES_NOTHING = Kind("map-names-nothing", "{file} maps `{name}`, which the problem does not have", help=NEAREST)
 IMPORT_FAILS = Kind(
-    "import-fails", "{file} makes no spec that holds: {reason}", help="give its things other sizes in a map"
+    "import-fails",
+    "{file} makes no spec that holds: {reason}",
+    help=("{advice}", "give its things other sizes in a map"),
 )
 
 # export

@@ -36,7 +36,9 @@ def _printable(text: str) -> str:
 
 
 def _cut(text: str) -> str:
-    """The text without the middle of names that would flood a terminal, and with an end."""
+    """The text without the middle of names that would flood a terminal, and with an end; names in files may hold
+    characters that steer a terminal, which are shown as dots."""
+    text = "\n".join(map(_printable, text.splitlines()))
     shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shortened(found[1])}`", text)
     return shorter if len(shorter) <= LONGEST else shorter[:LONGEST] + "..."
 
@@ -62,7 +64,8 @@ def render(diagnostic: Diagnostic, *, color: bool = False, spell: Spell = python
     If a place covers several lines, the first is shown, with the number of the last. Very long names are cut in the
     middle; `Diagnostic` and `to_json` have them in full.
     """
-    title, label, note, help_ = (_cut(diagnostic.text(part, spell)) for part in ("title", "label", "note", "help"))
+    title, label = (_cut(diagnostic.text(part, spell).replace("\n", " ")) for part in ("title", "label"))
+    note, help_ = (_cut(diagnostic.text(part, spell)) for part in ("note", "help"))
     head = _paint(f"{diagnostic.severity}[{diagnostic.code}]", diagnostic.severity, color)
     out = [head + _paint(f": {title}", "bold", color)]
     gutter = ""

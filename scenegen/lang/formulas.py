@@ -50,6 +50,7 @@ def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage
     """The conjunction of all `require` statements, after what supports require."""
     parts = [*standing]
     declared = lowering.supports or lowering.choices
+    options = {which: choice.options for which, choice in lowering.choices.items()}
     for one in placed:
         if isinstance(one.statement, ast.Require) and not stage.full:
             with stage:
@@ -60,7 +61,7 @@ def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage
                     raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
                 part, *later = _by_time(part, lowering.builder)
                 parts.extend(later)
-                problem = clashing(lowering, part, lowering.supports)
+                problem = clashing(lowering, part, lowering.supports, options)
                 if problem is not None:
                     raise SpecError(problem)
                 part = relaxed(lowering, part, frozenset(standing)) if declared else part

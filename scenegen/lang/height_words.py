@@ -23,6 +23,12 @@ INFIX = RELATIONS | {
 DECLARED = ("in", "into", "inside", "within", "onto", "atop", "upon", "over", "above")  # instead of `on`
 
 
+OVER_A_HEIGHT = {  # of a and a height b
+    **dict.fromkeys(("above", "over"), "write z({a}) >= {b}, of the lowest point of {a}"),
+    **dict.fromkeys(("below", "under", "beneath"), "write top({a}) <= {b}, of the highest point of {a}"),
+}
+
+
 def one_list(text: str) -> str | None:
     """The members of a list in which there are lists, as one list without its brackets; None where it is not closed.
     `text` begins with the bracket, and may go on after the list."""
@@ -44,7 +50,11 @@ def of_heights(name: str, arguments: Sequence[str]) -> str | None:
     """What to write instead of a call of a relation that there is not; None of other names."""
     if name not in RELATIONS or len(arguments) < 2:
         return None
-    return RELATIONS[name].format(a=arguments[0], b=arguments[1])
+    of_number, to_number = (re.match(r"[\d.]", one) for one in arguments[:2])
+    if of_number:
+        return None
+    words = OVER_A_HEIGHT if name in OVER_A_HEIGHT and to_number else RELATIONS
+    return words[name].format(a=arguments[0], b=arguments[1])
 
 
 def between(name: str, first: str, second: str, *, declared: bool) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Literal
 
@@ -20,14 +20,21 @@ if TYPE_CHECKING:
 DEPTH = 4  # of min and max in a margin that is taken apart: apart() has two
 
 
-def clashing(lowering: Lowering, requirement: int, found: Mapping[int, Support]) -> Diagnostic | None:
-    """What to say where a requirement keeps an object's footprint clear of what it stands on."""
+def clashing(
+    lowering: Lowering, requirement: int, found: Mapping[int, Support], choices: Mapping[int, Sequence[Support]]
+) -> Diagnostic | None:
+    """What to say where a requirement keeps an object's footprint clear of what it stands on: of all that it can stand
+    on, where that is a choice."""
     nodes, coordinate = lowering.builder.nodes, lowering.coerce.coordinate
     pairs = {}
-    for upper, under in found.items():
-        if under.carrier is not None:
-            first, second = (tuple(coordinate(one, axis) for axis in PLACE) for one in (upper, under.carrier))
-            pairs[first, second] = pairs[second, first] = upper, under.carrier
+    options = {upper: [under] for upper, under in found.items()} | dict(choices)
+    carriers = {upper: [under.carrier for under in unders] for upper, unders in options.items()}
+    for upper, all_ in carriers.items():
+        for carrier in all_:
+            if carrier is not None and None not in all_:
+                first, second = (tuple(coordinate(one, axis) for axis in PLACE) for one in (upper, carrier))
+                pairs[first, second] = pairs[second, first] = upper, carrier
+    apart: dict[int, set[int]] = {}
     stack = [requirement]
     while stack:
         node = nodes[index] if (index := stack.pop()) >= 0 else None
@@ -39,6 +46,9 @@ def clashing(lowering: Lowering, requirement: int, found: Mapping[int, Support])
         if isinstance(margin, Apply) and margin.primitive == "gap" and len(margin.args) == 6:
             pair = pairs.get((margin.args[:2], margin.args[3:5]))
             if pair is not None:
+                apart.setdefault(pair[0], set()).add(pair[1])
+                if apart[pair[0]] < set(carriers[pair[0]]):
+                    continue
                 one, other = (lowering.builder.objects[which] for which in pair)
                 return STACKED_AND_APART(node.spans[-1], upper=one, lower=other)
     return None

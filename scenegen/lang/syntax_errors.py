@@ -65,6 +65,8 @@ _FOREIGN = {  # what to write instead
     "//": (FOREIGN_COMMENT, ""),
     "/*": (FOREIGN_COMMENT, ""),
 }
+NO_COMMA = "leave out the `,`: any of [...] by area"
+BY_AREA = "write `any of [...] by area`; without `by area` all are equally likely"
 _KNOWN = frozenset("()[],.:<>+-*/&|!≤≥∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 
 
@@ -184,6 +186,11 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
 def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
     """A name where a list of names or a statement has ended."""
     word = here.text
+    before = here.source.text[: here.start].rstrip()
+    measure = re.search(r"\]\s*(,?)\s*by$", before if word != "by" else f"{before} by")
+    if measure:
+        instead = NO_COMMA if measure[1] and word == "area" else BY_AREA
+        return UNEXPECTED(here, found=f"`{word}`", expected="another object", instead=instead)
     if "LABEL" in accepts and word.isidentifier():
         rest = here.source.text[here.end :].lstrip()
         if rest.startswith("("):

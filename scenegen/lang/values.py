@@ -11,7 +11,7 @@ from scenegen.assets.surfaces import Surface
 from scenegen.errors import Span, SpecError
 from scenegen.errors.language import MIXED_LIST, WRONG_TYPE
 from scenegen.lang.places import Area
-from scenegen.primitives.units import BARE, Unit
+from scenegen.primitives.units import BARE, LENGTH, Unit
 
 LONGEST = 40  # characters of the user's text that a help line repeats
 
@@ -193,5 +193,8 @@ def _remedy(value: Value, wanted: str) -> str:
     if wanted == "a point" and isinstance(value, ObjectValue):
         return "write where it is: (0.5, 0.2)"
     if "object" in wanted and isinstance(value, NumberValue):
-        return "name an object, or write a point: (0.5, 0.2)"
+        if "point" in wanted:
+            return "name an object, or write a point: (0.5, 0.2)"
+        height = f"; a height is compared: z(mug) >= {value.origin.text}" if value.unit == LENGTH else ""
+        return f"name an object or a surface, such as workspace or cabinet.top{height}"
     return ""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from scenegen.errors import DataError, Diagnostic, Source, SpecError
 from scenegen.errors.names import nearest
 from scenegen.errors.planning import (
+    FACTS_MEAN_NOTHING,
     IMPORT_FAILS,
     MAP_NAMES_NOTHING,
     NO_SPATIAL_GOAL,
@@ -68,6 +69,7 @@ class _Compiler:
     wanted: list[tuple[str, Ref, str]] = field(default_factory=list)  # mover, carrier, its name
     unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     met: set[str] = field(default_factory=set)  # predicates of the problem
+    tried: dict[str, int] = field(default_factory=dict)  # those of them that the map has, and their arguments
     formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
     def line(self, node: Node) -> str:
@@ -97,6 +99,7 @@ class _Compiler:
             key = node.head if re.fullmatch(r"[\w-]+", node.head) else f'"{node.head}"'
             near = [close] if close else []
             self.told.setdefault(node.head, UNKNOWN_PREDICATE(node.span, name=node.head, key=key, near=near))
+        self._mapped(node.head, len(names))
         arity = self.problem.domain.predicates.get(node.head, None if found is None else found.arity)
         if arity is not None and 0 <= arity != len(names):
             raise DataError(PDDL_FORM(node.span, wanted=f"a fact of `{node.head}`", reason=f"it takes {arity}"))
@@ -118,6 +121,20 @@ class _Compiler:
             text = filled(found.formula, [one.argument for one in refs])
         self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
         return Meaning(text)
+
+    def _mapped(self, name: str, count: int) -> None:
+        """Refuse a formula of the map that has not the arguments of the predicate's facts. Raises DataError."""
+        key = next((one for one in self.table.predicates if plain(one) == plain(name)), None)
+        if key is None or not relation(self.table.predicates[key]).formula:
+            return
+        formula = self.table.predicates[key]
+        said = {int(one) for one in re.findall(r"\$(\d)", formula)}
+        short = max(said, default=0) < count and name not in self.problem.domain.predicates
+        if not said or min(said) < 1 or max(said) > count or short:
+            named = " and ".join(f"${one}" for one in sorted(said)) or "none"
+            reason = f"{count} arguments in a fact, and the formula names {named}"
+            raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=key, reason=reason))
+        self.tried[key] = count
 
     def held(self, found: Relation, names: Sequence[str], refs: Sequence[Ref]) -> str:
         upper, lower = refs[0].argument, refs[1]
@@ -179,9 +196,26 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
         text = format_source(Source(problem.source.name, text))
         check_text(text, problem.source.name)
     except SpecError as error:
-        raise DataError(IMPORT_FAILS(file=problem.source.name, reason=error.diagnostics[0].title)) from None
+        _refuse_formulas(own)
+        first = error.diagnostics[0]
+        same = "the goal holds in every scene or in none, whatever the sizes: ask for less, or for more"
+        advice = same if first.code == "constant-label" else None
+        raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
     reading = Reading(problem, setting, own.formulas, own.known)
     return Imported(text, tuple(own.lost), tuple(own.told.values()), reading)
+
+
+def _refuse_formulas(own: _Compiler) -> None:
+    """Refuse what the map makes of a predicate where it is no formula about things. Raises DataError."""
+    for name, count in own.tried.items():
+        things = [f"thing_{number}" for number in range(1, count + 1)]
+        formula = own.table.predicates[name]
+        try:
+            check_text(f"object {', '.join(things)}\ngoal: {filled(formula, things)}\n")
+        except SpecError as error:
+            first = error.diagnostics[0]
+            if first.code != "constant-label":
+                raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=name, reason=first.title)) from None
 
 
 def _refuse_unused(own: _Compiler) -> None:

@@ -205,20 +205,25 @@ def test_a_spec_names_a_mesh_and_its_canonical_text_needs_no_file(tmp_path):
         for line in OBJ.decode().splitlines()
     )
     (tmp_path / "bookend.OBJ").write_text(metres)
-    (tmp_path / "plate.stl").write_bytes(stl_text())
+    (tmp_path / "plate.stl").write_bytes(stl_text(0.001))
     text = 'object bookend = mesh("bookend.OBJ"), part[2] = mesh("plate.stl")\ntask: x(bookend) >= x(part[2])'
     spec = check_file(tmp_path / "s.spec", text.encode())
     bookend, part = spec.shapes[0], spec.shapes[2]
     close(bookend.footprint, [(0.0, 0.0), (0.12, 0.0), (0.12, 0.002), (0.06, 0.08), (0.0, 0.002)])
     assert (bookend.asset, bookend.height, bookend.path) == ("mesh", pytest.approx(0.15), "bookend.OBJ")
-    assert (part.asset, part.height) == ("mesh", pytest.approx(150.0))  # nobody said millimetres
+    assert (part.asset, part.height) == ("mesh", pytest.approx(0.15, abs=1e-6))
     again = check_text(spec.source, "elsewhere.spec")
     assert again.shapes == spec.shapes and 'mesh("bookend.OBJ", prism(' in spec.source
     for name, data, words in (
         ("x.ply", b"ply", ".ply files cannot be read here"),
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "it has no height"),
         ("thin.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 1\n", "it covers no area"),
-        ("huge.obj", b"v 0 0 0\nv 2000 0 0\nv 0 1 1\n", "larger than 1,000 m"),
+        ("millimetres.stl", stl_text(), r"would measure 150 m; if its numbers are millimetres, .* scale = 0\.001"),
+        (
+            "huge.obj",
+            b"v 0 0 0\nv 2000 0 0\nv 0 1 1\n",
+            r"would measure 2,?000 m; if its numbers are millimetres, .* scale = 0\.001",
+        ),
     ):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(SpecError, match=words) as caught:

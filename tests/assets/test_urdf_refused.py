@@ -55,7 +55,10 @@ BAD = {
     "a line": (solid('<geometry><box size="1 0 1"/></geometry>'), "no area"),
     "a needle": (solid('<geometry><cylinder radius="0" length="1"/></geometry>'), "no area"),
     "a point": (solid('<geometry><sphere radius="0"/></geometry>'), "no area"),
-    "millimetres": (solid('<geometry><box size="2000 80 90"/></geometry>'), "larger than 1,000 m"),
+    "millimetres": (
+        solid('<geometry><box size="2000 80 90"/></geometry>'),
+        'would measure 2,000 m; if its numbers are millimetres, write scale="0.001 0.001 0.001"',
+    ),
     "two links of a name": (f"<robot>{LINK}{LINK}</robot>", "a second link `a`"),
     "two roots": (f'<robot>{LINK}<link name="b"/></robot>', "no joint moves `a` and none `b`"),
     "no such link": (f"<robot>{LINK}{joint('a', 'b')}</robot>", "there is no link `b`"),

@@ -52,10 +52,10 @@ def stl(start):
     return start.ljust(80, b" ") + struct.pack("<I", len(faces)) + body
 
 
-def stl_text():
+def stl_text(scale=1.0):
     loops = "".join(
         "facet normal 0 0 1\n outer loop\n"
-        + "".join(f"  vertex {x:e} {y:e} {z:e}\n" for x, y, z in face)
+        + "".join(f"  vertex {x:e} {y:e} {z:e}\n" for x, y, z in scale * np.asarray(face))
         + " endloop\nendfacet\n"
         for face in triangles()
     )

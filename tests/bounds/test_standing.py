@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds.standing import SLICES, stands_of, step_for
+from scenegen.bounds.patches import SLICES
+from scenegen.bounds.standing import stands_of, step_for
 from scenegen.lang.choices import area_of
 from scenegen.lang.interpret import evaluate
 from scenegen.pose import TWO_PI, row_of

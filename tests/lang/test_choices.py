@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from scenegen.errors import Source
+from scenegen.errors import Source, SpecError
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom, gated, part
 from scenegen.lang.interpret import phi
@@ -133,3 +133,32 @@ def test_phi_and_requirement_are_those_of_the_spec_with_the_surfaces_chosen():
         assert ((mine["require"] >= 0.0) & choice.workspace.contains(rows) == held).all(), on
         met += int(held.sum())
     assert met > 20
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("object a, b, c on any of [a, b], by volume", "volume", "without `by area` all are equally likely"),
+        ("object a, b, c on any of [a, b] by volume", "by", "write `any of [...] by area`"),
+        ("object a, b, c on any of [a, b], by area", "area", "leave out the `,`"),
+        ("object can, mug\ntask: above(can, 20 cm)", "above", "write z(can) >= 20 cm"),
+        ("object can, mug\ntask: under(can, 20 cm)", "under", "write top(can) <= 20 cm"),
+        ("object can, mug\ntask: restsOn(can, 20 cm)", "20 cm", "cabinet.top; a height is compared: z(mug) >= 20 cm"),
+        ("object mug, can on 20 cm\ntask: leftOf(can, mug)", "20 cm", "an object or a surface, such as workspace"),
+        (
+            "object tray, plate, can on any of [tray, plate]\nrequire noOverlap()\ntask: leftOf(can, tray)",
+            "noOverlap()",
+            "require noCollision() instead",
+        ),
+    ],
+)
+def test_mistakes_of_heights_say_what_to_write(text, place, words):
+    with pytest.raises(SpecError) as caught:
+        check_text(text if "task" in text else f"{text}\ntask: leftOf(a, b)")
+    (one,) = caught.value.diagnostics
+    assert one.span.text == place and words in one.help
+
+
+def test_a_choice_that_leaves_the_table_can_be_clear_of_all():
+    text = "object tray, plate, can on any of [tray, workspace]\nrequire noOverlap()\ntask: leftOf(can, tray)"
+    assert check_text(text).choices

@@ -111,3 +111,41 @@ def test_bad_text_is_one_diagnostic(tmp_path: Path, text: str, code: str) -> Non
     with pytest.raises(ScenegenError) as raised:
         imported(tmp_path, text)
     assert [one.code for one in raised.value.diagnostics] == [code]
+
+
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        ("nosuch($1, $2)", "unknown relation `nosuch`"),
+        ("closeTo($1, $9, 1 m)", "2 arguments in a fact, and the formula names $1 and $9"),
+        ("closeTo($0, $1)", "names $0 and $1"),
+        ("x($1) >= 1", "names $1"),
+        ("true", "names none"),
+        ("closeTo($1, $2", "never closed"),
+        ("$1 $2", "missing `,` or operator"),
+        ("near($1, $2)", "unknown relation `near`"),
+        ("dist($1, $2)", "`near`, means nothing"),
+    ],
+)
+def test_a_formula_of_a_map_that_means_nothing_is_named(tmp_path: Path, formula: str, words: str) -> None:
+    (tmp_path / "p.pddl").write_text("(define (problem p) (:objects a b - block) (:goal (near a b)))")
+    (tmp_path / "m.toml").write_text(f'[predicates]\nnear = "{formula}"')
+    with pytest.raises(ScenegenError) as caught:
+        import_problem(tmp_path / "p.pddl", table=tmp_path / "m.toml")
+    (one,) = caught.value.diagnostics
+    assert one.code == "facts-mean-nothing" and formula in one.title and words in one.title
+
+
+def test_what_a_domain_declares_may_have_arguments_that_say_nothing(tmp_path: Path) -> None:
+    (tmp_path / "d.pddl").write_text("(define (domain d) (:predicates (low ?a ?b)))")
+    (tmp_path / "p.pddl").write_text("(define (problem p) (:domain d) (:objects a b - block) (:goal (low a b)))")
+    (tmp_path / "m.toml").write_text('[predicates]\nlow = "x($1) <= 0.5"')
+    assert "x(a) <= 0.5" in import_problem(tmp_path / "p.pddl", tmp_path / "d.pddl", tmp_path / "m.toml").text
+
+
+@pytest.mark.parametrize("goal", ["(and)", "(or)", "(on a a)"])
+def test_a_goal_that_is_constant_is_not_a_matter_of_sizes(tmp_path: Path, goal: str) -> None:
+    (tmp_path / "p.pddl").write_text(f"(define (problem p) (:objects a b - block) (:goal {goal}))")
+    with pytest.raises(ScenegenError, match="`goal` is constant") as caught:
+        import_problem(tmp_path / "p.pddl")
+    assert "in every scene or in none" in caught.value.diagnostics[0].help

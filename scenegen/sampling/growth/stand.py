@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.standing import Stand, Step, step_for
+from scenegen.bounds.patches import Step
+from scenegen.bounds.standing import Stand, step_for
 from scenegen.sampling.growth.touch import Touch
 
 Array = npt.NDArray[np.float64]

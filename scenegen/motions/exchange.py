@@ -24,8 +24,8 @@ def exchange_ways(
     on (`after`), or everything, first poses included (`whole`)."""
     steps, count = now.mover.shape
     motion, slots = np.arange(count), len(problem.movable)
-    one = rng.integers(slots, size=count)
-    two = (one + rng.integers(1, slots, size=count)) % slots
+    one: Index = rng.integers(slots, size=(count,))
+    two: Index = (one + rng.integers(1, slots, size=(count,))) % slots
     moment = rng.integers(steps + 1, size=count)
     early: Flags = np.asarray(np.arange(steps)[:, None] < moment)
     window = {"before": early, "after": ~early, "whole": np.ones_like(early)}[part]

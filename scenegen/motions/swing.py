@@ -78,10 +78,10 @@ def swing(problem: MotionProblem, now: Variables, rng: np.random.Generator, *, s
         places = turns.places(first[:, X] - seed[X], first[:, Y] - seed[Y])
         for axis, turned in zip((X, Y), places, strict=True):
             np.copyto(first[:, axis], seed[axis] + turned, where=group.members)
-        heads = group.members & problem.wide[:, None] & (rng.random(now.count) < 0.5)
+        heads: Flags = np.asarray(group.members & problem.wide[:, None] & (rng.random(now.count) < 0.5))
         np.copyto(first[:, THETA], turns.headings(first[:, THETA]), where=heads)
-        heads = heads[problem.movable]
-        turning = mine & turns.mirrors & (heads[now.mover, motion][:, None] if problem.moves == "one" else heads)
+        movers: Flags = np.asarray(heads[problem.movable])
+        turning = mine & turns.mirrors & (movers[now.mover, motion][:, None] if problem.moves == "one" else movers)
         np.negative(unit[:, :, THETA], out=unit[:, :, THETA], where=turning)
     fixed = (problem.highest <= problem.lowest)[:, : Y + 1].any(axis=1)
     good: Flags = np.asarray(~(group.members & fixed[:, None]).any(axis=0))

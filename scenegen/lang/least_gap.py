@@ -240,10 +240,14 @@ def negative(group: Group, rows: Array) -> Array:
     stand farther apart than their outer radii are not computed."""
     count = rows.shape[1]
     pairs, scenes = [], []
+    near = (group.outer * np.abs(group.outer))[:, None]
     for start in range(0, count, BLOCK):
         places = rows[:, start : start + BLOCK]
-        apart = np.hypot(*(places[group.rows[1, axis]] - places[group.rows[0, axis]] for axis in (0, 1)))
-        pair, scene = np.nonzero(~(apart > group.outer[:, None]))  # so that NaN is looked at
+        square, other = (places[group.rows[1, axis]] - places[group.rows[0, axis]] for axis in (0, 1))
+        square *= square
+        other *= other
+        square += other
+        pair, scene = np.nonzero(~(square > near))  # so that NaN is looked at
         pairs.append(pair)
         scenes.append(scene + start)
     pair, scene = np.concatenate(pairs), np.concatenate(scenes)

@@ -145,12 +145,12 @@ class MotionProblem:
             index = start + np.flatnonzero(held[start : start + some])
             if not len(index):
                 continue
-            part = poses if len(index) == count else poses[..., index]
+            part = poses if len(index) == count else poses.take(index, axis=-1)
             phi = self.lean.of_labels(part)
             good = _within(phi, low[:REQUIRED], high[:REQUIRED])
             scores[:REQUIRED, index] = phi
             if good.any():
-                part = part if good.all() else part[..., good]
+                part = part if good.all() else part.compress(good, axis=-1)
                 margin = self.lean.of_requirement(part, bool(low[REQUIRED] >= 0.0))
                 scores[REQUIRED, index[good]] = margin
                 good[good] = _within(margin[None], low[REQUIRED:ROOM], high[REQUIRED:ROOM])

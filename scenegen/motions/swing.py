@@ -81,9 +81,11 @@ def swing(problem: MotionProblem, now: Variables, rng: np.random.Generator, *, s
         heads: Flags = np.asarray(group.members & problem.wide[:, None] & (rng.random(now.count) < 0.5))
         np.copyto(first[:, THETA], turns.headings(first[:, THETA]), where=heads)
         movers: Flags = np.asarray(heads[problem.movable])
-        turning = mine & turns.mirrors & (movers[now.mover, motion][:, None] if problem.moves == "one" else movers)
+        if problem.moves == "one":
+            movers = np.asarray(movers[now.mover, motion])[:, None]
+        turning = mine & turns.mirrors & movers
         np.negative(unit[:, :, THETA], out=unit[:, :, THETA], where=turning)
-    fixed = (problem.highest <= problem.lowest)[:, : Y + 1].any(axis=1)
+    fixed: Flags = np.asarray((problem.highest <= problem.lowest)[:, : Y + 1].any(axis=1))
     good: Flags = np.asarray(~(group.members & fixed[:, None]).any(axis=0))
     good &= at_home(problem, first)
     return Variables(first, now.mover, unit), good

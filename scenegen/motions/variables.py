@@ -35,7 +35,8 @@ class Variables:
 
     def take(self, index: Index | Flags) -> Variables:
         index = np.flatnonzero(index) if index.dtype == np.bool_ else index
-        return Variables(*(one.take(index, axis=-1) for one in (self.first, self.mover, self.unit)))
+        first, mover, unit = self.first.take(index, -1), self.mover.take(index, -1), self.unit.take(index, -1)
+        return Variables(first, mover, unit)
 
     def copy(self) -> Variables:
         return Variables(self.first.copy(), self.mover.copy(), self.unit.copy())

@@ -61,8 +61,9 @@ class Groups:
     skipped: frozenset[int]
 
 
-def find_groups(core: Core, needed: Collection[int]) -> Groups:
-    """The groups of a tape where the values of the nodes `needed` will be read, and no others."""
+def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST, dozen: int = DOZEN) -> Groups:
+    """The groups of a tape where the values of the nodes `needed` will be read, and no others. Minima of fewer gaps
+    than `fewest`, or than `dozen` for each pair of shapes, are none."""
     uses = [0] * len(core.nodes)
     for index in needed:
         uses[index] += 1
@@ -72,13 +73,13 @@ def find_groups(core: Core, needed: Collection[int]) -> Groups:
                 uses[child] += 1
     groups, skipped = {}, {index for index, count in enumerate(uses) if not count}
     for index, node in enumerate(core.nodes):
-        if not (uses[index] and isinstance(node, Junction) and node.kind == "min" and len(node.args) >= FEWEST):
+        if not (uses[index] and isinstance(node, Junction) and node.kind == "min" and len(node.args) >= fewest):
             continue
         found = {arg: mine for arg in node.args if (mine := _gap_below(core, arg, uses)) is not None}
-        if len(found) < FEWEST:
+        if len(found) < fewest:
             continue
         group = _make_group(core, tuple(arg for arg in node.args if arg not in found), found)
-        if len(found) >= DOZEN * len(group.alike):
+        if len(found) >= dozen * len(group.alike):
             groups[index] = group
             skipped.update(found, *(nodes for nodes, _, _ in found.values()))
     return Groups(groups, frozenset(skipped))
@@ -232,3 +233,29 @@ def _compute_few(
 def minimum(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]) -> Any:
     """The value of the group's node, given those of the nodes before it."""
     return reduce(np.minimum, [values[arg] for arg in group.rest], least(group, rows, turn))
+
+
+def negative(group: Group, rows: Array) -> Array:
+    """The least of a group's gaps where it is negative, else infinity, of coordinates (3N, B). Gaps of objects that
+    stand farther apart than their outer radii are not computed."""
+    count = rows.shape[1]
+    pairs, scenes = [], []
+    near = (group.outer * np.abs(group.outer))[:, None]
+    for start in range(0, count, BLOCK):
+        places = rows[:, start : start + BLOCK]
+        square, other = (places[group.rows[1, axis]] - places[group.rows[0, axis]] for axis in (0, 1))
+        square *= square
+        other *= other
+        square += other
+        pair, scene = np.nonzero(~(square > near))  # so that NaN is looked at
+        pairs.append(pair)
+        scenes.append(scene + start)
+    pair, scene = np.concatenate(pairs), np.concatenate(scenes)
+    out = np.full(count, math.inf)
+    for alike in group.alike:
+        some = slice(None) if len(group.alike) == 1 else np.isin(pair, alike.pairs)
+        which, where = pair[some], scene[some]
+        poses = [rows[group.rows[side, axis, which], where] for side in (0, 1) for axis in (0, 1, 2)]
+        gaps = PRIMITIVES["gap"].evaluate(NUMPY, *alike.shapes, *poses)
+        np.minimum.at(out, where, gaps - group.less[which])
+    return np.where(out < 0.0, out, math.inf)

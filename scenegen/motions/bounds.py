@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,62 @@ def step_bounds(timed: Timed) -> tuple[Array, Array]:
             bounds = turn if angle else far
             bounds[thing] = min(bounds[thing], max(limit, 0.0))
     return far, turn
+
+
+def without_step_bounds(timed: Timed) -> Timed:
+    """The same, with a requirement that leaves out what holds by construction: bounds of steps, where steps are drawn
+    within `step_bounds`."""
+    if timed.requirement is None:
+        return timed
+    states, nodes = list(timed.state.nodes), list(timed.nodes)
+    labels, roots = dict(timed.state.labels), list(timed.state.labels.values())
+    waiting, found = [timed.requirement], set[int]()
+    while waiting:
+        index = waiting.pop()
+        if index not in found:
+            found.add(index)
+            match nodes[index]:
+                case Junction("min", args):
+                    waiting += args
+                case Moment("steps", arg):
+                    waiting.append(arg)
+                case _:
+                    pass
+    place = {index: index for index in range(len(nodes))}
+    for index in sorted(found):  # children before parents
+        node = nodes[index]
+        match node:
+            case Junction("min", args):
+                nodes.append(replace(node, args=tuple(place[arg] for arg in args)))
+            case Moment("steps", arg):
+                nodes.append(replace(node, arg=place[arg]))
+            case Signal(signal):
+                kept = _rest(timed, roots[signal])
+                states.append(Junction("min", kept, "") if kept else Const(math.inf))
+                labels[str(len(labels))] = len(states) - 1
+                nodes.append(Signal(len(labels) - 1))
+            case _:
+                continue
+        place[index] = len(nodes) - 1
+    state = Core(tuple(states), labels, timed.state.objects)
+    return replace(timed, state=state, nodes=tuple(nodes), requirement=place[timed.requirement])
+
+
+def _rest(timed: Timed, root: int) -> tuple[int, ...]:
+    """The formulas of whose conjunction a state formula consists, without bounds of steps."""
+    waiting, kept = [root], list[int]()
+    while waiting:
+        index = waiting.pop()
+        match timed.state.nodes[index]:
+            case Junction("min", args):
+                waiting += reversed(args)
+            case Atom(margin):
+                found = _bound(timed.state, margin, len(timed.objects))
+                if found is None or found[2] < 0.0:
+                    kept.append(index)
+            case _:
+                kept.append(index)
+    return tuple(dict.fromkeys(kept))
 
 
 def _required_margins(timed: Timed) -> Iterator[int]:

@@ -49,8 +49,8 @@ class Chains:
     def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> Chains:
         """Chains at the base distribution, allowed everywhere."""
         now = draw(problem, count, rng)
-        scores = problem.scores(poses_of(problem, now), stop)
-        anywhere = np.full(len(scores), -np.inf)
+        anywhere = np.full(len(problem.cells.low), -np.inf)
+        _, scores = problem.judge(poses_of(problem, now), anywhere, -anywhere, stop)
         return cls(problem, rng, now, scores, Region(anywhere, -anywhere), np.ones(count), stop, count)
 
     @property
@@ -107,8 +107,7 @@ class Chains:
             return 0
         part = new if len(some) == self.count else new.take(some)
         poses = poses_of(self.problem, part)
-        scores = self.problem.scores(poses, self.stop)
-        held = self.region.holds(list(scores))
+        held, scores = self.problem.judge(poses, self.region.low, self.region.high, self.stop)
         weight = self._weigh(self.region, scores)
         held &= self.rng.random(len(some)) * self.weight[some] < weight
         kept = some[held]

@@ -23,11 +23,13 @@ STEPS = 200  # of the algorithm
 
 
 def statistics(problem: MotionProblem, variables: Variables, poses: Array, scores: Array) -> Array:
-    """What is watched to see whether motions are independent, (S, P): places, headings and how far the nearest other
-    object is, at a few moments; how often objects move; and phi."""
+    """What is watched to see whether motions are independent, (S, P): places, headings, the mean place and how far the
+    nearest other object is, at a few moments; how often objects move; and phi."""
     some = poses[:, :, [0, problem.steps // 2, problem.steps]]
     count = poses.shape[-1]
     parts = [some[:, :2], np.cos(some[:, 2]), np.sin(some[:, 2]), _gaps(poses[:, :2, moments(problem.steps)])]
+    if len(poses) > 1:  # where all are: changes that exchange objects move each of them, and leave this as it is
+        parts.append(some[:, :2].mean(axis=0))
     if problem.moves == "one":
         parts.append(np.stack([(variables.mover == slot).sum(axis=0) for slot in range(len(problem.movable))]))
     rows = [part.reshape(math.prod(part.shape[:-1]), count) for part in parts]

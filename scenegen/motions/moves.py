@@ -11,9 +11,11 @@ from functools import partial
 
 import numpy as np
 
+from scenegen.motions.exchange import Part, exchange_ways
 from scenegen.motions.paths import go_back, redraw_beginning, redraw_pairs, reflect, segment
 from scenegen.motions.problem import Array, Index, MotionProblem
 from scenegen.motions.relocate import After, Before, relocate
+from scenegen.motions.swing import Side, swing
 from scenegen.motions.turns import hand_over, other_step, retime
 from scenegen.motions.variables import Flags, Variables, legal, unit_steps
 from scenegen.pose import PLACE, THETA, TWO_PI
@@ -24,6 +26,9 @@ WAYS: tuple[tuple[Before, After], ...] = (
     ("first", "kept"), ("redrawn", "kept"), ("step", "kept"), ("first", "redrawn"), ("redrawn", "redrawn"),
     ("first", "step"), ("step", "step"),
 )  # fmt: skip
+
+SIDES: tuple[Side, ...] = ("before", "after", "both")
+PARTS: tuple[Part, ...] = ("before", "after", "whole")
 
 SMALLEST, LARGEST = -2.5, 0.0  # log10 of the sizes of local changes, in units of the whole set
 
@@ -186,6 +191,9 @@ def changes(problem: MotionProblem) -> tuple[Change, ...]:
     made += (transfer, redraw_beginning, redraw_pairs, reflect, go_back)
     if (problem.highest > problem.lowest)[:, PLACE].any():
         made += tuple(partial(relocate, before=before, after=after) for before, after in WAYS)
+        made += tuple(partial(swing, side=side) for side in SIDES)
+    if len(problem.movable) > 1:
+        made += tuple(partial(exchange_ways, part=part) for part in PARTS)
     if problem.moves == "one" and len(problem.movable) > 1:
         made += (retime, hand_over)
     return made

@@ -38,12 +38,12 @@ def redraw_beginning(problem: MotionProblem, now: Variables, rng: np.random.Gene
     mover = now.mover
     if problem.moves == "one":
         mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
-    first = now.first + _ways(problem, now.mover, now.unit, window) - _ways(problem, mover, unit, window)
+    first = now.first + ways(problem, now.mover, now.unit, window) - ways(problem, mover, unit, window)
     good = at_home(problem, first)
     return Variables(first, mover, unit), good
 
 
-def _ways(problem: MotionProblem, mover: Index, unit: Array, window: Flags) -> Array:
+def ways(problem: MotionProblem, mover: Index, unit: Array, window: Flags) -> Array:
     """How far objects go in a window of steps, (N, 3, P)."""
     out = np.zeros((len(problem.names), 3, mover.shape[1]))
     for slot, thing in enumerate(problem.movable.tolist()):

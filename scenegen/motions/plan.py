@@ -141,7 +141,10 @@ class MotionSplitting(_MotionPlan):
         made = chains.now.take(rng.permutation(chains.count))
         poses = within_a_turn(poses_of(problem, made))
         scores = problem.scores(poses)
-        return Piece(columns(problem, made, poses), scores, self.cells.find(scores), facts)
+        cell = self.cells.find(scores)
+        good = np.flatnonzero(cell >= 0)  # all but rounding: a step as long as its bound may be found longer
+        rows = columns(problem, made.take(good), poses[..., good])
+        return Piece(rows, scores[:, good], cell[good], facts)
 
     def account(self, tally: Tally) -> Account:
         plan = self.schedule

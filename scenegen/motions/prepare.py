@@ -13,6 +13,7 @@ from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.spec import CheckedSpec
 from scenegen.motions.bounds import phi_bounds, step_bounds
 from scenegen.motions.cost import cost
+from scenegen.motions.lean import lean
 from scenegen.motions.problem import MotionProblem
 from scenegen.motions.scores import TraceScores
 from scenegen.pose import PLACE, THETA, row_of, rows_of
@@ -50,5 +51,6 @@ def make_problem(
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
+        lean=lean(timed),
     )  # fmt: skip
     return made, warnings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +16,28 @@ from scenegen.sampling.request import SampleRequest
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]
+
+
+class LeanScore(Protocol):
+    """Scores in two stages, for motions whose steps are within their bounds."""
+
+    def of_labels(self, poses: Array) -> Array:
+        """phi of every label, (N, 3, steps + 1, B) -> (L, B)."""
+
+    def of_requirement(self, poses: Array, signs: bool) -> Array:
+        """The requirement's margin, (B,); where it is positive, or with `signs`, only its sign counts."""
+
 
 NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays
 WORK = 1 << 26  # of phi between two looks at the time: a fraction of a second
 
+STATES = 1 << 16  # states that chains score at a time, which stay in cache
+
 GATES = ("(require)", "(limits)")  # two more rows of scores, at least 0 in every motion that counts
+REQUIRED, ROOM = -2, -1  # the rows of these
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +53,7 @@ class MotionProblem:
     `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
     processes. `scores` has the same rows, then the room (see GATES). `cost` is about how many numbers it computes for a
-    motion.
+    motion. `lean`, if there is one, tells chains the same for less.
     """
 
     names: tuple[str, ...]
@@ -53,6 +68,7 @@ class MotionProblem:
     moves: Moves = "one"
     dt: float = 1.0
     cost: int = 0
+    lean: LeanScore | None = None
     cells: Cells = field(init=False)
 
     def __post_init__(self) -> None:
@@ -110,3 +126,40 @@ class MotionProblem:
             out[:-1, part] = self.score(poses if some >= count else poses[..., part])
         out[-1] = self.room(poses)
         return out
+
+    def judge(self, poses: Array, low: Array, high: Array, stop: Stop = NEVER) -> tuple[Flags, Array]:
+        """Which motions have scores from `low` to `high`, (L + 2,) each, and their scores (L + 2, B): without meaning
+        where a motion does not, and with no more than the sign of a requirement that `low` has at 0. Raises what `stop`
+        raises."""
+        count = poses.shape[-1]
+        if self.lean is None:
+            scores = self.scores(poses, stop)
+            return _within(scores, low, high), scores
+        scores = np.zeros((len(self.labels) + len(GATES), count))
+        scores[ROOM] = self.room(poses)
+        held = _within(scores[ROOM:], low[ROOM:], high[ROOM:])
+        some = max(1, min(WORK // max(1, self.cost), STATES // (self.steps + 1)))
+        for start in range(0, count, some):
+            if start:
+                stop.check()
+            index = start + np.flatnonzero(held[start : start + some])
+            if not len(index):
+                continue
+            part = poses if len(index) == count else poses.take(index, axis=-1)
+            phi = self.lean.of_labels(part)
+            good = _within(phi, low[:REQUIRED], high[:REQUIRED])
+            scores[:REQUIRED, index] = phi
+            if good.any():
+                part = part if good.all() else part.compress(good, axis=-1)
+                margin = self.lean.of_requirement(part, bool(low[REQUIRED] >= 0.0))
+                scores[REQUIRED, index[good]] = margin
+                good[good] = _within(margin[None], low[REQUIRED:ROOM], high[REQUIRED:ROOM])
+            held[index] = good
+        return held, scores
+
+
+def _within(scores: Array, low: Array, high: Array) -> Flags:
+    """Which columns of scores (L, B) are within; NaN is not, where anything is asked for."""
+    anything = np.isneginf(low) & np.isposinf(high)
+    inside = (scores >= low[:, None]) & (scores <= high[:, None]) | anything[:, None]
+    return np.asarray(inside.all(axis=0))

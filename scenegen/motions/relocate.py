@@ -55,7 +55,7 @@ def _places(problem: MotionProblem, now: Variables, moment: Index) -> Array:
     return out
 
 
-def _group(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> Group:
+def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> Group:
     """An object that can stand elsewhere, and some number of nearest ones: few more often."""
     count, steps = now.count, problem.steps
     moment, luck = rng.integers(steps + 1, size=count), rng.random(count)
@@ -80,6 +80,13 @@ def _sizes(rng: np.random.Generator, count: int) -> Array:
     return size
 
 
+def _axes(rng: np.random.Generator, count: int) -> Array:
+    """1 for the axes along which a group is moved, (2, P): half of the time both, else one, because specs that line
+    things up leave them free along one axis alone."""
+    kind = rng.integers(4, size=count)
+    return np.stack([kind != 0, kind != 1]).astype(np.float64)
+
+
 def _way(problem: MotionProblem, group: Group, rng: np.random.Generator, before: Before, after: After) -> Array:
     """By how much a group is moved, (2, P)."""
     low, width = problem.lowest[group.seed, :2].T, (problem.highest - problem.lowest)[group.seed, :2].T
@@ -93,6 +100,7 @@ def _way(problem: MotionProblem, group: Group, rng: np.random.Generator, before:
         by = np.where(kind < 0.4, anywhere, by)
         if "redrawn" in (before, after):
             by = np.where(kind > 0.8, 0.0, by)
+    by *= _axes(rng, count)
     fixed = (problem.highest <= problem.lowest)[:, :2]
     held = np.asarray(group.members[:, None] & fixed[..., None]).any(axis=0)
     return np.where(held, 0.0, by)
@@ -104,7 +112,7 @@ def relocate(
     """Objects that stand together at a moment are moved by the same way. Their motion before is shifted along
     (`first`), or one of its steps makes up for it, or its beginning is redrawn. Their motion after is shifted along
     (`kept`), or a step makes up for it, or its end is redrawn."""
-    group = _group(problem, now, rng)
+    group = find_group(problem, now, rng)
     by = _way(problem, group, rng, before, after)
     good = group.stays(by)
     first, unit = now.first.copy(), now.unit.copy()

@@ -34,7 +34,9 @@ class Variables:
         return int(self.mover.shape[1])
 
     def take(self, index: Index | Flags) -> Variables:
-        return Variables(self.first[..., index], self.mover[..., index], self.unit[..., index])
+        index = np.flatnonzero(index) if index.dtype == np.bool_ else index
+        first, mover, unit = self.first.take(index, -1), self.mover.take(index, -1), self.unit.take(index, -1)
+        return Variables(first, mover, unit)
 
     def copy(self) -> Variables:
         return Variables(self.first.copy(), self.mover.copy(), self.unit.copy())
@@ -89,19 +91,27 @@ def draw(problem: MotionProblem, count: int, rng: np.random.Generator) -> Variab
 
 def poses_of(problem: MotionProblem, variables: Variables) -> Array:
     """The poses at every moment, (N, 3, steps + 1, P). Headings are not brought to one turn: see `within_a_turn`."""
-    movable, reach = problem.movable, problem.reach
+    reach, slot_of = problem.reach, {thing: slot for slot, thing in enumerate(problem.movable.tolist())}
     steps, count = variables.mover.shape
     out = np.empty((len(problem.names), 3, steps + 1, count))
     out[:, :, 0] = variables.first
-    out[:, :, 1:] = 0.0
-    for slot, thing in enumerate(movable.tolist()):
-        if problem.moves == "one":
-            moved = variables.unit[:, 0] * (variables.mover == slot)[:, None]
-        else:
-            moved = variables.unit[:, slot]
-        np.multiply(moved.transpose(1, 0, 2), reach[thing][:, None, None], out=out[thing, :, 1:])
+    for thing, ways in enumerate(out):
+        slot = slot_of.get(thing)
+        own = variables.mover == slot if slot is not None and problem.moves == "one" else None
+        for axis, way in enumerate(ways):
+            if slot is None or not reach[thing, axis]:
+                way[1:] = 0.0
+            elif own is None:
+                np.multiply(variables.unit[:, slot, axis], reach[thing, axis], out=way[1:])
+            else:
+                np.multiply(variables.unit[:, 0, axis], own, out=way[1:])
+                way[1:] *= reach[thing, axis]
+    turning = bool(reach[:, THETA].any())
+    if not turning:
+        out[:, THETA] = out[:, THETA, :1]
+    some = out if turning else out[:, :THETA]
     for moment in range(steps):
-        out[:, :, moment + 1] += out[:, :, moment]
+        some[:, :, moment + 1] += some[:, :, moment]
     return out
 
 

@@ -70,7 +70,7 @@ def differs(one, two):
 
 
 def name_of(change):
-    return getattr(change, "__name__", None) or "relocate " + "/".join(change.keywords.values())
+    return getattr(change, "__name__", None) or f"{change.func.__name__} " + "/".join(change.keywords.values())
 
 
 CASES = [(name, name_of(change)) for name, made in problems().items() for change in changes(made)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
-from scenegen.sampling.auto import FIRST, GROWN, Look, because, in_range, look, moving, open_cells
+from scenegen.sampling.at_once import FIRST, GROWN, Look, because, in_range, look, moving, open_cells
 from scenegen.sampling.growth.plan import Stalled as NoGrowth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.paired import Paired, pair

@@ -6,7 +6,7 @@ import pytest
 
 from scenegen.bounds.effort import TooMuchError
 from scenegen.lang.check import check_text
-from scenegen.sampling.auto import CELLS
+from scenegen.sampling.at_once import CELLS
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection import covers, sampler
 from scenegen.sampling.rejection.trial import MOST, make_trial

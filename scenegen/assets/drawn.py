@@ -14,7 +14,7 @@ from scenegen.assets.filenames import ending_of, local_name
 from scenegen.assets.mesh import Floats, Mesh, box, disc, revolve
 from scenegen.assets.meshfile import MeshError, vertices
 from scenegen.assets.palette import RGB
-from scenegen.assets.surface import WHITE, Budget, Surface
+from scenegen.assets.surface import WHITE, Budget, Surface, refuse_layers
 from scenegen.assets.urdf import GLTF
 from scenegen.assets.urdf_tree import Pose, UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 
@@ -31,7 +31,12 @@ def mesh_surfaces(
     `read` gives the bytes of a file that it names, relative to it; what that raises passes through. Not
     `painted`, the colours of .obj files are left out. Raises MeshError.
     """
-    budget = budget or Budget()
+    found = _surfaces(name, data, read, budget or Budget(), painted=painted)
+    refuse_layers(found)
+    return found
+
+
+def _surfaces(name: str, data: bytes, read: Read, budget: Budget, *, painted: bool) -> tuple[Surface, ...]:
     ending = ending_of(name)
     if ending in GLTF:
         return gltf.surfaces(name, data, read)
@@ -65,7 +70,12 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[Surface, ...]:
             if material.children:
                 named.setdefault(material.attributes.get("name", ""), material)
         reader = _Reader(read, named)
-        return tuple(made for shape, pose in shapes for made in reader.surfaces(shape, pose.then(origin_of(shape))))
+        found = tuple(made for shape, pose in shapes for made in reader.surfaces(shape, pose.then(origin_of(shape))))
+        try:
+            refuse_layers(found)
+        except MeshError as error:
+            raise UrdfError(str(error)) from None
+        return found
     except ElementsError as error:
         raise UrdfError(str(error)) from None
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from scenegen.assets.mesh import Floats, Indices
 from scenegen.assets.meshfile import MeshError
@@ -12,6 +15,7 @@ MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they ar
 MOST_TRIANGLES = 4_000_000
 MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
 MOST_BYTES = 128_000_000  # of all files together
+MOST_LAYERS = 200  # of surface over surface: each is drawn, and only one is seen
 WHITE: RGB = (1.0, 1.0, 1.0)
 
 
@@ -56,6 +60,26 @@ class Budget:
         self.size += len(data)
         if self.size > MOST_BYTES:
             raise MeshError(f"its files are larger than {MOST_BYTES:,} bytes together")
+
+
+def refuse_layers(surfaces: Sequence[Surface]) -> None:
+    """Raises MeshError where surfaces have hundreds of times the area of the box round them: thousands of parts in one
+    place, which take minutes to draw."""
+    surfaces = [one for one in surfaces if len(one.faces)]
+    if not surfaces:
+        return
+    low = np.min([one.vertices.min(axis=0) for one in surfaces], axis=0)
+    high = np.max([one.vertices.max(axis=0) for one in surfaces], axis=0)
+    x, y, z = np.maximum(high - low, 0.0)
+    area = 0.0
+    for one in surfaces:
+        a, b, c = one.vertices[one.faces].transpose(1, 0, 2)
+        area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    box = 2.0 * float(x * y + y * z + z * x)
+    if area > MOST_LAYERS * box:
+        raise MeshError(
+            f"its surfaces have more than {MOST_LAYERS} times the area of the box round them: leave out what is hidden"
+        )
 
 
 def pixels_of(data: bytes, what: str) -> int:

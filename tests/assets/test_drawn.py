@@ -210,3 +210,15 @@ def test_many_shapes_are_counted_together(monkeypatch):
 def test_hostile_visuals_are_refused(shape, words):
     with pytest.raises(UrdfError, match=words):
         robot(shape)
+
+
+def test_thousands_of_parts_in_one_place_are_refused():
+    once = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3 4\n"
+    assert obj(once + 100 * b"f 1 2 3 4\n")
+    with pytest.raises(MeshError, match="more than 200 times the area of the box round them: leave out what is hidden"):
+        obj(once + 2000 * b"f 1 2 3 4\n")
+    boxes = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
+    robot = "<robot name='r'><link name='a'>{}</link></robot>"
+    assert robot_surfaces(robot.format(10 * boxes).encode(), read=None)
+    with pytest.raises(UrdfError, match="leave out what is hidden"):
+        robot_surfaces(robot.format(300 * boxes).encode(), read=None)

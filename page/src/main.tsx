@@ -18,7 +18,7 @@ import { Why } from "./panels/Why";
 import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
-import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, problems, request, result, spec, tab } from "./state";
+import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, result, selected, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
@@ -140,12 +140,16 @@ function begin(): void {
   render(<Page />, document.getElementById("app")!);
   listen();
   if (boot.scenes && alone) show(taken(boot.scenes), false);
-  if (comeBack) {
+  const scene = selected.value; // of the link, or before a reload; a first look may have fewer
+  if (!alone && (comeBack || scene)) {
     const wanted = comeBack;
+    const fits = () => !wanted || (wanted.moments ? path.value.length === wanted.moments.length : poses.value.length === wanted.poses.length);
     const stop = effect(() => {
-      if (result.value && (wanted.moments ? path.value.length === wanted.moments.length : poses.value.length === wanted.poses.length))
+      if (result.value && !preview.value && fits())
         queueMicrotask(() => {
           stop();
+          select(scene);
+          if (!wanted) return;
           if (wanted.moments) {
             path.value = wanted.moments;
             rest();

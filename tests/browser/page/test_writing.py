@@ -18,7 +18,7 @@ def test_a_mistake_is_shown_and_mended(served, tab):
     one.write("object mug, plate\ntask: leftOf(mug, plate)\n")
     one.page.wait_for_selector(".problems", state="detached")
     one.until("$.result && !$.busy && $.result.poses[0].length === 2")
-    assert one.page.locator(".grid button[data-scene].drawn").first.is_visible()
+    one.page.wait_for_selector(".grid button[data-scene].drawn")
 
 
 def test_the_editor_completes_hovers_and_formats(served, tab):

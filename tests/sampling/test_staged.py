@@ -105,8 +105,8 @@ def test_nothing_comes_first_where_nothing_is_cheap():
 def test_many_scenes_are_worth_rejecting_where_few_are_grown():
     """Growth pays for each scene, pruning once for all."""
     task = "task: nextTo(box[2], box[1]) & facing(box[3], box[1], 20 deg)\n"
-    many = auto.choose(planned(task, {"task": Range(0.0, None)}, n=20_000, many=8), Budget())
+    many = auto.choose(planned(task, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0))
     assert many.method == "rejection"
     rare = task.rstrip() + " & nextTo(box[5], box[4]) & facing(box[6], box[4], 20 deg) & nextTo(box[8], box[7])"
     rare += " & facing(box[8], box[4], 20 deg) & facing(box[5], box[7], 20 deg)\n"
-    assert auto.choose(planned(rare, {"task": Range(0.0, None)}, n=20_000, many=8), Budget()).method == "growth"
+    assert auto.choose(planned(rare, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0)).method == "growth"

@@ -37,7 +37,7 @@ from scenegen.primitives.namespace import turning
 Array = npt.NDArray[np.float64]
 Moments = npt.NDArray[np.intp]
 
-FEWEST, DOZEN = 2, 1  # gaps of a minimum, of whose states few have a gap that can be negative
+FEW, EACH = 2, 1  # gaps of a minimum, and for each pair of shapes: few states have one that can be negative
 
 
 class _Signs(Fewer):
@@ -169,7 +169,7 @@ def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Sta
         core = part(timed.state, tuple(map(str, signals)))
         roots = tuple(core.labels.values())
         steps = any(isinstance(node, Coord) and node.object >= count for node in core.nodes)
-        usual, signs = find_groups(core, roots), find_groups(core, roots, FEWEST, DOZEN)
+        usual, signs = find_groups(core, roots), find_groups(core, roots, FEW, EACH)
         parts.append(_Part(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
     kept, place = _below(timed, nodes)
     return _Stage(replace(timed, nodes=kept, labels={}, requirement=None), place, tuple(parts))

@@ -14,11 +14,14 @@ from string import Template
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Quarters of a turn in parts so short that k times one is exact; the factors of the polynomials p, q and s in
+    """The type in C, an unsigned type of as many bits, and the ending of its functions' names.
+
+    `quarter` of a turn in parts so short that k times one is exact; the factors of the polynomials p, q and s in
     sin(r) = r + r^3 p(r^2), cos(r) = 1 - r^2 / 2 + r^4 q(r^2) for |r| <= pi / 4, and atan(r) = r + r^3 s(r^2) for
-    |r| <= tan(pi / 8); the largest angle for which all this holds; and a number so large that the sum with it has no
-    digits behind the point. tests/native/test_functions.py works the factors out: they go through the Chebyshev
-    nodes."""
+    |r| <= tan(pi / 8). They go through the Chebyshev nodes; tests/native/test_functions.py works them out. `largest` is
+    the largest angle for which all this holds, `rounding` a number so large that the sum with it has no digits behind
+    the point.
+    """
 
     type: str
     bits: str

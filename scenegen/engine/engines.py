@@ -65,10 +65,12 @@ class Writing:
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
     """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
     part, place = which.astype(np.intp)
-    numbers, part = np.unique(part, return_inverse=True)
-    blocks = [parts[number] for number in numbers.tolist()]
-    starts = np.cumsum([0, *(block.count for block in blocks)])
-    place = starts[part] + place
+    part -= (first := int(part.min(initial=0)))
+    numbers = np.flatnonzero(np.bincount(part))  # few, and close together: nothing has to be sorted
+    blocks = [parts[number + first] for number in numbers.tolist()]
+    start = np.zeros(int(part.max(initial=0)) + 1, dtype=np.intp)
+    start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
+    place += start[part]
     return Block(_taken([block.rows for block in blocks], place), _taken([block.phi for block in blocks], place))
 
 

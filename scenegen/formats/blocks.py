@@ -12,7 +12,6 @@ import numpy.typing as npt
 from scenegen.errors import DataError
 from scenegen.errors.files import TOO_MANY_TO_READ
 from scenegen.pose import EVERY, X, along, row_count
-from scenegen.scene.numbers import numbers_in, present
 
 if TYPE_CHECKING:
     from scenegen.scene.data import SceneFile
@@ -117,6 +116,9 @@ def check_numbers(header: SceneFile, block: Block) -> None:
 def counts_in(header: SceneFile, rows: Array) -> npt.NDArray[np.intp]:
     """(C, m): how many things there are in scenes, rows (3N + ..., m), NaN in those of objects that are not there.
     Raises ValueError where other rows are not finite, or are of objects that should not be there."""
+    # With it comes pydantic, 0.1 s of every worker's start; workers that draw know no headers.
+    from scenegen.scene.numbers import numbers_in, present
+
     names = [one.name for one in header.objects]
     finite = np.isfinite(rows)
     found = numbers_in(names, header.counts, finite[: row_count(len(names))][along(X)].T)

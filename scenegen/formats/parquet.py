@@ -57,8 +57,16 @@ def write(
             more = () if rarity is None else rarity(block.phi)
             numbers = counts_in(header, block.rows) if counts else ()
             rows = (*block.rows, *numbers, *block.phi, *more)
-            arrays = [pa.array(row, from_pandas=field.nullable) for row, field in zip(rows, fields, strict=True)]
+            arrays = [_column(row, field) for row, field in zip(rows, fields, strict=True)]
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
+
+
+def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:
+    """A row as a column; NaN becomes null where that may be."""
+    if field.nullable:
+        return pa.array(row, from_pandas=True)
+    # `pa.array` would load pandas where that is installed, which takes longer than to write a small file
+    return pa.Array.from_buffers(field.type, len(row), [None, pa.py_buffer(np.ascontiguousarray(row))])
 
 
 def read(path: Path, source: Any = None) -> Reading:

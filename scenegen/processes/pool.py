@@ -143,9 +143,11 @@ class Pool(Generic[Item, T]):
         self._workers.append(Process(self._job, self._inbox, self._what))
 
     def _give_orders(self) -> None:
-        for _ in range(AHEAD):  # one for each worker, then a second for each
+        # A second order each only when all have begun: one that starts later would wait for what others have in hand.
+        most = AHEAD if all(worker.ready for worker in self._workers) else 1
+        for number in range(1, most + 1):
             for worker in self._workers:
-                if worker.ready and len(worker.orders) < AHEAD:
+                if worker.ready and len(worker.orders) < number:
                     order = self._next_order()
                     if order is not None:
                         worker.order(*order)

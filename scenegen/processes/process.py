@@ -28,6 +28,10 @@ from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, widen
 
 GONE = 2  # a status in addition to those of frames
 
+# Arrays of some MB come and go all the time. By default glibc gives their pages back to the system each time, and takes
+# them again one by one, an eighth of a worker's time. Other systems know nothing of these.
+KEPT = {"MALLOC_MMAP_THRESHOLD_": str(1 << 28), "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
+
 
 def command(module: str) -> list[str]:
     """Runs `main()` of a module in a new process, which expects `search_path()` first on its standard input. An
@@ -40,9 +44,10 @@ def command(module: str) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """This process's environment, with one thread for numerical libraries."""
+    """This process's environment, with one thread for numerical libraries, and memory that is kept for the next
+    arrays."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-    return {**os.environ, **dict.fromkeys(names, "1")}
+    return {**KEPT, **os.environ, **dict.fromkeys(names, "1")}
 
 
 def search_path() -> bytes:

@@ -12,6 +12,7 @@ Pickles pass between processes of one program here, never through files.
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import pickle
 import queue
@@ -46,6 +47,7 @@ def main() -> None:
         except Exception as error:
             _send_error(results, READY, error)
             return
+        gc.freeze()  # the job stays: no collection has to look at it
         _send(results, READY, DONE, None)
         while True:
             turn, item = pickle.loads(orders.get())  # noqa: S301 - from the parent process

@@ -113,7 +113,7 @@ def _after_trial(
         return _after_cells(problem, budget, trial, quick)
     if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
         return apart
-    rival = _other(problem, budget, quick)
+    rival = _other(problem, budget, quick, ahead=False)
     if not isinstance(rival, Growth | Splitting):
         if _time_is_up(rival):
             raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells(problem, mine)))
@@ -161,10 +161,10 @@ def _without_rejection(
 
 
 def _other(
-    problem: Problem, budget: Budget, quick: Growth | NoGrowth | None = None
+    problem: Problem, budget: Budget, quick: Growth | NoGrowth | None = None, *, ahead: bool = True
 ) -> Growth | Splitting | NoGrowth | Stalled:
-    """A plan of growth, or of splitting if only splitting does well."""
-    quick = plan_growth(problem, budget, patient=False) if quick is None else quick
+    """A plan of growth, or of splitting if only splitting does well. `ahead`: growth will probably be taken."""
+    quick = plan_growth(problem, budget, patient=False, ahead=ahead) if quick is None else quick
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
     if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):

@@ -16,7 +16,7 @@ from scenegen.lang.check import check_text
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.grow import grow
 from scenegen.sampling.growth.moves import Settings
-from scenegen.sampling.growth.plan import spread_over
+from scenegen.sampling.growth.population import spread_over
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest

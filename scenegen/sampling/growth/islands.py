@@ -14,7 +14,7 @@ from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.sampling.growth.grow import Grown, Stuck, explore, grow
 from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import Settings, sweep
-from scenegen.sampling.growth.plan import tuned
+from scenegen.sampling.growth.population import tuned
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.problem import Problem

@@ -1,70 +1,54 @@
 """The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
 many.
 
-One population is grown while planning; what it needed is written down and frozen. All of it is counted in evaluations,
-never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
+A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it is
+counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere. Nothing
+can be drawn by the plan before there is one. So that a second process has work by then, too, large requests have two
+such populations that know nothing of each other: the second one is the second piece.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError
+from scenegen.processes.beside import Beside
+from scenegen.processes.process import cores
 from scenegen.sampling.growth.full import too_full
-from scenegen.sampling.growth.grow import HITS, Grown, Step, Stuck, explore
-from scenegen.sampling.growth.kinship import Kinship
+from scenegen.sampling.growth.grow import Step, Stuck
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, Settings, sweep
-from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.settle import Settled, apart, part_of, settle
-from scenegen.sampling.growth.tally import Tally
+from scenegen.sampling.growth.moves import Settings
+from scenegen.sampling.growth.population import (
+    FAMILIES,
+    ISLANDS,
+    SPARE,
+    Population,
+    Size,
+    Taken,
+    make_population,
+    wanted_scenes,
+)
 from scenegen.sampling.problem import Budget, Problem
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-
 GROWTH = 6  # random stream of growth: plan and pieces
-ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
 NUMBERS = 1 << 22  # coordinates of a population at most
-SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
-USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
-MOST_TRIES = 32  # of a place for an object that is lifted
-CALLS = 2.0  # what such a move costs before the first try, in tries
-REDRAWN, RELOCATED = 0.25, 0.5  # times that an object, and all that hangs from it, is lifted for each of its turns
-TRIED = 0.5  # the same, while it is found out how many find a place
-TAKEN, SELDOM = 0.1, 0.25  # share of these that must find a place; so many times fewer are made of those that do not
-EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
-FAMILIES = 12.0  # effective ancestors below which a larger population is grown
+WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 AGAIN = 2  # times that a population is made larger
-MORE_HITS = 2.0 * HITS  # of larger ones
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class First:
-    """What the population of a plan brings, its first piece: `scenes` (3N, m), rows that no clause reads left open;
-    `log_share` (islands, C) as in Grown, `accepted` the share of walks taken, `copies` that of scenes left out,
-    `effect` the design effect."""
-
-    scenes: Array
-    log_share: Array
-    accepted: float
-    copies: float
-    effect: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
     """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
     `thin` is taken. `effect` is the design effect of common ancestors that is left among these, `evaluations` the cost
-    of the plan, `piece` of a piece. `first` is the first piece: the population by which all this was found out."""
+    of the plan, `piece` of a piece. The first pieces are `populations` of their own, of the given `size`; those that
+    are known are in `taken`."""
 
     steps: tuple[Step, ...]
     settings: Settings
@@ -75,17 +59,23 @@ class Recipe:
     effect: float
     evaluations: float
     piece: float
-    first: First | None = None
+    size: Size
+    taken: tuple[Taken, ...] = ()
 
     @property
     def brings(self) -> float:
         """About how many scenes a piece brings."""
         return self.count / self.thin
 
+    @property
+    def populations(self) -> int:
+        return self.size.populations
+
     def pieces(self, scenes: int) -> int:
         """About how many pieces bring so many scenes."""
-        there = 0 if self.first is None else self.first.scenes.shape[1]
-        return (self.first is not None) + math.ceil(max(0, scenes - there) / self.brings)
+        each = self.taken[0].count if self.taken else self.brings
+        further = math.ceil(max(0, scenes - self.populations * each) / self.brings)
+        return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,134 +94,125 @@ class Stalled:
         return self.stuck is not None and self.stuck.placed.attracted > 0
 
 
+@dataclass(frozen=True, slots=True)
+class Second:
+    """The second population of a problem, in any process; without scenes where there was no room for them. Raises
+    StoppedError with the number of objects placed by then."""
+
+    problem: Problem
+    budget: Budget
+
+    def __call__(self, size: Size) -> Taken:
+        with np.errstate(all="ignore"):
+            machine = with_deadline(make_machine(self.problem), self.budget.ends)
+            try:
+                made = make_population(machine, replace(size, fewest=0.0), _of_plan(self.problem.request.seed, 1))
+            except StoppedError as error:
+                raise StoppedError(placed_of(machine, size.count)) from error
+        if isinstance(made, Stuck) or made.taken is None:
+            none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
+            return Taken(*none, 0.0, 0.0, 0.0, machine.work)
+        return made.taken
+
+
 def generator(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers of piece k; the plan's are those of piece -1."""
+    """Random numbers of piece k."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
 
 
-def spread_over(cells: Sequence[int], count: int) -> tuple[Index, Index]:
-    """The cell and the island of each of `count` scenes, (count,) each: all equally often, as far as that goes."""
-    number = np.arange(count)
-    return np.array(cells, dtype=np.intp)[number // ISLANDS % len(cells)], number % ISLANDS
+def _of_plan(seed: int, which: int) -> np.random.Generator:
+    """Random numbers of the populations of a plan."""
+    words = [seed, GROWTH, 0, *([which] if which else [])]
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
 
 
-def make_recipe(problem: Problem, budget: Budget, *, patient: bool) -> tuple[Machine, Recipe] | Stalled:
-    """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, one
-    small population must do: the design effect is infinite where few ancestors are left of it."""
+def make_recipe(problem: Problem, budget: Budget, *, patient: bool, ahead: bool) -> tuple[Machine, Recipe] | Stalled:
+    """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
+    populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: the
+    second population may be made meanwhile."""
     machine = None
-    try:
-        machine = make_machine(problem)
-        proof = too_full(machine.graph, problem.core.objects)
-        if proof:
-            return Stalled(machine, None, 0.0, proof)
-        machine.deadline = budget.ends
-        return _make(machine, AGAIN if patient else 0)
-    except StoppedError:
-        return Stalled(machine, None, 0.0 if machine is None else machine.work)
-
-
-def _make(machine: Machine, again: int) -> tuple[Machine, Recipe] | Stalled:
-    problem = machine.problem
-    possible = tuple(sorted(problem.possible))
-    most = max(64, min(MOST, NUMBERS // len(problem.lowest)))
-    wanted = min(MOST // 2, int(SPARE * problem.request.n))  # half as many would cost nearly as much
-    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * problem.request.n / len(possible))))
-    count = min(most, max(LEAST, wanted, ISLANDS * of_a_cell * len(possible)))
-    rng = generator(problem.request.seed, -1)
-    for attempt in range(again + 1):
-        tally = Tally()
-        before = machine.work
-        hits = HITS if attempt == 0 else MORE_HITS
-        grown, steps = explore(machine, *spread_over(possible, count), rng, tally, hits=hits)
-        last = attempt == again or count >= most
-        if isinstance(grown, Stuck):
-            if last or not grown.placed.attracted:
-                return Stalled(machine, grown, machine.work)
-        elif last or _ancestors(grown.particles) >= FAMILIES:
-            break
-        count = min(most, max(2 * count, 4 * LEAST))
-    assert isinstance(grown, Grown)
-    cost = machine.work - before
-    reached = tuple(map(int, np.unique(grown.particles.cell)))
-    if not again and _ancestors(grown.particles) < FAMILIES / 2.0:
-        return machine, Recipe(tuple(steps), Settings({}), reached, count, 0, 1.0, np.inf, machine.work, np.inf)
-    scenes = SPARE * len(reached) * -(-problem.request.n // len(reached))  # every cell gets as many
-    settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
-    first = _first(grown, max(now.thin, grown.particles.count / scenes), now.effect, accepted, rng)
-    left = max(0.0, scenes - first.scenes.shape[1])
-    wanted = max(ISLANDS * OF_A_CELL * len(reached), int(np.ceil(settled.thin * left)))
-    pieces = -(-wanted // most)  # of one size: a last one for a few scenes would cost as much
-    size = max(count if count > LEAST else LEAST // 2, -(-wanted // pieces))
-    piece = (cost + settled.cost * settled.sweeps) * size / count
-    recipe = Recipe(
-        tuple(steps), settings, reached, size, settled.sweeps, settled.thin, settled.left, machine.work, piece, first
-    )
+    size = _size(problem, AGAIN if patient else 0)
+    workers = problem.request.workers
+    with ExitStack() as stack:
+        beside = None
+        if ahead and size.populations > 1 and (cores() if workers is None else workers) > 1:
+            beside = stack.enter_context(Beside(Second(problem, budget), size))
+        try:
+            machine = make_machine(problem)
+            proof = too_full(machine.graph, problem.core.objects)
+            if proof:
+                return Stalled(machine, None, 0.0, proof)
+            machine.deadline = budget.ends
+            made = make_population(machine, size, _of_plan(problem.request.seed, 0))
+            if isinstance(made, Stuck):
+                return Stalled(machine, made, machine.work)
+        except StoppedError:
+            return Stalled(machine, None, 0.0 if machine is None else machine.work)
+        recipe = _recipe(problem, machine, size, made)
+        if beside is not None and made.taken is not None:
+            recipe = _with_second(recipe, beside)
     return machine, recipe
 
 
-def _ancestors(particles: Particles) -> float:
-    """The effective number of first ancestors."""
-    _, sizes = np.unique(particles.families[0], return_counts=True)
-    return float(sizes.sum() ** 2 / (sizes * sizes).sum())
+def _with_second(recipe: Recipe, beside: Beside[Size, Taken]) -> Recipe:
+    """The recipe with its second piece, unless time is up before that is made."""
+    try:
+        return replace(recipe, taken=(*recipe.taken, beside.result()))
+    except StoppedError:
+        return recipe
 
 
-def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> tuple[Settings, Settled, Settled, float]:
-    """The settings tuned on whole scenes, how long these are moved, see settle.py, and the share of walks taken.
-    Growing them took `cost`."""
-    final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
-    lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
-    trial = Settings({}, redraws=lift, relocations=lift)
-    for _ in range(2):
-        sweep(particles, trial, final)
-    settings = tuned(final)
-    alike = Kinship(particles.machine)
-    taken: list[float] = []
-    best, now = settle(particles, lambda: taken.append(sweep(particles, settings)), alike, cost, wanted)
-    return settings, best, now, float(np.mean(taken))
+def placed_of(machine: Machine, count: int) -> str:
+    """How far a piece of so many scenes got that time cut short: so many objects were placed."""
+    placed, objects = machine.furthest, len(machine.order)
+    if placed < objects:
+        return f"the next {count:,} scenes had {placed} of {objects} objects when time was up"
+    return f"the next {count:,} scenes had all {objects} objects when time was up, but were not ready"
 
 
-def _first(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> First:
-    particles = grown.particles
-    some = part_of(particles.cell, thin, rng)
-    taken = apart(particles, some)
-    effect = 1.0 + (effect - 1.0) / thin
-    return First(particles.scenes[:, taken], grown.log_share, accepted, 1.0 - len(taken) / len(some), effect)
+def _size(problem: Problem, again: int) -> Size:
+    """How large the populations of a plan are, and how many."""
+    n, rows, cells = problem.request.n, len(problem.lowest), len(problem.possible)
+    most = max(64, min(MOST, NUMBERS // rows))
+    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * n / cells)))
+    least = max(LEAST, ISLANDS * of_a_cell * cells)
+    wanted = int(SPARE * n)
+    each = min(MOST // 2, wanted)  # half as many would cost nearly as much
+    half = wanted // 2
+    moving = int((problem.lowest < problem.highest).sum())
+    two = half >= MOST // 2 or (half >= least and half * moving >= WORTH)
+    count = min(most, max(least, min(each, half) if two else each))
+    return Size(count, most, again, 0.0 if again else FAMILIES / 2.0, n, 2 if two else 1)
 
 
-def tuned(tally: Tally) -> Settings:
-    """Step lengths by how far they bring an object, a third of them spread over all lengths; and the kinds of move that
-    scenes take."""
-    odds = {}
-    sizes = 2.0 ** -np.arange(FINEST + 1)
-    for thing, (tried, taken) in tally.steps.items():
-        gain = (taken + 0.05) / (tried + 1.0) * sizes
-        odds[thing] = 0.7 * gain / gain.sum() + 0.3 / (FINEST + 1)
-    rates = {kind: tally.rate(kind) for kind in KINDS if kind not in LIFTS}  # how often these are made is found below
-    kinds = [*LIFTS, *(kind for kind, rate in rates.items() if rate is None or rate >= USELESS)]
-    if tally.rate("hop") or tally.rate("carry"):  # however seldom: nothing else brings an object to another surface
-        kinds.append("hop")
-    for kind in tally.tried:
-        rate = tally.rate(kind)
-        if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
-            kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
-    redraws, relocations = {}, {}
-    for thing in tally.steps:
-        if (rate := tally.rate(f"redraw of {thing}")) is not None:
-            redraws[thing] = lifted(rate, REDRAWN)
-        if (rate := tally.rate(f"relocate of {thing}")) is not None:
-            relocations[thing] = lifted(rate, RELOCATED)
-    jumps = tally.rate("jump")
-    return Settings(odds, tuple(kinds), redraws, relocations, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
-
-
-def lifted(free: float, often: float) -> tuple[float, int]:
-    """How often something is lifted off the table for each of its turns, and how many places are tried then: those that
-    bring it elsewhere at the least cost, where a share of all places is `free`."""
-    tries = 2 ** np.arange(int(np.log2(MOST_TRIES)) + 1)
-    taken = 1.0 - (1.0 - free) ** tries
-    best = int(np.argmax(taken / (CALLS + tries)))
-    often *= 1.0 if taken[best] >= TAKEN else SELDOM if taken[best] >= SELDOM * TAKEN else 0.0
-    return often, int(tries[best])
+def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) -> Recipe:
+    """What a population found out, for the pieces that follow."""
+    cells, count = made.cells, made.count
+    if made.settled is None or made.taken is None:
+        return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
+    settled = made.settled
+    there = size.populations * made.taken.count
+    left = max(0.0, wanted_scenes(cells, problem.request.n) - there)
+    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left)))
+    pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
+    moving = len(machine.graph.rows)
+    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= WORTH:
+        pieces += 1  # as many for each of two processes
+    each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
+    piece = (made.cost + settled.cost * settled.sweeps) * each / count
+    return Recipe(
+        made.steps,
+        made.settings,
+        cells,
+        each,
+        settled.sweeps,
+        settled.thin,
+        settled.left,
+        machine.work,
+        piece,
+        size,
+        (made.taken,),
+    )
 
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:

@@ -20,14 +20,15 @@ from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.moves import sweep
 from scenegen.sampling.growth.plan import (
     GROWTH,
-    ISLANDS,
     Recipe,
+    Second,
     Stalled,
     generator,
     make_recipe,
-    spread_over,
+    placed_of,
     with_deadline,
 )
+from scenegen.sampling.growth.population import ISLANDS, spread_over
 from scenegen.sampling.growth.settle import apart, part_of
 from scenegen.sampling.growth.stuck import how_far, others, why_stuck
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
@@ -69,7 +70,7 @@ class Growth(Plan):
             sorted(recipe.settings.relocations.items()),
             recipe.settings.jumps,
             recipe.cells,
-            (recipe.count, recipe.settle, recipe.thin),
+            (recipe.count, recipe.settle, recipe.thin, recipe.populations),
         )
 
     @property
@@ -90,8 +91,9 @@ class Growth(Plan):
 
     @property
     def evaluations(self) -> float:
-        further = self.recipe.pieces(self.wanted) - (self.recipe.first is not None)
-        return self.recipe.evaluations + further * self.recipe.piece
+        recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
+        grown = min(pieces, recipe.populations)
+        return recipe.evaluations * grown + recipe.piece * (pieces - grown)
 
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
@@ -101,22 +103,35 @@ class Growth(Plan):
     def _draw(self, k: int) -> Piece:
         recipe = self.recipe
         rng = generator(self.seed, k)
-        if k == 0 and recipe.first is not None:
-            first = recipe.first
-            return self._made(first.scenes, first.log_share, (first.accepted, first.copies, first.effect, 0.0), rng)
+        if k < recipe.populations:
+            return self._of_population(k, rng)
         machine = with_deadline(self.machine, self.budget.ends)
         try:
             return self._grow(machine, k, rng)
         except StoppedError as error:
-            raise StoppedError(self._how_far(machine.furthest)) from error
+            raise StoppedError(placed_of(machine, recipe.count)) from error
+
+    def _of_population(self, k: int, rng: np.random.Generator) -> Piece:
+        """One of the first pieces. The second one may have been made while the plan was."""
+        recipe = self.recipe
+        known = k < len(recipe.taken)
+        taken = recipe.taken[k] if known else Second(self.problem, self.budget)(recipe.size)
+        if not taken.count:
+            return self._nothing(taken.work)
+        work = taken.work if k else 0.0  # that of the first one is the plan's
+        return self._made(taken.scenes, taken.log_share, (taken.accepted, taken.copies, taken.effect, work), rng)
+
+    def _nothing(self, work: float) -> Piece:
+        """What a piece brings whose scenes have died out."""
+        rows, phi = np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+        facts = np.array([float(ISLANDS), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, work])
+        return Piece(rows, phi, np.empty(0, dtype=np.intp), facts)
 
     def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
-        problem, recipe = self.problem, self.recipe
+        recipe = self.recipe
         grown = grow(machine, *spread_over(recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
         if isinstance(grown, Stuck):
-            rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-            none = np.array([float(ISLANDS), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, machine.work])
-            return Piece(rows, phi, np.empty(0, dtype=np.intp), none)
+            return self._nothing(machine.work)
         particles = grown.particles
         accepted = float(np.mean([sweep(particles, recipe.settings) for _ in range(recipe.settle)]))
         some = part_of(particles.cell, recipe.thin, _aside(self.seed, k))
@@ -167,19 +182,13 @@ class Growth(Plan):
             warnings = (SCENES_ALIKE(share=share),)
         return Account(info, f"{evaluations:,} evaluations of growth", warnings)
 
-    def _how_far(self, placed: int) -> str:
-        """How far a piece got that time cut short: so many objects were placed."""
-        count = len(self.machine.order)
-        if placed < count:
-            return f"the next {self.recipe.count:,} scenes had {placed} of {count} objects when time was up"
-        return f"the next {self.recipe.count:,} scenes had all {count} objects when time was up, but were not ready"
 
-
-def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True) -> Growth | Stalled:
+def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
-    spent on it, and its design effect may be infinite: such a plan is not to be used."""
+    spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: another process may
+    begin to draw meanwhile; the plan is the same without."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient)
+        made = make_recipe(problem, budget, patient=patient, ahead=ahead)
     if isinstance(made, Stalled):
         return made
     machine, recipe = made

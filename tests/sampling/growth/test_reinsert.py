@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.moves import Settings, sweep
-from scenegen.sampling.growth.plan import MOST_TRIES, REDRAWN, RELOCATED, lifted
+from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, lifted
 
 from .made import POSITIVE, everything_placed, machine_of, plain
 

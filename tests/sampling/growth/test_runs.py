@@ -71,6 +71,19 @@ def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
 
 
 @pytest.mark.long
+def test_a_second_population_made_ahead_is_the_piece_that_would_be_drawn(plan):
+    requests = (dataclasses.replace(plan.problem.request, workers=workers) for workers in (2, 1))
+    problems = (dataclasses.replace(plan.problem, request=request) for request in requests)
+    ahead, later = (plan_growth(problem, Budget(600.0)) for problem in problems)
+    assert (len(ahead.recipe.taken), len(later.recipe.taken)) == (2, 1) and ahead.plan_digest == later.plan_digest
+    assert later.recipe.populations == 2
+    for k in range(3):
+        one, other = ahead.draw(k), later.draw(k)
+        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
+    assert not np.isin(ahead.draw(0).rows[0], ahead.draw(1).rows[0]).any()  # they know nothing of each other
+
+
+@pytest.mark.long
 def test_no_place_is_shared_by_two_scenes(alone):
     poses = alone.poses
     for thing in range(poses.shape[1]):
@@ -152,19 +165,22 @@ class Clock:
 
 
 @pytest.mark.long
-def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
+@pytest.mark.parametrize("piece", [1, 2])
+def test_a_piece_ends_when_its_time_is_up(plan, piece, monkeypatch):
+    """The second piece is a population of its own, which has not been made yet here."""
     clock = Clock()
     monkeypatch.setattr(machine_module, "time", clock)
-    short = dataclasses.replace(plan, budget=Budget(math.inf, 0.0))
-    short.draw(1)
+    recipe = dataclasses.replace(plan.recipe, taken=plan.recipe.taken[:1])
+    short = dataclasses.replace(plan, recipe=recipe, budget=Budget(math.inf, 0.0))
+    short.draw(piece)
     looks = clock.looks
     assert looks > 100  # it is looked at often
     for share in (0.01, 0.7):
         at = clock.now + share * looks
-        late = dataclasses.replace(plan, budget=Budget(at, 0.0))
+        late = dataclasses.replace(short, budget=Budget(at, 0.0))
         before = clock.looks
         with pytest.raises(StoppedError) as caught:
-            late.draw(1)
+            late.draw(piece)
         assert clock.looks - before == pytest.approx(share * looks, abs=2)
         how_far_it_got = "all 4 objects when time was up, but were not ready" if share > 0.5 else "of 4 objects when"
         assert how_far_it_got in caught.value.how_far
@@ -174,7 +190,9 @@ def test_a_piece_ends_when_its_time_is_up(plan, monkeypatch):
 def test_how_far_a_piece_got_reaches_the_user_from_any_process(plan, workers):
     """The first piece is the population of the plan; time is up as soon as the second begins."""
     request = dataclasses.replace(plan.problem.request, workers=workers)
-    short = dataclasses.replace(plan, problem=dataclasses.replace(plan.problem, request=request), budget=Budget(0.0))
+    recipe = dataclasses.replace(plan.recipe, taken=plan.recipe.taken[:1])
+    problem = dataclasses.replace(plan.problem, request=request)
+    short = dataclasses.replace(plan, problem=problem, recipe=recipe, budget=Budget(0.0))
     found = in_memory(short, Budget(60.0))
     assert found.shortfall is not None and 0 < found.count < 600
     assert "scenes had 0 of 4 objects when time was up" in found.shortfall.note

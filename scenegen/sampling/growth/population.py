@@ -1,0 +1,187 @@
+"""A population that finds out what it needs while it grows, and the scenes that are taken of it in the end.
+
+All that it needs is counted in evaluations, never timed: its random numbers fix it, and it comes out the same in any
+process.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.sampling.growth.grow import HITS, Grown, Step, Stuck, explore
+from scenegen.sampling.growth.kinship import Kinship
+from scenegen.sampling.growth.machine import Machine
+from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, Settings, sweep
+from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.settle import Settled, apart, part_of, settle
+from scenegen.sampling.growth.tally import Tally
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
+SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
+USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
+MOST_TRIES = 32  # of a place for an object that is lifted
+CALLS = 2.0  # what such a move costs before the first try, in tries
+REDRAWN, RELOCATED = 0.25, 0.5  # times that an object, and all that hangs from it, is lifted for each of its turns
+TRIED = 0.5  # the same, while it is found out how many find a place
+TAKEN, SELDOM = 0.1, 0.25  # share of these that must find a place; so many times fewer are made of those that do not
+EXCHANGEABLE = 0.99  # share of swaps taken from which on all kin are shuffled
+FAMILIES = 12.0  # effective ancestors below which a larger population is grown
+LARGER = 2048  # scenes of such a population, at least
+MORE_HITS = 2.0 * HITS  # of larger ones
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """Of a population: `count` scenes, which are doubled up to `most` as often as `again` says where few ancestors are
+    left of them; where there are fewer than `fewest` in the end, it is left. `wanted` scenes are to be had of the whole
+    request, by so many `populations` and the pieces that follow them."""
+
+    count: int
+    most: int
+    again: int
+    fewest: float
+    wanted: int
+    populations: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """What a population brings, a piece: `scenes` (3N, m), rows that no clause reads left open; `log_share` (islands,
+    C) as in Grown, `accepted` the share of walks taken, `copies` that of scenes left out, `effect` the design effect,
+    `work` the evaluations that it took."""
+
+    scenes: Array
+    log_share: Array
+    accepted: float
+    copies: float
+    effect: float
+    work: float
+
+    @property
+    def count(self) -> int:
+        return int(self.scenes.shape[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Population:
+    """`cost` is what it took to grow `count` scenes, in evaluations, `settled` how long such scenes are best moved;
+    `taken` is None if it was left."""
+
+    count: int
+    steps: tuple[Step, ...]
+    cells: tuple[int, ...]
+    cost: float
+    settings: Settings
+    settled: Settled | None = None
+    taken: Taken | None = None
+
+
+def spread_over(cells: Sequence[int], count: int) -> tuple[Index, Index]:
+    """The cell and the island of each of `count` scenes, (count,) each: all equally often, as far as that goes."""
+    number = np.arange(count)
+    return np.array(cells, dtype=np.intp)[number // ISLANDS % len(cells)], number % ISLANDS
+
+
+def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | Stuck:
+    """Grows it, as large as it has to be; Stuck where there is no room for some object. Raises StoppedError."""
+    possible, count = tuple(sorted(machine.problem.possible)), size.count
+    for attempt in range(size.again + 1):
+        tally = Tally()
+        before = machine.work
+        hits = HITS if attempt == 0 else MORE_HITS
+        grown, steps = explore(machine, *spread_over(possible, count), rng, tally, hits=hits)
+        last = attempt == size.again or count >= size.most
+        if isinstance(grown, Stuck):
+            if last or not grown.placed.attracted:
+                return grown
+        elif last or _ancestors(grown.particles) >= FAMILIES:
+            break
+        count = min(size.most, max(2 * count, LARGER))
+    assert isinstance(grown, Grown)
+    cost = machine.work - before
+    reached = tuple(map(int, np.unique(grown.particles.cell)))
+    if _ancestors(grown.particles) < size.fewest:
+        return Population(count, tuple(steps), reached, cost, Settings({}))
+    scenes = wanted_scenes(reached, size.wanted) / size.populations
+    settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
+    taken = _taken(grown, max(now.thin, count / scenes), now.effect, accepted, rng)
+    return Population(count, tuple(steps), reached, cost, settings, settled, taken)
+
+
+def wanted_scenes(reached: Sequence[int], wanted: int) -> float:
+    """How many scenes are grown for so many, if every cell gets as many."""
+    return SPARE * len(reached) * math.ceil(wanted / len(reached))
+
+
+def _ancestors(particles: Particles) -> float:
+    """The effective number of first ancestors."""
+    _, sizes = np.unique(particles.families[0], return_counts=True)
+    return float(sizes.sum() ** 2 / (sizes * sizes).sum())
+
+
+def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> tuple[Settings, Settled, Settled, float]:
+    """The settings tuned on whole scenes, how long these are moved, see settle.py, and the share of walks taken.
+    Growing them took `cost`."""
+    final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
+    lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
+    trial = Settings({}, redraws=lift, relocations=lift)
+    for _ in range(2):
+        sweep(particles, trial, final)
+    settings = tuned(final)
+    alike = Kinship(particles.machine)
+    taken: list[float] = []
+    best, now = settle(particles, lambda: taken.append(sweep(particles, settings)), alike, cost, wanted)
+    return settings, best, now, float(np.mean(taken))
+
+
+def _taken(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> Taken:
+    particles = grown.particles
+    some = part_of(particles.cell, thin, rng)
+    taken = apart(particles, some)
+    effect = 1.0 + (effect - 1.0) / thin
+    copies = 1.0 - len(taken) / len(some)
+    return Taken(particles.scenes[:, taken], grown.log_share, accepted, copies, effect, particles.machine.work)
+
+
+def tuned(tally: Tally) -> Settings:
+    """Step lengths by how far they bring an object, a third of them spread over all lengths; and the kinds of move that
+    scenes take."""
+    odds = {}
+    sizes = 2.0 ** -np.arange(FINEST + 1)
+    for thing, (tried, taken) in tally.steps.items():
+        gain = (taken + 0.05) / (tried + 1.0) * sizes
+        odds[thing] = 0.7 * gain / gain.sum() + 0.3 / (FINEST + 1)
+    rates = {kind: tally.rate(kind) for kind in KINDS if kind not in LIFTS}  # how often these are made is found below
+    kinds = [*LIFTS, *(kind for kind, rate in rates.items() if rate is None or rate >= USELESS)]
+    if tally.rate("hop") or tally.rate("carry"):  # however seldom: nothing else brings an object to another surface
+        kinds.append("hop")
+    for kind in tally.tried:
+        rate = tally.rate(kind)
+        if kind.startswith(("swap", "trade")) and rate is not None and rate >= USELESS:
+            kinds.append(kind.replace("swap", "shuffle") if rate >= EXCHANGEABLE else kind)
+    redraws, relocations = {}, {}
+    for thing in tally.steps:
+        if (rate := tally.rate(f"redraw of {thing}")) is not None:
+            redraws[thing] = lifted(rate, REDRAWN)
+        if (rate := tally.rate(f"relocate of {thing}")) is not None:
+            relocations[thing] = lifted(rate, RELOCATED)
+    jumps = tally.rate("jump")
+    return Settings(odds, tuple(kinds), redraws, relocations, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
+
+
+def lifted(free: float, often: float) -> tuple[float, int]:
+    """How often something is lifted off the table for each of its turns, and how many places are tried then: those that
+    bring it elsewhere at the least cost, where a share of all places is `free`."""
+    tries = 2 ** np.arange(int(np.log2(MOST_TRIES)) + 1)
+    taken = 1.0 - (1.0 - free) ** tries
+    best = int(np.argmax(taken / (CALLS + tries)))
+    often *= 1.0 if taken[best] >= TAKEN else SELDOM if taken[best] >= SELDOM * TAKEN else 0.0
+    return often, int(tries[best])

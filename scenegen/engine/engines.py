@@ -65,13 +65,19 @@ class Writing:
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
     """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
     part, place = which.astype(np.intp)
-    part -= (first := int(part.min(initial=0)))
-    numbers = np.flatnonzero(np.bincount(part))  # few, and close together: nothing has to be sorted
-    blocks = [parts[number + first] for number in numbers.tolist()]
-    start = np.zeros(int(part.max(initial=0)) + 1, dtype=np.intp)
+    first, numbers = parts_of(which)
+    blocks = [parts[first + number] for number in numbers.tolist()]
+    start = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.intp)
     start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
-    place += start[part]
+    place += start[part - first]
     return Block(_taken([block.rows for block in blocks], place), _taken([block.phi for block in blocks], place))
+
+
+def parts_of(which: Array) -> tuple[int, Index]:
+    """The numbers of the parts that scenes (2, m) are in: the least one, and all, counted from there, in order."""
+    part = which[0].astype(np.intp)
+    first = int(part.min(initial=0))
+    return first, np.flatnonzero(np.bincount(part - first))  # they are close together, so nothing has to be sorted
 
 
 def _taken(arrays: Sequence[Array], place: Index) -> Array:

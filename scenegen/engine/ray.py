@@ -17,16 +17,15 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from scenegen.engine import ray_tasks
 from scenegen.engine.drawing import Drawing
-from scenegen.engine.engines import Drawn, Engine, Held, Writing
+from scenegen.engine.engines import Drawn, Engine, Held, Writing, parts_of
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.errors.stores import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
+from scenegen.processes.process import KEPT
 from scenegen.sampling.plan import Plan
 
 AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
@@ -144,7 +143,8 @@ class Cluster(Engine):
 
 def _parts(which: Array, parts: Mapping[int, Held]) -> dict[int, Any]:
     """References to the parts that these scenes are in, by number."""
-    return {number: parts[number].reference for number in np.unique(which[0].astype(np.intp)).tolist()}
+    first, numbers = parts_of(which)
+    return {number: parts[number].reference for number in (first + numbers).tolist()}
 
 
 def result_of(ray: Any, reference: Any, what: str) -> Any:
@@ -227,10 +227,11 @@ def _join(ray: Any, workers: int | None, address: str | None) -> None:
 def _for_children() -> Iterator[None]:
     """The environment that Ray's processes on this machine inherit. Workers import what this process imports (other
     machines have scenegen installed): a `runtime_env` would say the same, but Ray does not use the workers that it has
-    started for one, and asks another process to prepare it. And workers are as nice as those of the local engine: by
-    itself, Ray lets all other work on the machine go first."""
+    started for one, and asks another process to prepare it. And workers are as nice as those of the local engine, and
+    keep as much memory: by itself, Ray lets all other work on the machine go first."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
-    given = {"PYTHONPATH": path, NICENESS: os.environ.get(NICENESS, "0")}
+    usual = {NICENESS: "0", **KEPT}
+    given = {"PYTHONPATH": path, **{name: os.environ.get(name, value) for name, value in usual.items()}}
     before = {name: os.environ.get(name) for name in given}
     os.environ.update(given)
     try:

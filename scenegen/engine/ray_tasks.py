@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 import uuid
 from dataclasses import dataclass, field, replace
@@ -32,7 +33,9 @@ def packed(job: object) -> Sent:
 @lru_cache(maxsize=4)
 def _job(sent: Sent) -> Any:
     """A plan is read, or a model loaded, once in each process."""
-    return pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
+    job = pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
+    gc.freeze()  # it stays: no collection has to look at it
+    return job
 
 
 def draw(sent: Sent, k: int) -> tuple[tuple[Index, Array], Block]:

@@ -141,14 +141,18 @@ def cost(scenes: int, request: Sequence[str], options: Sequence[str]) -> Cost:
 
 
 def engines(scenes: int, request: Sequence[str], only: Sequence[str]) -> None:
-    """One and two local workers, and Ray with two cores. CPU seconds are those of the command + of other processes."""
+    """One and two local workers, and Ray with two cores. CPU seconds are those of the command + of other processes.
+    `times` is the throughput beside that of the first one, with the start and without it."""
+    first: tuple[float, float] | None = None
     for name in only:
         options = ENGINES[name]
         start = cost(1, request, options)
         whole = cost(scenes, request, options)
         rest = whole.without(start)
         rate = f"{scenes / rest.wall:,.0f} scenes/s" if rest.wall > 0 else "no time measured"
-        print(f"{name}: {whole}; start {start}; the rest {rest}: {rate}", flush=True)
+        first = first or (whole.wall, rest.wall)
+        times = f"{first[0] / whole.wall:.2f} times, {first[1] / rest.wall:.2f} without the start"
+        print(f"{name}: {whole}; start {start}; the rest {rest}: {rate}; {times}", flush=True)
 
 
 def main() -> None:

@@ -16,6 +16,9 @@ def main() -> None:
     try:
         # Loading takes a moment, in which Ctrl-C must not show a traceback either.
         from scenegen.cli.app import run
+        from scenegen.processes.memory import keep_memory
+
+        keep_memory()
 
         status = run(sys.argv[1:])
     except KeyboardInterrupt:

@@ -25,7 +25,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.errors.stores import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
-from scenegen.processes.process import KEPT
+from scenegen.processes.memory import VARIABLES
 from scenegen.sampling.plan import Plan
 
 AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
@@ -230,7 +230,7 @@ def _for_children() -> Iterator[None]:
     started for one, and asks another process to prepare it. And workers are as nice as those of the local engine, and
     keep as much memory: by itself, Ray lets all other work on the machine go first."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
-    usual = {NICENESS: "0", **KEPT}
+    usual = {NICENESS: "0", **VARIABLES}
     given = {"PYTHONPATH": path, **{name: os.environ.get(name, value) for name, value in usual.items()}}
     before = {name: os.environ.get(name) for name in given}
     os.environ.update(given)

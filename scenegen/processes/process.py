@@ -24,13 +24,10 @@ import numpy as np
 
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
+from scenegen.processes.memory import VARIABLES
 from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, widen
 
 GONE = 2  # a status in addition to those of frames
-
-# Arrays of some MB come and go all the time. By default glibc gives their pages back to the system each time, and takes
-# them again one by one, an eighth of a worker's time. Other systems know nothing of these.
-KEPT = {"MALLOC_MMAP_THRESHOLD_": str(1 << 28), "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
 
 
 def command(module: str) -> list[str]:
@@ -47,7 +44,7 @@ def environment() -> dict[str, str]:
     """This process's environment, with one thread for numerical libraries, and memory that is kept for the next
     arrays."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-    return {**KEPT, **os.environ, **dict.fromkeys(names, "1")}
+    return {**VARIABLES, **os.environ, **dict.fromkeys(names, "1")}
 
 
 def search_path() -> bytes:

@@ -102,9 +102,12 @@ class _Planner:
         self._problem, self._budget = problem, budget
         chain_state, cells = frame_of(problem), problem.cells
         most = max(256, NUMBERS // chain_state.dimension)
-        wanted = max(FEWEST, 8 * cells.count, -(-problem.request.n // PIECES))
-        self._chains = min(most, CHAINS, wanted)
-        ensemble = min(most, max(CHAINS // 2, self._chains))
+        least, n = max(FEWEST, 8 * cells.count), problem.request.n * 51 // 50  # a few come out of the range by rounding
+        self._chains = min(most, CHAINS, max(least, -(-n // PIECES)))
+        self._takes = min(TAKES, -(-n // (PIECES * self._chains)))
+        if self._takes > 1:  # as many pieces as planned, none for a few last scenes
+            self._chains = min(self._chains, max(least, -(-n // (PIECES * self._takes))))
+        ensemble = min(most, max(CHAINS // 2, least))  # one process makes the plan: more would only keep others waiting
         tape = Tape(chain_state, stop=budget)
         self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
         self._tuner = Tuner(self._state)
@@ -138,10 +141,9 @@ class _Planner:
         tuning = self._tuner.tune(statistics)
         memory = forgetting(state, statistics, tuning, LONGEST)
         self._stages[-1] = replace(self._stages[-1], tuning=tuning)
-        takes = min(TAKES, max(1, -(-self._problem.request.n * 51 // (50 * PIECES * self._chains))))
         evaluations = state.evaluations + self._tuner.evaluations
         return Schedule(
-            tuple(self._stages), levels, reached, self._chains, takes, memory.moves, memory.left, evaluations
+            tuple(self._stages), levels, reached, self._chains, self._takes, memory.moves, memory.left, evaluations
         )
 
     def _stalled(self, why: Literal["time", "range"]) -> Stalled:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.processes.pool import WAITING, run_pieces
+from scenegen.processes.pool import WAITING, Pool, run_pieces
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -197,3 +197,25 @@ def test_values_of_any_kind():
 
     for piece, value in enumerate(run_pieces(Any_(), range(4), 2)):
         np.testing.assert_equal(value, Any_()(piece))
+
+
+def test_second_orders_wait_until_every_worker_has_begun():
+    """Else the first that is ready takes what a later one could begin with at once."""
+
+    class Worker:
+        def __init__(self, *, ready):
+            self.ready, self.orders = ready, []
+
+        def order(self, turn, item):
+            self.orders.append(item)
+
+    pool = Pool(None, 2)
+    early, late = Worker(ready=True), Worker(ready=False)
+    pool._workers = [early, late]
+    pool._begin(itertools.count())
+    pool._give_orders()
+    assert (early.orders, late.orders) == ([0], [])
+    late.ready = True
+    pool._give_orders()
+    assert (early.orders, late.orders) == ([0, 2], [1, 3])
+    pool._workers = []

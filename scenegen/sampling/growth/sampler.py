@@ -70,7 +70,8 @@ class Growth(Plan):
             sorted(recipe.settings.relocations.items()),
             recipe.settings.jumps,
             recipe.cells,
-            (recipe.count, recipe.settle, recipe.thin, recipe.populations),
+            (recipe.count, recipe.settle, recipe.thin),
+            recipe.size,
         )
 
     @property
@@ -114,8 +115,8 @@ class Growth(Plan):
     def _of_population(self, k: int, rng: np.random.Generator) -> Piece:
         """One of the first pieces. The second one may have been made while the plan was."""
         recipe = self.recipe
-        known = k < len(recipe.taken)
-        taken = recipe.taken[k] if known else Second(self.problem, self.budget)(recipe.size)
+        made_ahead = k < len(recipe.taken)
+        taken = recipe.taken[k] if made_ahead else Second(self.problem, self.budget)(recipe.size)
         if not taken.count:
             return self._nothing(taken.work)
         work = taken.work if k else 0.0  # that of the first one is the plan's

@@ -59,12 +59,14 @@ def settle(
 
     `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
     `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, or have taken a good part of
-    what all wanted scenes will cost; of their numbers, the one is taken that makes these cheapest.
+    what all wanted scenes will cost; of their numbers, the one is taken that makes these cheapest, of at least SURE if
+    the scenes are apart in the end.
     """
     machine = particles.machine
     begun, done = machine.work, 0
     best: Settled | None = None
-    cheapest, slowest = np.inf, 0.0
+    sure: Settled | None = None
+    cheapest, surest, slowest = np.inf, np.inf, 0.0
     while True:
         block = max(1, done // 3)
         for _ in range(block):
@@ -81,13 +83,15 @@ def settle(
         cost = each * done + rest * (grown + each * done)
         if cost < cheapest:
             cheapest, best = cost, now
+        if cost < surest and done >= SURE:
+            surest, sure = cost, now
         slowest = max(slowest, thin)
         assert best is not None
         spent = (machine.work - begun) / cheapest
         enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
         helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
         if enough or done >= LONGEST or (not helps and spent > (PAID if thin < HELPED * slowest else TRIED)):
-            return (now if thin <= 1.0 else best), now
+            return ((sure or now) if thin <= 1.0 else best), now
 
 
 def part_of(cell: Index, thin: float, rng: np.random.Generator) -> Index:

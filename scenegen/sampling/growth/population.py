@@ -112,7 +112,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
         return Population(count, tuple(steps), reached, cost, Settings({}))
     scenes = wanted_scenes(reached, size.wanted) / size.populations
     settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
-    taken = _taken(grown, max(now.thin, count / scenes), now.effect, accepted, rng)
+    taken = take(grown, max(now.thin, count / scenes), now.effect, accepted, rng)
     return Population(count, tuple(steps), reached, cost, settings, settled, taken)
 
 
@@ -142,7 +142,8 @@ def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> t
     return settings, best, now, float(np.mean(taken))
 
 
-def _taken(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> Taken:
+def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> Taken:
+    """One in `thin` of whole scenes, without copies. `effect` is the design effect of common ancestors among all."""
     particles = grown.particles
     some = part_of(particles.cell, thin, rng)
     taken = apart(particles, some)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -28,8 +28,7 @@ from scenegen.sampling.growth.plan import (
     placed_of,
     with_deadline,
 )
-from scenegen.sampling.growth.population import ISLANDS, spread_over
-from scenegen.sampling.growth.settle import apart, part_of
+from scenegen.sampling.growth.population import ISLANDS, Taken, spread_over, take
 from scenegen.sampling.growth.stuck import how_far, others, why_stuck
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
@@ -119,8 +118,7 @@ class Growth(Plan):
         taken = recipe.taken[k] if made_ahead else Second(self.problem, self.budget)(recipe.size)
         if not taken.count:
             return self._nothing(taken.work)
-        work = taken.work if k else 0.0  # that of the first one is the plan's
-        return self._made(taken.scenes, taken.log_share, (taken.accepted, taken.copies, taken.effect, work), rng)
+        return self._made(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's
 
     def _nothing(self, work: float) -> Piece:
         """What a piece brings whose scenes have died out."""
@@ -135,24 +133,20 @@ class Growth(Plan):
             return self._nothing(machine.work)
         particles = grown.particles
         accepted = float(np.mean([sweep(particles, recipe.settings) for _ in range(recipe.settle)]))
-        some = part_of(particles.cell, recipe.thin, _aside(self.seed, k))
-        taken = apart(particles, some)
-        effect = 1.0 + (Kinship(machine)(particles) - 1.0) / recipe.thin
-        facts = accepted, 1.0 - len(taken) / len(some), effect, machine.work
-        return self._made(particles.scenes[:, taken], grown.log_share, facts, rng)
+        return self._made(take(grown, recipe.thin, Kinship(machine)(particles), accepted, _aside(self.seed, k)), rng)
 
-    def _made(self, scenes: Array, log_share: Array, facts: tuple[float, ...], rng: np.random.Generator) -> Piece:
-        """What a piece brings: whole scenes, (3N, B), in which rows that no clause reads are drawn afresh; and facts,
-        of which the last four are given."""
+    def _made(self, taken: Taken, rng: np.random.Generator) -> Piece:
+        """A piece of these scenes, in which rows that no clause reads are drawn afresh."""
         lowest, highest = self.problem.lowest, self.problem.highest
-        rows = scenes.copy()
+        rows = taken.scenes.copy()
         for row in range(len(lowest)):
             if row not in self.machine.graph.rows and lowest[row] < highest[row]:
                 rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
         np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
         phi = self.problem.phi(rows)
-        share = np.exp(log_share + log_base(self.machine)).sum(axis=1)
+        share = np.exp(taken.log_share + log_base(self.machine)).sum(axis=1)
         shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), 1.0
+        facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *facts]))
 
     def account(self, tally: Tally) -> Account:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth.settle import ALIKE, apart, part_of, partners, settle
+from scenegen.sampling.growth.settle import ALIKE, SURE, apart, part_of, partners, settle
 
 from .made import anywhere, everything_placed, machine_of
 
@@ -75,3 +75,10 @@ def test_sweeps_that_help_go_on_and_those_that_do_not_end_early():
     assert falling.sweeps > 40 and falling.thin < 3.0
     assert flat.sweeps == 4 and flat.thin == pytest.approx(7.0 / (ALIKE - 1.0))  # the fewest: more bring nothing
     assert now.sweeps > 4
+
+
+def test_of_trusted_numbers_of_sweeps_the_cheapest_is_taken():
+    """Scenes that come apart in the end: a slightly larger population is cheaper than four times the sweeps."""
+    best, now = run(lambda work: 1.6 if work < 45.0 else 1.4, wanted=5000.0)
+    assert now.sweeps >= 45 and now.thin == 1.0
+    assert SURE <= best.sweeps < 20 and best.thin == pytest.approx(0.6 / (ALIKE - 1.0))

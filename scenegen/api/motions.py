@@ -180,9 +180,9 @@ def sample_motions(
 
 def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
     """The motions of a request. Raises what `sample_motions` raises."""
+    from scenegen.engine.budget import open_budget
     from scenegen.motions.prepare import make_problem
     from scenegen.motions.sample import sample
-    from scenegen.sampling.problem import Budget
 
     check_spec(spec)
     if spec.over_time is None:
@@ -194,9 +194,9 @@ def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
     if request.method not in METHODS:
         raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
     request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
-    budget = Budget(request.timeout)
-    problem, warnings = make_problem(spec.declared, request, budget)
-    made = sample(problem, budget, method=request.method)
+    with open_budget(request, over_time=True) as budget:
+        problem, warnings = make_problem(spec.declared, request, budget)
+        made = sample(problem, budget, method=request.method)
     if not made.complete:
         reason = "time is up" if budget.spent else "the search did not reach the range"
         shortfall = TOO_FEW_MOTIONS(found=made.count, wanted=request.n, reason=reason)

@@ -72,14 +72,14 @@ def draw_scenes(
     on_note: Note | None = None,
 ) -> SceneSet:
     """The scenes of a request, in memory. Raises what `sample` raises."""
+    from scenegen.engine.budget import open_budget
     from scenegen.engine.run import in_memory
-    from scenegen.sampling.problem import Budget
 
     request = check_request(source, request)
     _check_size(source, request.n)
-    budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    sampled = in_memory(plan, budget, progress)
+    with open_budget(request) as budget:
+        plan = plan_of(source, request, budget, on_note)
+        sampled = in_memory(plan, budget, progress)
     warnings = list(sampled.warnings)
     if isinstance(source, Model) and request.method == "model":
         from scenegen.api.advice import advice

@@ -45,12 +45,12 @@ def write_set(
 
     store = open_store(location, on_note)
     request = check_request(source, request)
+    from scenegen.engine.budget import open_budget
     from scenegen.engine.engines import Writing, check_engine, open_engine
     from scenegen.engine.run import request_of
     from scenegen.engine.sets import write_set as write
     from scenegen.formats import sets
     from scenegen.formats.holding import held, refuse_held
-    from scenegen.sampling.problem import Budget
     from scenegen.sampling.report import fell_short, summed_up
     from scenegen.version import __version__
 
@@ -60,44 +60,44 @@ def write_set(
     check_engine(engine, address)
     refuse_held(store)
     sets.refuse_taken(store, resume=resume)
-    budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    labels = plan.problem.spec.labels
-    header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
-    facts = request_of(plan.problem, {"scenegen": __version__})
-    manifest = sets.Manifest(
-        request={**facts, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method},
-        labels=list(labels),
-        shard_size=size,
-        header=sets.header_data(header),
-    )
-    stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
-    writing = Writing(plan, store, header, labels, stored)
+    with open_budget(request, engine) as budget:
+        plan = plan_of(source, request, budget, on_note)
+        labels = plan.problem.spec.labels
+        header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
+        facts = request_of(plan.problem, {"scenegen": __version__})
+        manifest = sets.Manifest(
+            request={**facts, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method},
+            labels=list(labels),
+            shard_size=size,
+            header=sets.header_data(header),
+        )
+        stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
+        writing = Writing(plan, store, header, labels, stored)
 
-    def account(tally: Tally) -> Mapping[str, Any]:
-        return summed_up(plan, tally)[0]
+        def account(tally: Tally) -> Mapping[str, Any]:
+            return summed_up(plan, tally)[0]
 
-    try:
-        with held(store) as hold, open_engine(engine, request.workers, plan, address) as chosen:
+        try:
+            with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
 
-            def spent() -> bool:
-                hold.check()
-                return budget.spent
+                def spent() -> bool:
+                    hold.check()
+                    return budget.spent
 
-            tally, manifest = write(
-                store, plan, chosen, manifest, writing, account,
-                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
-            )  # fmt: skip
-            warnings: tuple[Diagnostic, ...] = ()
-            if tally is not None:
-                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
-                if shortfall is not None:
-                    if not manifest.complete:
-                        raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
-                    warnings = (*warnings, partial(shortfall))
-            write_card(store, manifest)
-    finally:
-        plan.close()
+                tally, manifest = write(
+                    store, plan, chosen, manifest, writing, account,
+                    resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
+                )  # fmt: skip
+                warnings: tuple[Diagnostic, ...] = ()
+                if tally is not None:
+                    warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
+                    if shortfall is not None:
+                        if not manifest.complete:
+                            raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
+                        warnings = (*warnings, partial(shortfall))
+                write_card(store, manifest)
+        finally:
+            plan.close()
     phi = {label: Met(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
     full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
     return Written(store.location, manifest.scenes, full, phi, warnings)

@@ -105,32 +105,32 @@ def write_scenes(
     if path.suffix.lower() == ".json":
         _check_json(as_int("n", request.n), source.spec if isinstance(source, Model) else source)
     request = check_request(source, request)
+    from scenegen.engine.budget import open_budget
     from scenegen.engine.run import to_file
     from scenegen.formats.shards import folder_of
-    from scenegen.sampling.problem import Budget
     from scenegen.version import __version__
 
-    budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    spec, data = plan.problem.spec, request_data(plan.problem.request)
-    seen = _Seen()
-    headers: list[SceneFile] = []
+    with open_budget(request) as budget:
+        plan = plan_of(source, request, budget, on_note)
+        spec, data = plan.problem.spec, request_data(plan.problem.request)
+        seen = _Seen()
+        headers: list[SceneFile] = []
 
-    def header(info: Mapping[str, object]) -> SceneFile:
-        headers.append(make_header(spec, info, data))
-        return headers[-1]
+        def header(info: Mapping[str, object]) -> SceneFile:
+            headers.append(make_header(spec, info, data))
+            return headers[-1]
 
-    tally, warnings, shortfall = to_file(
-        path,
-        plan,
-        header,
-        budget,
-        versions={"scenegen": __version__},
-        resume=resume,
-        joining=seen,
-        stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
-        progress=progress,
-    )
+        tally, warnings, shortfall = to_file(
+            path,
+            plan,
+            header,
+            budget,
+            versions={"scenegen": __version__},
+            resume=resume,
+            joining=seen,
+            stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
+            progress=progress,
+        )
     if isinstance(source, Model) and request.method == "model":
         from scenegen.api.advice import advice
 

@@ -20,6 +20,7 @@ from scenegen.errors.stores import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard, make_shard
 from scenegen.formats.stores import Store
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Index, Plan
 from scenegen.scene.data import SceneFile
 
@@ -152,8 +153,12 @@ def check_engine(name: str, address: str | None = None) -> str:
     return name
 
 
-def open_engine(name: str, workers: int | None, plan: Plan, address: str | None = None) -> Engine:
-    """An engine by its name. `workers` is the number of processes, None for as many as serve. Raises RequestError for
-    an unknown name, a package that is not installed, and a cluster that cannot be reached."""
-    engine: Engine = importlib.import_module(ENGINES[check_engine(name, address)]).start(workers, plan, address)
+def open_engine(
+    name: str, workers: int | None, plan: Plan, address: str | None = None, reserve: Reserve | None = None
+) -> Engine:
+    """An engine by its name. `workers` is the number of processes, None for as many as serve; local ones are taken from
+    the reserve. Raises RequestError for an unknown name, a package that is not installed, and a cluster that cannot be
+    reached."""
+    module = importlib.import_module(ENGINES[check_engine(name, address)])
+    engine: Engine = module.start(workers, plan, address, reserve)
     return engine

@@ -23,6 +23,7 @@ from scenegen.formats.sets import Shard
 from scenegen.formats.stores import Tell
 from scenegen.processes.pool import check_workers, run_pieces
 from scenegen.processes.process import cores
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
 WRITERS = 2  # shards that are written at a time; each holds its scenes twice
@@ -31,14 +32,14 @@ WRITERS = 2  # shards that are written at a time; each holds its scenes twice
 class Local(Engine):
     """Holds scenes as blocks in memory. A single worker is this process, which then writes shards before it goes on."""
 
-    def __init__(self, workers: int) -> None:
-        self._workers = workers
+    def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
+        self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(min(workers, WRITERS)) if workers > 1 else None
         self._tell: Tell | None = None
         self._writing: deque[Future[tuple[Shard, list[str]]]] = deque()
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
-        with closing(run_pieces(drawing, count(first), self._workers)) as results:
+        with closing(run_pieces(drawing, count(first), self._workers, self._reserve)) as results:
             for scenes, cell, facts in results:
                 yield Drawn(cell, facts, scenes)
 
@@ -94,6 +95,6 @@ def map_each(
     return run_pieces(job, items, count)
 
 
-def start(workers: int | None, plan: Plan, address: str | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None, reserve: Reserve | None) -> Engine:
     """`workers` is that of the plan's request, if it has one."""
-    return Local(jobs(plan))
+    return Local(jobs(plan), reserve)

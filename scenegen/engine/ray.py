@@ -26,6 +26,7 @@ from scenegen.errors.stores import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
 from scenegen.processes.memory import VARIABLES
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
 AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
@@ -193,7 +194,7 @@ def map_each(
             yield result_of(ray, waiting.popleft(), "a shard")
 
 
-def start(workers: int | None, plan: Plan, address: str | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None, reserve: Reserve | None) -> Engine:
     """An engine of the cluster: see `joined_cluster`. Raises RequestError."""
     stack = contextlib.ExitStack()
     return Cluster(stack.enter_context(joined_cluster(workers, address)), workers, stack.close)

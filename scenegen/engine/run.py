@@ -72,7 +72,9 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
     rows, phi = np.empty((len(plan.problem.lowest), plan.wanted)), np.empty((labels, plan.wanted))
     count = 0
     with closing(plan):
-        run = run_blocks(plan, labels, workers=jobs(plan), spent=lambda: budget.spent, progress=progress)
+        run = run_blocks(
+            plan, labels, workers=jobs(plan), reserve=budget.reserve, spent=lambda: budget.spent, progress=progress
+        )
         while True:
             try:
                 block = next(run)
@@ -114,6 +116,7 @@ def to_file(
             lambda tally: header(summed_up(plan, tally)[0]),
             request=request_of(problem, versions),
             workers=jobs(plan),
+            reserve=budget.reserve,
             resume=resume,
             keep_partial=problem.request.keep_partial,
             spent=lambda: budget.spent,

@@ -22,6 +22,7 @@ from scenegen.formats.registry import format_of
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.processes.interrupt import stop_signals
 from scenegen.processes.pool import run_pieces
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Array, Plan, Tally
 from scenegen.scene.data import SceneFile
 
@@ -92,6 +93,7 @@ def run_blocks(
     labels: int,
     *,
     workers: int = 1,
+    reserve: Reserve | None = None,
     spent: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
     size: int = BLOCK,
@@ -102,7 +104,7 @@ def run_blocks(
     with fewer scenes than requested. Raises what `run_pieces` raises.
     """
     run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
-    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as results:
+    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers, reserve)) as results:
         while not run.over:
             try:
                 made = next(results)
@@ -129,6 +131,7 @@ def stream_scenes(
     *,
     request: Mapping[str, object],
     workers: int = 1,
+    reserve: Reserve | None = None,
     resume: bool = False,
     keep_partial: bool = False,
     spent: Callable[[], bool] = lambda: False,
@@ -179,7 +182,7 @@ def stream_scenes(
         try:
             with (
                 stop_signals() as stop,
-                closing(run_pieces(Drawing(plan, len(labels)), itertools.count(begun), workers)) as results,
+                closing(run_pieces(Drawing(plan, len(labels)), itertools.count(begun), workers, reserve)) as results,
             ):
                 while not standing.over:
                     try:

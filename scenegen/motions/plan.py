@@ -6,16 +6,17 @@ A motion is a column of a block: the poses at all moments, then the mover of eac
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop
-from scenegen.motions.chains import Chains
 from scenegen.motions.problem import Array, Index, MotionProblem
-from scenegen.motions.schedule import Schedule, generator, make_schedule
+from scenegen.motions.schedule import STREAM, Schedule, begin, generator, go_on, make_schedule
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
+from scenegen.processes.pool import run_pieces
 from scenegen.sampling.digest import digest
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget
@@ -110,12 +111,12 @@ class MotionSplitting(_MotionPlan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("motion splitting", self.schedule)
+        return digest("motion splitting", replace(self.schedule, begun={}))
 
     @property
     def evaluations(self) -> float:
         plan = self.schedule
-        moves = len(plan.stages) * plan.moves + plan.settling
+        moves = sum(stage.moves for stage in plan.stages)
         return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
 
     @property
@@ -123,22 +124,19 @@ class MotionSplitting(_MotionPlan):
         return self.schedule.chains
 
     def draw(self, k: int) -> Piece:
-        plan, problem, rng = self.schedule, self.problem, generator(self.seed, k)
-        chains, share = Chains.start(problem, plan.chains, rng, self.stop), 1.0
-        for number, stage in enumerate(plan.stages):
-            survived = chains.narrow(stage.region)
-            if not survived:
-                facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
-                return Piece(
-                    np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts
-                )
-            share *= survived if number < plan.levels else 1.0
-            chains.run(plan.moves, stage.mixture)
-        taken = chains.run(plan.settling, plan.mixture)
+        plan, problem = self.schedule, self.problem
+        stored = plan.begun.get(k)
+        begun = begin(problem, plan.chains, k, self.stop) if stored is None else go_on(stored, self.stop)
+        for stage in plan.stages[begun.stages :]:
+            begun.follow(stage)
+        chains, share = begun.chains, begun.probability
+        if not share:
+            facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
+            return Piece(np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
         watched = chains.statistics()
         mean, variance = watched.mean(axis=1), watched.var(axis=1)
-        facts = np.array([share, share**2, 1.0, chains.evaluations, taken, *mean, *mean**2, *variance])
-        made = chains.now.take(rng.permutation(chains.count))
+        facts = np.array([share, share**2, 1.0, chains.evaluations, begun.taken, *mean, *mean**2, *variance])
+        made = chains.now.take(chains.rng.permutation(chains.count))
         poses = within_a_turn(poses_of(problem, made))
         scores = problem.scores(poses)
         cell = self.cells.find(scores)
@@ -179,15 +177,34 @@ def effective_share(pieces: float, chains: int, watched: Array) -> float | None:
     return round(min(1.0, float(1.0 / (chains * between[varies] / variance[varies]).mean())), 4)
 
 
+@dataclass(frozen=True, slots=True)
+class _Pilot:
+    """Step k of the pilot: how many of `batch` draws hit each cell. Raises what `stop` raises."""
+
+    problem: MotionProblem
+    batch: int
+    stop: Stop
+
+    def __call__(self, k: int) -> Index:
+        problem, cells = self.problem, self.problem.cells
+        self.stop.check()
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, STREAM, 0, k]))
+        with np.errstate(all="ignore"):
+            cell = cells.find(problem.scores(poses_of(problem, draw(problem, self.batch, rng)), self.stop))
+        return np.bincount(cell[cell >= 0], minlength=cells.count)
+
+
 def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
-    rng, drawn, batch = generator(problem.request.seed, -2), 0, problem.at_once(BATCH, LEAST)
+    drawn, batch = 0, problem.at_once(BATCH, LEAST)
     counts = np.zeros(problem.cells.count, dtype=np.intp)
-    while drawn < PILOT * batch and counts.min() < ENOUGH:
-        budget.check()
-        cell = problem.cells.find(problem.scores(poses_of(problem, draw(problem, batch, rng)), budget))
-        counts += np.bincount(cell[cell >= 0], minlength=len(counts))
-        drawn += batch
+    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1, budget.reserve)
+    with closing(steps):
+        for hits in steps:
+            counts += hits
+            drawn += batch
+            if counts.min() >= ENOUGH:
+                break
     return counts, drawn
 
 

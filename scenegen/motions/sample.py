@@ -38,7 +38,7 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
     `workers`. If the range is not reached there are none. Raises RequestError if time is up before the plan is made,
     AssertionError for a motion that fails the check."""
     budget = Budget(problem.request.timeout) if budget is None else budget
-    labels, cells = len(problem.labels), problem.cells
+    labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
     with np.errstate(all="ignore"):
         try:
             plan = make_plan(problem, budget, method)
@@ -48,7 +48,7 @@ def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str 
             ) from None
         columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
         if plan is not None:
-            run = run_blocks(plan, labels, workers=problem.request.workers or 1, spent=lambda: budget.spent)
+            run = run_blocks(plan, labels, workers=workers, reserve=budget.reserve, spent=lambda: budget.spent)
             while True:
                 try:
                     columns.append(next(run).rows)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.chains import Chains
 from scenegen.motions.mixture import Meter
 from scenegen.motions.moves import changes
 from scenegen.motions.problem import GATES, Array, MotionProblem
+from scenegen.processes.ahead import Ahead
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.chains import Region, which_cell
 
@@ -26,37 +30,102 @@ ROUNDS = 24  # of weights that even out the cells
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """A region, and how often each change is made in it."""
+    """Restrict the chains to a region (None: to none in addition), then make `moves` moves; `mixture` is how often
+    each change is made. `counts` says whether the share that survives is a factor of the probability."""
 
-    region: Region
+    region: Region | None
     mixture: Array
+    moves: int
+    counts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Stages with the moves made in each; the first `levels` of them are factors of the probability. Then `settling`
-    moves by the last `mixture` make the motions independent; `left` is the correlation that remains. `cells` get
-    motions."""
+    """The first `levels` stages are factors of the probability. The moves of those without a region make the motions
+    independent; `left` is the correlation that remains. `cells` get motions. `begun` are the first pieces as far as
+    they were drawn while the plan was made: see `Begun`."""
 
     stages: tuple[Stage, ...]
     levels: int
-    moves: int
-    settling: int
-    mixture: Array
     left: float
     cells: tuple[int, ...]
     chains: int
     evaluations: int
+    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def settling(self) -> int:
+        """Moves that make the motions independent."""
+        return sum(stage.moves for stage in self.stages if stage.region is None)
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers of piece k; the plan's are those of pieces -1 and -2."""
+    """Random numbers of piece k; the plan's are those of piece -1, and the pilot has its own."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, piece + 2])))
 
 
+@dataclass(slots=True)
+class Begun:
+    """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
+    survived; `taken` is how many moves each chain took in the last stage, on average."""
+
+    chains: Chains
+    stages: int = 0
+    probability: float = 1.0
+    taken: float = 0.0
+
+    def follow(self, stage: Stage) -> None:
+        """One more stage. Raises what the chains' `stop` raises."""
+        self.stages += 1
+        if stage.region is not None and self.probability:
+            share = self.chains.narrow(stage.region)
+            if stage.counts or not share:
+                self.probability *= share
+        if self.probability:
+            self.taken = self.chains.run(stage.moves, stage.mixture)
+
+
+def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) -> Begun:
+    """Piece `number`, of so many chains, before its first stage."""
+    return Begun(Chains.start(problem, chains, generator(problem.request.seed, number), stop))
+
+
+def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
+    """A piece that was begun before, perhaps in another process."""
+    begun: Begun = pickle.loads(stored)  # noqa: S301 - from our own process
+    begun.chains.stop = stop  # the time that is left is another one now
+    return begun
+
+
+@dataclass(slots=True)
+class Pieces:
+    """The first pieces of a plan that is still being made, each as far as it has come: the job of `processes.ahead`."""
+
+    problem: MotionProblem
+    chains: int
+    stop: Stop = NEVER
+    begun: dict[int, Begun] = field(default_factory=dict)
+
+    def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
+        number, stage = order
+        if stage is None:
+            return pickle.dumps(self.begun[number], protocol=5)
+        with np.errstate(all="ignore"):
+            if number not in self.begun:
+                self.begun[number] = begin(self.problem, self.chains, number, self.stop)
+            self.begun[number].follow(stage)
+        return None
+
+
 def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
-    """The schedule of a problem; None if its range is not reached. Raises StoppedError when time is up."""
-    return _Planner(problem, budget).plan()
+    """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
+    Raises StoppedError when time is up."""
+    planner = _Planner(problem, budget)
+    if (problem.request.workers or 1) < 2:
+        return planner.plan()
+    with planner.pieces() as ahead:
+        found = planner.plan(ahead)
+        return None if found is None else replace(found, begun=ahead.states())
 
 
 class _Planner:
@@ -71,8 +140,17 @@ class _Planner:
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
         self._stages: list[Stage] = []
+        self._budget = budget
+        self._ahead: Ahead[Stage] | None = None
 
-    def plan(self) -> Schedule | None:
+    def pieces(self) -> Ahead[Stage]:
+        """Pieces that begin in another process."""
+        problem, budget = self._chains.problem, self._budget
+        return Ahead(Pieces(problem, self._piece, budget), PIECES, budget.reserve)
+
+    def plan(self, ahead: Ahead[Stage] | None = None) -> Schedule | None:
+        """The schedule; `ahead` is told each stage."""
+        self._ahead = ahead
         chains, problem = self._chains, self._chains.problem
         low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
         held = low.copy()
@@ -88,15 +166,19 @@ class _Planner:
         reached: tuple[int, ...] = (0,)
         if problem.cells.count > 1:
             reached = self._even_out()
-        settling, left = self._settling()
+        left = self._settle()
         return Schedule(
-            tuple(self._stages), levels, self._moves, settling, self._mixture, left, reached, self._piece,
-            chains.evaluations,
+            tuple(self._stages), levels, left, reached, self._piece, chains.evaluations,
         )  # fmt: skip
 
-    def _narrow(self, region: Region) -> None:
+    def _narrow(self, region: Region, *, counts: bool) -> None:
         self._chains.narrow(region)
-        self._stages.append(Stage(region, self._mixture))
+        self._add(Stage(region, self._mixture, self._moves, counts))
+
+    def _add(self, stage: Stage) -> None:
+        self._stages.append(stage)
+        if self._ahead is not None:
+            self._ahead.add(stage)
 
     def _move(self, moves: int, tune: bool = True) -> None:
         """Moves by the mixture so far, which then follows from what was measured."""
@@ -123,7 +205,7 @@ class _Planner:
             if len(history) > STALL and level > 0.99 * history[-1 - STALL]:
                 return False
             slack = level * (1.0 + 1e-9) * scale
-            self._narrow(Region(np.maximum(low - slack, held) if level else low.copy(), high + slack))
+            self._narrow(Region(np.maximum(low - slack, held) if level else low.copy(), high + slack), counts=True)
             self._move(self._moves)
             if level == 0.0:
                 return True
@@ -144,12 +226,13 @@ class _Planner:
                 break
             change = np.log(np.maximum(counts, 0.5) / counts[visited].mean())
             log_weight -= np.clip(change, -3.0, 3.0)
-            self._narrow(replace(base, weights=_weights(log_weight)))
-        self._narrow(replace(base, weights=np.where(visited, _weights(log_weight), 0.0)))
+            self._narrow(replace(base, weights=_weights(log_weight)), counts=False)
+        self._narrow(replace(base, weights=np.where(visited, _weights(log_weight), 0.0)), counts=False)
         return tuple(map(int, np.flatnonzero(visited)))
 
-    def _settling(self) -> tuple[int, float]:
-        """How many moves make motions independent of where their chains were, and the mean correlation then."""
+    def _settle(self) -> float:
+        """Moves until motions are independent of where their chains were, and as stages twice as many for the pieces:
+        they can follow at once. Returns the largest correlation then."""
         chains = self._chains
         before, left = chains.statistics(), 1.0
         noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
@@ -158,12 +241,13 @@ class _Planner:
         while left > LEFT and rounds < LONGEST:
             rounds += 1
             self._move(self._moves)
+            self._add(Stage(None, self._mixture, 2 * self._moves))
             after = chains.statistics()
             kept = spread & (after.std(axis=1) > 1e-12)
             pairs = zip(before[kept], after[kept], strict=True)
             found = [float(np.corrcoef(one, two)[0, 1]) for one, two in pairs]
             left = max(found, default=0.0) - noise
-        return 2 * rounds * self._moves, float(max(left, 0.0))
+        return float(max(left, 0.0))
 
 
 def _scales(scores: Array, low: Array, high: Array) -> Array:

@@ -18,6 +18,7 @@ from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.reserve import Reserve
 from scenegen.processes.threads import one_thread
 from scenegen.processes.worker import FAILED
 from scenegen.validation import as_int
@@ -39,19 +40,22 @@ def check_workers(workers: object) -> int:
     return count
 
 
-def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1) -> Generator[T, None, None]:
+def run_pieces(
+    job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1, reserve: Reserve | None = None
+) -> Generator[T, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
     worker are in progress or waiting to be returned, so memory stays constant even with a slow consumer. Close the
-    generator to stop early: it ends all processes, as does any error.
+    generator to stop early: it ends all processes, as does any error. Those that wait for nothing go back to the
+    `reserve` that they come from.
 
     An error of the job is raised in the order of the pieces, as if it had happened here. A piece whose process dies is
     repeated by another process; if that dies as well, ScenegenError is raised. Raises RequestError for fewer than 1 or
     more than 256 workers.
     """
     workers = check_workers(workers)
-    return _here(job, pieces) if workers == 1 else _once(job, pieces, workers)
+    return _here(job, pieces) if workers == 1 else _once(job, pieces, workers, reserve)
 
 
 def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
@@ -61,14 +65,18 @@ def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None
         yield result
 
 
-def _once(job: Callable[[Item], T], pieces: Iterable[Item], workers: int) -> Generator[T, None, None]:
-    with Pool(job, workers) as pool:
+def _once(
+    job: Callable[[Item], T], pieces: Iterable[Item], workers: int, reserve: Reserve | None
+) -> Generator[T, None, None]:
+    with Pool(job, workers, reserve=reserve) as pool:
         yield from pool.map(pieces)
 
 
 class Pool(Generic[Item, T]):
     """Several processes that share the items of `map`, one call after another. They start with the first items and run
     until `close`, an error, or the early end of a `map`: use it as a context manager.
+
+    They are taken from `reserve`, and brought back to it.
 
     `what` and `unit` name worker and item in errors: "{what} was killed by signal 9 at {unit} 3"; `spare` is the
     suggestion for using less memory.
@@ -82,9 +90,12 @@ class Pool(Generic[Item, T]):
         what: str = "a worker process",
         unit: str = "piece",
         spare: str = "fewer workers",
+        reserve: Reserve | None = None,
     ) -> None:
         self._job = pickle.dumps(job, protocol=5)
         self._size, self._what, self._unit, self._spare = workers, what, unit, spare
+        self._reserve = Reserve() if reserve is None else reserve
+        self._own = reserve is None
         self._workers: list[Process] = []
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._stillborn = 0  # workers that died before they were ready
@@ -97,11 +108,14 @@ class Pool(Generic[Item, T]):
         self.close()
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """End the processes that are at work, or all if there is no reserve for the others."""
         for worker in self._workers:
-            worker.process.kill()
+            if not worker.idle:
+                worker.process.kill()
         while self._workers:
-            self._workers.pop().end()
+            self._reserve.bring_back(self._workers.pop())
+        if self._own:
+            self._reserve.close()
 
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
@@ -140,7 +154,9 @@ class Pool(Generic[Item, T]):
         self._exhausted = False
 
     def _start(self) -> None:
-        self._workers.append(Process(self._job, self._inbox, self._what))
+        worker = self._reserve.take(self._what)
+        self._workers.append(worker)
+        worker.take_up(self._job, self._inbox)
 
     def _give_orders(self) -> None:
         # A second order each only when all have begun: one that starts later would wait for what others have in hand.

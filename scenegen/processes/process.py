@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import IO, Any
 
@@ -30,12 +31,15 @@ from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, widen
 GONE = 2  # a status in addition to those of frames
 
 
-def command(module: str) -> list[str]:
-    """Runs `main()` of a module in a new process, which expects `search_path()` first on its standard input. An
-    interrupt from the keyboard reaches the whole group: the parent answers it and ends its workers."""
+def command(module: str, load: Sequence[str] = ()) -> list[str]:
+    """Runs `main()` of a module in a new process, which expects `search_path()` first on its standard input, and loads
+    further modules before that. An interrupt from the keyboard reaches the whole group: the parent answers it and ends
+    its workers."""
     program = (
         "import importlib, json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
-        f" sys.path[:] = json.loads(sys.stdin.buffer.readline()); importlib.import_module({module!r}).main()"
+        " sys.path[:] = json.loads(sys.stdin.buffer.readline());"
+        f" [importlib.import_module(name) for name in {list(load)!r}];"
+        f" importlib.import_module({module!r}).main()"
     )
     return [sys.executable, "-c", program]
 
@@ -68,15 +72,19 @@ class Message:
 
 
 class Process:
-    """One process and the thread that reads its results. Its standard error goes to a file, read only if it fails."""
+    """One process and the thread that reads its results. It works for one job at a time: see `take_up`. Its standard
+    error goes to a file, read only if it fails. It loads the modules of `load` in advance; `what` is its name in the
+    error where none can start, ScenegenError."""
 
-    def __init__(self, job: bytes, inbox: queue.SimpleQueue[Message], what: str) -> None:
-        self.ready = False
+    def __init__(self, what: str, load: Sequence[str] = ()) -> None:
+        self.ready = False  # it has a job
         self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
         self.errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
+        self._inbox: queue.SimpleQueue[Message] | None = None
+        self._lock, self._gone = threading.Lock(), False
         try:
             self.process = subprocess.Popen(
-                command("scenegen.processes.worker"),
+                command("scenegen.processes.worker", load),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self.errors,
@@ -88,8 +96,28 @@ class Process:
             raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=error.strerror)) from error
         assert self.process.stdin is not None and self.process.stdout is not None
         self.input, self.output = self.process.stdin, self.process.stdout
-        self._thread = threading.Thread(target=self._converse, args=(job, inbox), daemon=True)
-        self._thread.start()
+        with contextlib.suppress(OSError):
+            self.input.write(search_path())
+        self._threads = [threading.Thread(target=self._converse, daemon=True)]
+        self._threads[0].start()
+
+    def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message]) -> None:
+        """A pickled job, whose messages go to `inbox`, READY first. There may have been another one, if no order of it
+        is left."""
+        self.ready = False
+        with self._lock:
+            self._inbox = inbox
+            if self._gone:
+                inbox.put(Message(self, GONE))
+                return
+        # It may still be starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
+        self._threads.append(threading.Thread(target=self._give, args=(job,), daemon=True))
+        self._threads[-1].start()
+
+    @property
+    def idle(self) -> bool:
+        """Whether it can take up another job."""
+        return self.ready and not self.orders and self.process.poll() is None
 
     def order(self, turn: int, item: Any) -> None:
         """Give an item to a worker that is ready. It reads while it works, so this does not wait for it."""
@@ -102,12 +130,14 @@ class Process:
         while len(part):
             part = part[self.input.write(part) :]
 
-    def _converse(self, job: bytes, inbox: queue.SimpleQueue[Message]) -> None:
-        """Runs in its own thread: sends the job, then reads results, so that the worker never waits for a reader."""
+    def _give(self, job: bytes) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            self._write(pickle.dumps((READY, job), protocol=5))
+
+    def _converse(self) -> None:
+        """Runs in its own thread: reads results, so that the worker never waits for a reader."""
         with contextlib.suppress(OSError, ValueError, EOFError):
             widen(self.output)
-            self.input.write(search_path())
-            self._write(job)
             while True:
                 turn, status, size, count = FRAME.unpack(self._exactly(FRAME.size))
                 sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
@@ -117,8 +147,12 @@ class Process:
                     value = pickle.loads(data, buffers=buffers)  # noqa: S301 - from our own worker
                 except Exception as error:
                     status, value = FAILED, error
-                inbox.put(Message(self, status, value, turn == READY))
-        inbox.put(Message(self, GONE))
+                assert self._inbox is not None
+                self._inbox.put(Message(self, status, value, turn == READY))
+        with self._lock:
+            self._gone = True
+            if self._inbox is not None:
+                self._inbox.put(Message(self, GONE))
 
     def _exactly(self, size: int) -> memoryview:
         buffer = np.empty(size, dtype=np.uint8).data  # unlike a bytearray, it is not filled with zeros first
@@ -134,7 +168,8 @@ class Process:
         """End the process, if it still runs; returns the last line of its standard error."""
         self.process.kill()
         self.process.wait()
-        self._thread.join(timeout=5.0)  # the pipe is at its end
+        for thread in self._threads:
+            thread.join(timeout=5.0)  # the pipes are at their end
         self.input.close()
         self.output.close()
         self.errors.seek(0)

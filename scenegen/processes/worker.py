@@ -1,10 +1,10 @@
-"""The worker process: a job on standard input, then items; results on standard output.
+"""The worker process: jobs and their items on standard input, results on standard output.
 
-An order is the size of a pickle and the pickle of (turn, item). A result is a frame: turn, status, size of a pickle and
-number of its buffers, the sizes of these, the pickle, the buffers. Arrays travel as the buffers of pickle protocol 5,
-straight from memory into a wide pipe. Measured for the 1.0 GB of ten million scenes: 0.5 s (0.3 s of the reader's
-time), 1.3 s with arrays inside the pickle, 0.1 s through shared memory, whose segments would outlive a kill -9.
-Sampling them takes ten seconds or more; so pipes it is.
+An order is the size of a pickle and the pickle of (turn, item), or of (READY, pickled job). A result is a frame: turn,
+status, size of a pickle and number of its buffers, the sizes of these, the pickle, the buffers. Arrays travel as the
+buffers of pickle protocol 5, straight from memory into a wide pipe. Measured for the 1.0 GB of ten million scenes:
+0.5 s (0.3 s of the reader's time), 1.3 s with arrays inside the pickle, 0.1 s through shared memory, whose segments
+would outlive a kill -9. Sampling them takes ten seconds or more; so pipes it is.
 
 Pickles pass between processes of one program here, never through files.
 """
@@ -33,32 +33,31 @@ PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
 
 
 def main() -> None:
-    """Receive a job, then process orders until standard input ends; then the process ends at once."""
+    """Process orders until standard input ends; then the process ends at once. An order of turn READY is a job: it
+    takes the place of the last one."""
     results = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # output that a job prints must not mix with the results
     widen(results)
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    data = _message(sys.stdin.buffer)
     # Reading continues during work on an item: when the parent dies, this process ends at once.
     threading.Thread(target=_listen, args=(sys.stdin.buffer, orders), daemon=True).start()
-    try:
-        try:
-            job: Callable[[Any], Any] = pickle.loads(data)  # noqa: S301 - from the parent process
-        except Exception as error:
-            _send_error(results, READY, error)
-            return
-        gc.freeze()  # the job stays: no collection has to look at it
-        _send(results, READY, DONE, None)
+    job: Callable[[Any], Any] | None = None
+    with contextlib.suppress(BrokenPipeError):  # the parent has died
         while True:
             turn, item = pickle.loads(orders.get())  # noqa: S301 - from the parent process
             try:
-                value = job(item)
+                if turn == READY:
+                    gc.unfreeze()
+                    job = value = None
+                    job = pickle.loads(item)  # noqa: S301 - from the parent process
+                    gc.freeze()  # the job stays: no collection has to look at it
+                else:
+                    assert job is not None
+                    value = job(item)
             except Exception as error:
                 _send_error(results, turn, error)
             else:
                 _send(results, turn, DONE, value)
-    except BrokenPipeError:  # the parent has died
-        return
 
 
 def _listen(source: BinaryIO, orders: queue.SimpleQueue[bytes]) -> None:

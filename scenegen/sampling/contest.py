@@ -163,7 +163,7 @@ def _without_rejection(
 def _other(
     problem: Problem, budget: Budget, quick: Growth | NoGrowth | None = None, *, ahead: bool = True
 ) -> Growth | Splitting | NoGrowth | Stalled:
-    """A plan of growth, or of splitting if only splitting does well. `ahead`: growth will probably be taken."""
+    """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
     quick = plan_growth(problem, budget, patient=False, ahead=ahead) if quick is None else quick
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
@@ -174,7 +174,7 @@ def _other(
         if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof or quick.crowded:
             return quick
     crowded = not isinstance(quick, Growth) and quick.crowded
-    split = None if crowded else plan_splitting(problem, budget)
+    split = None if crowded else plan_splitting(problem, budget, ahead=ahead)
     if isinstance(split, Splitting) and split.schedule.left < SLOW:
         return split
     if isinstance(split, Stalled) and _time_is_up(split):  # not that it came to nothing: who can tell?

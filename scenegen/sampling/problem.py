@@ -24,6 +24,7 @@ from scenegen.lang.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.primitives import NUMPY
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.fixed_objects import hold_fixed
 from scenegen.sampling.piece_size import piece_size
@@ -41,12 +42,15 @@ GRACE = 0.5  # seconds
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """When to stop searching. A time limit can only cut a run short; the scenes before the cut do not depend on it.
+    """When to stop searching, and the processes that may help. A time limit can only cut a run short; the scenes before
+    the cut do not depend on it.
 
-    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ."""
+    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ, and no
+    processes."""
 
     seconds: float = 60.0
     started: float = field(default_factory=time.monotonic)
+    reserve: Reserve | None = field(default=None, compare=False, repr=False)
 
     def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
         return Budget, (self.ends - time.monotonic(),)

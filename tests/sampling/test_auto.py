@@ -95,7 +95,7 @@ def test_a_search_that_time_cuts_short_is_no_plan():
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     cut = Stalled("time", (), (), 0, 0)
-    monkeypatch.setattr(contest, "plan_splitting", lambda *words: cut)
+    monkeypatch.setattr(contest, "plan_splitting", lambda *words, **named: cut)
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))

@@ -136,7 +136,7 @@ def make_recipe(problem: Problem, budget: Budget, *, patient: bool, ahead: bool)
     with ExitStack() as stack:
         beside = None
         if ahead and size.populations > 1 and (cores() if workers is None else workers) > 1:
-            beside = stack.enter_context(Beside(Second(problem, budget), size))
+            beside = stack.enter_context(Beside(Second(problem, budget), size, budget.reserve))
         try:
             machine = make_machine(problem)
             proof = too_full(machine.graph, problem.core.objects)

@@ -82,7 +82,7 @@ def own_covers(
         workers = _sharers(problem, len(cells) - done, work / max(1, done))
         if workers > 1:
             items = ((one, most()) for one in cells[done:])
-            with Pool(job, workers, unit="cover") as pool, closing(pool.map(items)) as made:
+            with Pool(job, workers, unit="cover", reserve=budget.reserve) as pool, closing(pool.map(items)) as made:
                 yield from made
             return
         own = job((cell, most()))

@@ -9,7 +9,8 @@ follow it can run anywhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -17,17 +18,18 @@ import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.lang.core import REQUIRE
+from scenegen.processes.ahead import Ahead
+from scenegen.processes.process import cores
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.splitting.autocorrelation import Statistics, forgetting
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Region
-from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.spreading import even_out
+from scenegen.sampling.splitting.stages import Pieces, Stage, generator
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner
 
 Array = npt.NDArray[np.float64]
 
-SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
 KEPT = 0.5  # share of the chains that makes a level
 PIECES = 8  # pieces of a request that is large enough
 CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
@@ -40,23 +42,12 @@ STALL = 20  # if so many levels shrink the distance by less than 1 %, the range 
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
-    """Restrict the chains to `region`, then make `moves` moves by `tuning`. `counts` says whether the share that
-    survives is a factor of the probability: not between cells."""
-
-    region: Region
-    tuning: Tuning
-    moves: int
-    counts: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Schedule:
     """Everything that pieces need.
 
     The first `levels` stages are levels, the others balance the cells; `cells` are those that get scenes. A piece has
     `chains` chains and takes `takes` scenes from each, `thinning` moves apart; `left` is the correlation that remains
-    after so many moves.
+    after so many moves. `begun` are the first pieces as far as they were drawn while the plan was made: see `stages`.
     """
 
     stages: tuple[Stage, ...]
@@ -67,6 +58,7 @@ class Schedule:
     thinning: int
     left: float
     evaluations: int
+    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,18 +73,14 @@ class Stalled:
     levels: int
 
 
-def generator(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
-
-
-def make_schedule(problem: Problem, budget: Budget) -> Schedule | Stalled:
-    """The plan for a problem; Stalled if the range cannot be reached, or time is up."""
+def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False) -> Schedule | Stalled:
+    """The plan for a problem; Stalled if the range cannot be reached, or time is up. `ahead`: another process may begin
+    to draw meanwhile, if the request is large."""
     try:
         planner = _Planner(problem, budget)
     except StoppedError:
         return Stalled("time", (), (), 0, 0)
-    return planner.plan()
+    return planner.plan(ahead=ahead)
 
 
 class _Planner:
@@ -112,10 +100,19 @@ class _Planner:
         self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
         self._tuner = Tuner(self._state)
         self._stages: list[Stage] = []
+        self._ahead: Ahead[Stage] | None = None
 
-    def plan(self) -> Schedule | Stalled:
+    def plan(self, *, ahead: bool) -> Schedule | Stalled:
+        problem, budget = self._problem, self._budget
+        pieces = -(-problem.request.n // (self._chains * self._takes))
+        workers = problem.request.workers
         try:
-            return self._plan()
+            if not ahead or pieces < PIECES or (cores() if workers is None else workers) < 2:
+                return self._plan()
+            work: Ahead[Stage] = Ahead(Pieces(problem, self._chains, budget), PIECES, budget.reserve)
+            with work as self._ahead:
+                found = self._plan()
+                return replace(found, begun=work.states()) if isinstance(found, Schedule) else found
         except StoppedError:
             return self._stalled("time")
 
@@ -132,7 +129,7 @@ class _Planner:
         levels, reached = len(self._stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(state, self._tuner):
-                self._stages.append(Stage(region, self._tuner.tuning(), moves, False))
+                self._add(Stage(region, self._tuner.tuning(), moves, False))
                 if self._budget.spent:
                     return self._stalled("time")
             assert state.region.weights is not None
@@ -145,6 +142,12 @@ class _Planner:
         return Schedule(
             tuple(self._stages), levels, reached, self._chains, self._takes, memory.moves, memory.left, evaluations
         )
+
+    def _add(self, stage: Stage) -> None:
+        """One more stage. Pieces may begin with the one before: only the last one's tuning will still change."""
+        if self._ahead is not None and self._stages:
+            self._ahead.add(self._stages[-1])
+        self._stages.append(stage)
 
     def _stalled(self, why: Literal["time", "range"]) -> Stalled:
         state = self._state
@@ -175,7 +178,7 @@ class _Planner:
             region = Region(np.maximum(low - slack, held) if level else low, high + slack)
             state.narrow(region)
             moves = self._tuner.adapt()
-            self._stages.append(Stage(region, self._tuner.tuning(), moves, True))
+            self._add(Stage(region, self._tuner.tuning(), moves, True))
             if level == 0.0:
                 return True
         return False

@@ -11,7 +11,7 @@ The plan is made once; piece k is an independent population that follows it (`ru
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -29,7 +29,8 @@ from scenegen.sampling.report import SHOWN, shortfall, too_early
 from scenegen.sampling.splitting.autocorrelation import NEGLIGIBLE, Statistics, design_effect
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
 from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.levels import SPLIT, Schedule, Stalled, generator, make_schedule
+from scenegen.sampling.splitting.levels import Schedule, Stalled, make_schedule
+from scenegen.sampling.splitting.stages import SPLIT, begin, go_on
 
 Array = npt.NDArray[np.float64]
 
@@ -72,7 +73,7 @@ class Splitting(Plan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("splitting", self.schedule)
+        return digest("splitting", replace(self.schedule, begun={}))
 
     @property
     def reached(self) -> tuple[int, ...]:
@@ -143,10 +144,11 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
-def plan_splitting(problem: Problem, budget: Budget) -> Splitting | Stalled:
-    """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`."""
+def plan_splitting(problem: Problem, budget: Budget, *, ahead: bool = True) -> Splitting | Stalled:
+    """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`.
+    `ahead`: it will probably be taken, so another process may begin to draw meanwhile."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        plan = make_schedule(problem, budget)
+        plan = make_schedule(problem, budget, ahead=ahead)
     return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
 
 
@@ -165,18 +167,15 @@ def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER)
 
 
 def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Population:
-    chain_state = frame_of(problem)
-    rng = generator(problem.request.seed, number)
-    chains = Chains.start(chain_state, Tape(chain_state, stop=stop), problem.cells, plan.chains, rng)
+    stored = plan.begun.get(number)
+    begun = begin(problem, plan.chains, number, stop) if stored is None else go_on(stored, stop)
+    for stage in plan.stages[begun.stages :]:
+        begun.follow(stage)
+    chains = begun.chains
+    if not begun.probability:
+        return _nothing(problem, chains.evaluations)
+    chain_state, rng = chains.chain_state, chains.rng
     statistics = Statistics(chain_state, stop)
-    probability = 1.0
-    for stage in plan.stages:
-        share = chains.narrow(stage.region)
-        if stage.counts:
-            probability *= share
-        if not share:
-            return _nothing(problem, chains.evaluations)
-        chains.run(stage.moves, stage.tuning)
     tuning = plan.stages[-1].tuning
     chains.pool = list(chains.rows)
     for _ in range(_SETTLING):
@@ -198,7 +197,7 @@ def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Pop
     if not good.all():
         rows, phi = rows[:, good], phi[:, good]
     share = stuck / (chains.count * plan.takes)
-    return Population(rows, phi, probability, accepted, share, effect, chains.evaluations)
+    return Population(rows, phi, begun.probability, accepted, share, effect, chains.evaluations)
 
 
 def _nothing(problem: Problem, evaluations: int) -> Population:

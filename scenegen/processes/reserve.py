@@ -1,0 +1,46 @@
+"""Processes that start before there is work for them, and take up one job after another."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+
+from scenegen.errors import ScenegenError
+from scenegen.processes.process import Process
+
+
+class Reserve:
+    """Idle processes: `count` of them start at once, and load the modules of `load`. Pools and others take processes
+    from here, new ones if none is left, and bring them back when their job is done. A context manager, at the end of
+    which the idle ones end. Workers start in 0.2 s; most of it is saved where that is while the plan is begun."""
+
+    def __init__(self, count: int = 0, load: Sequence[str] = ()) -> None:
+        self._load = tuple(load)
+        self._idle: list[Process] = []
+        with contextlib.suppress(ScenegenError):  # it is reported when one is needed
+            for _ in range(count):
+                self._idle.append(Process("a worker process", self._load))
+
+    def __enter__(self) -> Reserve:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def take(self, what: str) -> Process:
+        """A process. Raises ScenegenError if none can start."""
+        return self._idle.pop() if self._idle else Process(what, self._load)
+
+    def bring_back(self, process: Process) -> None:
+        """A process that may be used again, unless it is at work, or has ended: then it is ended."""
+        if process.idle:
+            self._idle.append(process)
+        else:
+            process.end()
+
+    def close(self) -> None:
+        """End the idle processes."""
+        for process in self._idle:
+            process.process.kill()
+        while self._idle:
+            self._idle.pop().end()

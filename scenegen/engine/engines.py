@@ -54,13 +54,15 @@ class Writing:
     labels: tuple[str, ...]
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
 
-    def __call__(self, number: int, pieces: int, blocks: Sequence[Block]) -> Shard:
+    def __call__(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
+        ready = map(self._ready, blocks)
+        return make_shard(self.store, number, self.header, self.labels, ready, pieces=pieces)
+
+    def _ready(self, block: Block) -> Block:
+        """A block as files hold it, checked."""
         if self.plan.verified:
-            for block in blocks:
-                self.plan.check(block.rows, block.phi)
-        if self.stored is not None:
-            blocks = [Block(self.stored(block.rows), block.phi) for block in blocks]
-        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces)
+            self.plan.check(block.rows, block.phi)
+        return block if self.stored is None else Block(self.stored(block.rows), block.phi)
 
 
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
@@ -111,6 +113,9 @@ class Engine(ABC):
     def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
         """The same for `write` alone: they may stay where they are until then."""
         return self.choose(which, parts)
+
+    def pack(self, writing: Writing, number: int, block: Held) -> None:  # noqa: B027 - most engines wait for the whole
+        """One more block of shard `number`, before `write` names all of them: it may be packed already."""
 
     @abstractmethod
     def fetch(self, scenes: Held) -> Block:

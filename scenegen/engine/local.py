@@ -1,15 +1,18 @@
-"""The engine of this machine: pieces are drawn by worker processes, shards are written in this process, by threads.
+"""The engine of this machine: pieces are drawn by worker processes, shards are packed in this process, by threads.
 
-Packing and writing a shard takes longer than drawing its scenes where these are easy to find. Nearly all of it is in
+To pack and write a shard takes longer than to draw its scenes where these are easy to find. Nearly all of it is in
 libraries that let other threads run, so threads of this process do as well as processes, and nothing is sent to them.
+A shard is packed block by block while it fills, so little of the last one is left when the last scene is drawn.
 """
 
 from __future__ import annotations
 
+import contextlib
+import queue
+import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from itertools import count
@@ -26,7 +29,50 @@ from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
-WRITERS = 2  # shards that are written at a time; each holds its scenes twice
+WRITERS = 2  # shards that are packed and written at a time
+AHEAD = 2  # blocks of a shard that wait to be packed
+
+
+class _Packing:
+    """A shard that a thread packs while its blocks are added. At most AHEAD of them wait for it."""
+
+    def __init__(self, threads: ThreadPoolExecutor, writing: Writing, number: int) -> None:
+        self._blocks: queue.Queue[Block | None] = queue.Queue(AHEAD)
+        self._over = threading.Event()  # by an error, or by giving up
+        self.pieces = 0
+        self.shard = threads.submit(self._write, writing, number)
+
+    def add(self, block: Block | None) -> None:
+        """One more block; None after the last one."""
+        while not self._over.is_set():
+            with contextlib.suppress(queue.Full):
+                self._blocks.put(block, timeout=0.5)
+                return
+
+    def give_up(self) -> None:
+        """Nothing is to be written."""
+        self._over.set()
+        self.shard.cancel()
+
+    def _write(self, writing: Writing, number: int) -> tuple[Shard, list[str]]:
+        """Runs in a thread: the shard, and what its store said on the way, for the main thread to tell."""
+        said: list[str] = []
+        try:
+            return replace(writing, store=writing.store.told_to(said.append))(number, 0, self._added()), said
+        finally:
+            self._over.set()
+
+    def _added(self) -> Iterator[Block]:
+        while True:
+            try:
+                block = self._blocks.get(timeout=0.1)
+            except queue.Empty:
+                if self._over.is_set():
+                    raise CancelledError from None
+                continue
+            if block is None:
+                return
+            yield block
 
 
 class Local(Engine):
@@ -36,7 +82,9 @@ class Local(Engine):
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(min(workers, WRITERS)) if workers > 1 else None
         self._tell: Tell | None = None
-        self._writing: deque[Future[tuple[Shard, list[str]]]] = deque()
+        self._packing: _Packing | None = None  # the shard that is being filled
+        self._packed: deque[_Packing] = deque()  # those that are full
+        self._shards: list[Shard] = []  # written by this process, in order
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
         with closing(run_pieces(drawing, count(first), self._workers, self._reserve)) as results:
@@ -53,37 +101,39 @@ class Local(Engine):
     def hold(self, scenes: Block) -> Held:
         return scenes
 
+    def pack(self, writing: Writing, number: int, block: Held) -> None:
+        if self._threads is not None:
+            self._packing = self._packing or _Packing(self._threads, writing, number)
+            self._packing.add(block)
+
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         self._tell = writing.store.tell
         if self._threads is None:
-            done: Future[tuple[Shard, list[str]]] = Future()
-            done.set_result((writing(number, pieces, blocks), []))
-            self._writing.append(done)
+            self._shards.append(writing(number, pieces, blocks))
             return
-        if len(self._writing) >= WRITERS:
-            wait_for([self._writing[0]])
-        self._writing.append(self._threads.submit(_write, writing, number, pieces, blocks))
+        assert self._packing is not None
+        self._packing.pieces = pieces
+        self._packing.add(None)
+        self._packed.append(self._packing)
+        self._packing = None
 
     def written(self, *, wait: bool) -> list[Shard]:
-        shards = []
-        while self._writing and (wait or self._writing[0].done()):
-            shard, said = self._writing.popleft().result()
+        shards, self._shards = self._shards, []
+        while self._packed and (wait or self._packed[0].shard.done()):
+            one = self._packed.popleft()
+            shard, said = one.shard.result()
             for line in said:
                 if self._tell is not None:
                     self._tell(line)
-            shards.append(shard)
+            shards.append(shard.model_copy(update={"pieces": one.pieces}))
         return shards
 
     def close(self) -> None:
-        """`pieces` ends its processes; shards that were begun are written, or fail, unseen."""
+        """`pieces` ends its processes; full shards are written, or fail, unseen."""
+        if self._packing is not None:
+            self._packing.give_up()
         if self._threads is not None:
             self._threads.shutdown(cancel_futures=True)
-
-
-def _write(writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> tuple[Shard, list[str]]:
-    """A shard, and what its store said on the way, for the main thread to tell."""
-    said: list[str] = []
-    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said
 
 
 def map_each(

@@ -205,13 +205,19 @@ class _Run:
         if end <= self._done:
             return
         self._blocks.append(self.engine.pick(places, self._parts))
+        self.engine.pack(self.writing, self._number, self._blocks[-1])
         self._count += places.shape[1]
         if self._count >= self.manifest.shard_size or end == self.plan.wanted:
             assert before is not None
             self._begin_shard(before)
 
+    @property
+    def _number(self) -> int:
+        """The shard that is being filled."""
+        return len(self.manifest.shards) + len(self._begun)
+
     def _begin_shard(self, before: tuple[dict[str, object], Array]) -> None:
-        number = len(self.manifest.shards) + len(self._begun)
+        number = self._number
         self._begun.append(self._moment(*before))
         self.engine.write(self.writing, number, self.standing.used + 1, list(self._blocks))
         self._done += self._count

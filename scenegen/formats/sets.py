@@ -127,7 +127,7 @@ def make_shard(
     number: int,
     header: SceneFile,
     labels: Sequence[str],
-    blocks: Sequence[Block],
+    blocks: Iterable[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
@@ -144,7 +144,7 @@ def pack_shard(
     number: int,
     header: SceneFile,
     labels: Sequence[str],
-    blocks: Sequence[Block],
+    blocks: Iterable[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
@@ -152,21 +152,27 @@ def pack_shard(
 ) -> tuple[Shard, memoryview]:
     """A shard and its bytes, not written."""
     sink = io.BytesIO()
+    parts: list[Array] = []  # phi of the blocks
+
+    def seen() -> Iterator[Block]:
+        for block in blocks:
+            parts.append(block.phi)
+            yield block
 
     def rare(phi: Array) -> Array:
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    parquet.write(sink, header, labels, blocks, None if rarity is None else rare)
+    parquet.write(sink, header, labels, seen(), None if rarity is None else rare)
     data = sink.getbuffer()
-    rows = (np.concatenate([block.phi[index] for block in blocks]) for index in range(len(labels)))
+    rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, rows, strict=True)
     }
     digest = hashlib.sha256(data).hexdigest()
     name = shard_name(number)
-    count = sum(block.count for block in blocks)
+    count = sum(part.shape[1] for part in parts)
     shard = Shard(file=name, scenes=count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made)
     return shard, data
 

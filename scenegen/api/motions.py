@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scene.data import RequestData
 from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
+
+if TYPE_CHECKING:
+    from scenegen.processes.reserve import Reserve
 
 Array = npt.NDArray[np.float64]
 
@@ -178,9 +182,9 @@ def sample_motions(
     return draw_motions(spec, request)
 
 
-def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
-    """The motions of a request. Raises what `sample_motions` raises."""
-    from scenegen.engine.budget import open_budget
+def draw_motions(spec: Spec, request: SampleRequest, *, reserve: Reserve | None = None) -> MotionSet:
+    """The motions of a request, by the processes of `reserve` if there is one. Raises what `sample_motions` raises."""
+    from scenegen.engine.budget import MOTIONS, open_budget
     from scenegen.motions.prepare import make_problem
     from scenegen.motions.sample import sample
 
@@ -194,7 +198,7 @@ def draw_motions(spec: Spec, request: SampleRequest) -> MotionSet:
     if request.method not in METHODS:
         raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
     request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
-    with open_budget(request, over_time=True) as budget:
+    with open_budget(request, load=MOTIONS, reserve=reserve) as budget:
         problem, warnings = make_problem(spec.declared, request, budget)
         made = sample(problem, budget, method=request.method)
     if not made.complete:

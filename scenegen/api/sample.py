@@ -18,6 +18,7 @@ from scenegen.sampling.request import MAX_SCENES, FixedPose, SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.engine.stream import Progress
+    from scenegen.processes.reserve import Reserve
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
@@ -70,14 +71,16 @@ def draw_scenes(
     *,
     progress: Progress | None = None,
     on_note: Note | None = None,
+    reserve: Reserve | None = None,
 ) -> SceneSet:
-    """The scenes of a request, in memory. Raises what `sample` raises."""
+    """The scenes of a request, in memory, by the processes of `reserve` if there is one. Raises what `sample`
+    raises."""
     from scenegen.engine.budget import open_budget
     from scenegen.engine.run import in_memory
 
     request = check_request(source, request)
     _check_size(source, request.n)
-    with open_budget(request) as budget:
+    with open_budget(request, reserve=reserve) as budget:
         plan = plan_of(source, request, budget, on_note)
         sampled = in_memory(plan, budget, progress)
     warnings = list(sampled.warnings)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenegen.engine.stream import Progress
     from scenegen.formats.sets import Manifest
     from scenegen.formats.stores import Store
+    from scenegen.processes.reserve import Reserve
     from scenegen.sampling.plan import Plan, Tally
 
 
@@ -35,6 +36,7 @@ def write_set(
     resume: bool = False,
     progress: Progress | None = None,
     on_note: Note | None = None,
+    reserve: Reserve | None = None,
 ) -> Written:
     """The scenes of a request as a set of shards. The bytes depend on the request and `shard_size` alone, neither on
     the engine nor on the number of workers.
@@ -60,7 +62,7 @@ def write_set(
     check_engine(engine, address)
     refuse_held(store)
     sets.refuse_taken(store, resume=resume)
-    with open_budget(request, engine) as budget:
+    with open_budget(request, engine, reserve=reserve) as budget:
         plan = plan_of(source, request, budget, on_note)
         labels = plan.problem.spec.labels
         header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))

@@ -28,6 +28,7 @@ from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
     from scenegen.engine.stream import Progress
+    from scenegen.processes.reserve import Reserve
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
@@ -87,14 +88,16 @@ def write_scenes(
     shard_size: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
+    reserve: Reserve | None = None,
 ) -> Written:
-    """The scenes of a request, in a file or a set. Raises what `sample_to` raises."""
+    """The scenes of a request, in a file or a set, by the processes of `reserve` if there is one. Raises what
+    `sample_to` raises."""
     if names_set(path):
         from scenegen.api.sets import write_set
 
         return write_set(
             as_location(path), source, request, engine=engine, address=address, shard_size=shard_size, resume=resume,
-            progress=progress, on_note=on_note,
+            progress=progress, on_note=on_note, reserve=reserve,
         )  # fmt: skip
     for argument, given in (("shard_size", shard_size), ("address", address), ("engine", engine != "local" or None)):
         if given is not None:
@@ -110,7 +113,7 @@ def write_scenes(
     from scenegen.formats.shards import folder_of
     from scenegen.version import __version__
 
-    with open_budget(request) as budget:
+    with open_budget(request, reserve=reserve) as budget:
         plan = plan_of(source, request, budget, on_note)
         spec, data = plan.problem.spec, request_data(plan.problem.request)
         seen = _Seen()

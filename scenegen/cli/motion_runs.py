@@ -12,6 +12,7 @@ from scenegen.formats.locations import names_set
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
     from scenegen.api.spec import Spec
+    from scenegen.processes.reserve import Reserve
     from scenegen.sampling.request import SampleRequest
 
 
@@ -22,6 +23,7 @@ def sample_motions(
     out: str | None,
     refused: Mapping[str, object],
     render: Path | None,
+    reserve: Reserve,
 ) -> None:
     """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
     one of those that is given, and OutputError for places that cannot be written to."""
@@ -46,7 +48,7 @@ def sample_motions(
     if render is not None:
         check_folder(render, path)
         need("pybullet", "to draw pictures")
-    found = draw_motions(spec, request)
+    found = draw_motions(spec, request, reserve=reserve)
     complain(*found.warnings)
     detail(f"sampled {len(found)} motions")
     if path is None:

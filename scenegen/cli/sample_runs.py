@@ -15,6 +15,7 @@ from scenegen.formats.locations import inside, names_set
 if TYPE_CHECKING:
     from scenegen.api.model import Model
     from scenegen.api.spec import Spec
+    from scenegen.processes.reserve import Reserve
     from scenegen.sampling.request import SampleRequest
 
 
@@ -88,6 +89,15 @@ def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
 
 def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> None:
     """Raises what the API raises, and OutputError for places that cannot be written to."""
+    from scenegen.engine.budget import start_processes
+
+    with start_processes(wishes.workers, storing.engine, settle=wishes.settle) as reserve:
+        _sample(source, wishes, out, storing, render, reserve)
+
+
+def _sample(
+    source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None, reserve: Reserve
+) -> None:
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
     from scenegen.cli.sampled import Bar, summary
@@ -108,7 +118,7 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
 
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
-        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render)
+        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render, reserve)
         return
     stored = out is not None and names_set(out)
     path = None if out is None or stored else Path(out)
@@ -132,7 +142,7 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
         with Bar() as bar:
             written = write_scenes(
                 out, subject, request, resume=storing.resume, engine=storing.engine, address=storing.address,
-                shard_size=storing.shard_size, progress=bar, on_note=print_error,
+                shard_size=storing.shard_size, progress=bar, on_note=print_error, reserve=reserve,
             )  # fmt: skip
         complain(*written.warnings)
         detail(f"sampled and wrote {written.count} scenes")
@@ -144,7 +154,7 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     from scenegen.api.stream import met
 
     with Bar() as bar:
-        scenes = draw_scenes(subject, request, progress=bar)
+        scenes = draw_scenes(subject, request, progress=bar, reserve=reserve)
     complain(*scenes.warnings)
     detail(f"sampled {len(scenes)} scenes")
     if path is not None:

@@ -1,24 +1,43 @@
-"""What a request may use: time, and processes of this machine that serve its plan and its run one after the other."""
+"""What a request may use: time, and processes of this machine that serve its plan and its run one after the other.
+
+It loads nothing that processes can load meanwhile.
+"""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
-from scenegen.sampling.problem import Budget
-from scenegen.sampling.request import SampleRequest
+
+if TYPE_CHECKING:
+    from scenegen.sampling.problem import Budget
+    from scenegen.sampling.request import SampleRequest
 
 SCENES = ("scenegen.engine.drawing", "scenegen.sampling.auto")
 MOTIONS = ("scenegen.engine.drawing", "scenegen.motions.plan")
 
 
+def start_processes(
+    workers: int | None, engine: str = "local", *, settle: bool = False, load: tuple[str, ...] = SCENES
+) -> Reserve:
+    """If a request asks for several processes, they start at once and load what most plans need; none if another engine
+    draws its pieces, or a simulator settles them."""
+    several = workers is not None and workers > 1 and engine == "local" and not settle
+    return Reserve(min(workers or 1, cores()) if several else 0, load)
+
+
 @contextlib.contextmanager
-def open_budget(request: SampleRequest, engine: str = "local", *, over_time: bool = False) -> Iterator[Budget]:
-    """The budget of a request, as a context manager. If the request asks for several processes, they start at once and
-    load what most plans need meanwhile; unless another engine draws its pieces, or a simulator settles them."""
-    workers = request.workers or 1
-    ahead = min(workers, cores()) if workers > 1 and engine == "local" and not request.settle else 0
-    with Reserve(ahead, MOTIONS if over_time else SCENES) as reserve:
+def open_budget(
+    request: SampleRequest, engine: str = "local", *, load: tuple[str, ...] = SCENES, reserve: Reserve | None = None
+) -> Iterator[Budget]:
+    """The budget of a request, as a context manager. Its processes start now, unless there is a `reserve` already."""
+    from scenegen.sampling.problem import Budget
+
+    with contextlib.ExitStack() as stack:
+        if reserve is None:
+            reserve = start_processes(request.workers, engine, settle=request.settle, load=load)
+            stack.enter_context(reserve)
         yield Budget(request.timeout, reserve=reserve)

@@ -17,6 +17,7 @@ P = TypeVar("P", bound=Plan)
 CELLS = 2.4e8  # work that covers of a cell each may take together before another method is tried: 3 s
 TRIED = 2e8  # work of rejection with pruning that is done without looking at another method
 FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
+MANY = 24  # with more moving rows, other methods than growth are not tried if pruning takes much work
 GROWN = 350.0  # work of growth for a scene and each of its moving rows, at least
 
 

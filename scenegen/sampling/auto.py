@@ -7,18 +7,31 @@ the same request and seed always get the same method.
 
 from __future__ import annotations
 
-from scenegen.sampling.at_once import FIRST, because, in_range, look
+from contextlib import ExitStack
+
+from scenegen.sampling.at_once import FIRST, MANY, because, in_range, look, moving
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
+
+FEW = 1000  # scenes up to which growth is done before another process has begun
 
 
 def choose(problem: Problem, budget: Budget) -> Plan:
     """The plan by the better method; its `why` says why. Raises RequestError if there is no scene, or if time is up
     before there is a plan."""
-    found = look(problem, budget, FIRST)
-    if found.plan is not None and found.enough:
-        return because(found.plan, in_range(found.plan))
-    # Loading growth and splitting takes longer than many requests for which rejection is enough.
-    from scenegen.sampling.contest import contest
+    with ExitStack() as stack:
+        first = None
+        if moving(problem) > MANY and problem.request.n > FEW:
+            # Of so many objects growth will be asked, too: it can begin at once where there is a process for it.
+            from scenegen.sampling.growth.plan import begin_growth
 
-    return contest(problem, budget, found)
+            first = begin_growth(problem, budget)
+        if first is not None:
+            stack.enter_context(first)
+        found = look(problem, budget, FIRST)
+        if found.plan is not None and found.enough:
+            return because(found.plan, in_range(found.plan))
+        # Loading growth and splitting takes longer than many requests for which rejection is enough.
+        from scenegen.sampling.contest import contest
+
+        return contest(problem, budget, found, first=first)

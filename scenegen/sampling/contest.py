@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
-from scenegen.sampling.at_once import FIRST, GROWN, Look, because, in_range, look, moving, open_cells
+from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, because, in_range, look, moving, open_cells
+from scenegen.sampling.growth.plan import Begun
 from scenegen.sampling.growth.plan import Stalled as NoGrowth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.paired import Paired, pair
@@ -28,16 +29,15 @@ EASY = 1e8  # work of rejection without pruning that is done without looking at 
 PRUNED = 4.0  # share of the work without pruning, its inverse, that pruning may take
 POOR = 3.0  # design effect that growth may leave before splitting is tried
 SLOW = 0.1  # correlation that splitting's chains may leave to take its place
-MANY = 24  # with more moving rows, rejection and splitting are not tried if pruning takes much work
 ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
 
 
-def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = False) -> Plan:
-    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. Raises
-    RequestError as `choose` does."""
+def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = False, first: Begun | None = None) -> Plan:
+    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `first` is
+    what growth has begun: see `begin_growth`. Raises RequestError as `choose` does."""
     if found.trial is None:
-        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget)
-    return _after_trial(problem, budget, found, found.trial, whole=whole)
+        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget, first)
+    return _after_trial(problem, budget, found, found.trial, whole=whole, first=first)
 
 
 def _apart(problem: Problem, budget: Budget) -> Paired | None:
@@ -50,13 +50,13 @@ def _apart(problem: Problem, budget: Budget) -> Paired | None:
     return because(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
 
-def _after_pruning(problem: Problem, budget: Budget) -> Plan:
+def _after_pruning(problem: Problem, budget: Budget, first: Begun | None) -> Plan:
     """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else pruning
     continues for a while."""
     simple = _without_pruning(problem, budget)
     if simple is not None:
         return because(simple, in_range(simple))
-    grown = plan_growth(problem, budget, patient=False)
+    grown = plan_growth(problem, budget, patient=False, first=first)
     if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
         return because(grown, "pruning takes much work, growth does not")
     if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
@@ -98,6 +98,7 @@ def _after_trial(
     *,
     whole: bool,
     quick: Growth | NoGrowth | None = None,
+    first: Begun | None = None,
 ) -> Plan:
     """`quick` is a plan of growth on which little was spent, where it has been made."""
     mine = found.plan
@@ -108,12 +109,12 @@ def _after_trial(
         return apart
     if mine is None and not trial.rate.hits:
         why = f"none of {trial.tried:,} candidates of rejection is in range"
-        return _without_rejection(problem, budget, why, trial, quick)
+        return _without_rejection(problem, budget, why, trial, quick, first)
     if mine is None:
-        return _after_cells(problem, budget, trial, quick)
+        return _after_cells(problem, budget, trial, quick, first)
     if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
         return apart
-    rival = _other(problem, budget, quick, ahead=False)
+    rival = _other(problem, budget, quick, first, ahead=False)
     if not isinstance(rival, Growth | Splitting):
         if _time_is_up(rival):
             raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells(problem, mine)))
@@ -128,10 +129,12 @@ def _after_trial(
     return because(mine, in_range(mine))
 
 
-def _after_cells(problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None) -> Plan:
+def _after_cells(
+    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, first: Begun | None
+) -> Plan:
     """If pruning each cell takes much work: another method, or all the work if there is none."""
     why = "pruning each cell takes too much work"
-    rival = _other(problem, budget, quick)
+    rival = _other(problem, budget, quick, first)
     if isinstance(rival, Growth | Splitting):
         return because(rival, why)
     if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
@@ -143,10 +146,15 @@ def _after_cells(problem: Problem, budget: Budget, trial: Trial, quick: Growth |
 
 
 def _without_rejection(
-    problem: Problem, budget: Budget, why: str, trial: Trial | None = None, quick: Growth | NoGrowth | None = None
+    problem: Problem,
+    budget: Budget,
+    why: str,
+    trial: Trial | None = None,
+    quick: Growth | NoGrowth | None = None,
+    first: Begun | None = None,
 ) -> Plan:
     """If rejection has no plan, or its first candidates are all out of the range."""
-    plan = _other(problem, budget, quick)
+    plan = _other(problem, budget, quick, first)
     if isinstance(plan, Growth | Splitting):
         return because(plan, why)
     if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
@@ -161,10 +169,15 @@ def _without_rejection(
 
 
 def _other(
-    problem: Problem, budget: Budget, quick: Growth | NoGrowth | None = None, *, ahead: bool = True
+    problem: Problem,
+    budget: Budget,
+    quick: Growth | NoGrowth | None = None,
+    first: Begun | None = None,
+    *,
+    ahead: bool = True,
 ) -> Growth | Splitting | NoGrowth | Stalled:
     """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
-    quick = plan_growth(problem, budget, patient=False, ahead=ahead) if quick is None else quick
+    quick = plan_growth(problem, budget, patient=False, ahead=ahead, first=first) if quick is None else quick
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
     if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):

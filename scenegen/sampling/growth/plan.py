@@ -10,8 +10,10 @@ such populations that know nothing of each other: the second one is the second p
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -103,16 +105,45 @@ class Second:
     budget: Budget
 
     def __call__(self, size: Size) -> Taken:
-        with np.errstate(all="ignore"):
-            machine = with_deadline(make_machine(self.problem), self.budget.ends)
-            try:
-                made = make_population(machine, replace(size, fewest=0.0), _of_plan(self.problem.request.seed, 1))
-            except StoppedError as error:
-                raise StoppedError(placed_of(machine, size.count)) from error
+        machine, made = _made(self.problem, self.budget, replace(size, fewest=0.0), 1)
         if isinstance(made, Stuck) or made.taken is None:
             none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
             return Taken(*none, 0.0, 0.0, 0.0, machine.work)
         return made.taken
+
+
+@dataclass(frozen=True, slots=True)
+class First:
+    """The machine and the first population of a problem, in any process. Raises StoppedError."""
+
+    problem: Problem
+    budget: Budget
+
+    def __call__(self, size: Size) -> tuple[Machine, Population | Stuck]:
+        return _made(self.problem, self.budget, size, 0)
+
+
+def _made(problem: Problem, budget: Budget, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+    with np.errstate(all="ignore"):
+        machine = with_deadline(make_machine(problem), budget.ends)
+        try:
+            return machine, make_population(machine, size, _of_plan(problem.request.seed, which))
+        except StoppedError as error:
+            raise StoppedError(placed_of(machine, size.count)) from error
+
+
+Begun = Beside[Size, tuple[Machine, Population | Stuck]]
+
+
+def begin_growth(problem: Problem, budget: Budget) -> Begun | None:
+    """The first population of a large request, in another process, while it is found out whether
+    growth is the method for it: a plan that is not `patient` takes it. None for small requests, or where there is no
+    further process."""
+    workers = problem.request.workers
+    size = _size(problem, 0)
+    if size.populations < 2 or (cores() if workers is None else workers) < 2:
+        return None
+    return Beside(First(problem, budget), size, budget.reserve)
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -126,40 +157,59 @@ def _of_plan(seed: int, which: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
 
 
-def make_recipe(problem: Problem, budget: Budget, *, patient: bool, ahead: bool) -> tuple[Machine, Recipe] | Stalled:
+def make_recipe(
+    problem: Problem,
+    budget: Budget,
+    *,
+    patient: bool,
+    ahead: bool,
+    first: Begun | None = None,
+) -> tuple[Machine, Recipe] | Stalled:
     """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
     populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: the
-    second population may be made meanwhile."""
+    second population may be made meanwhile. `first`: see `begin_growth`."""
     machine = None
     size = _size(problem, AGAIN if patient else 0)
     workers = problem.request.workers
+    second = Second(problem, budget)
     with ExitStack() as stack:
-        beside = None
+        make_second: Callable[[], Taken] | None = None
         if ahead and size.populations > 1 and (cores() if workers is None else workers) > 1:
-            beside = stack.enter_context(Beside(Second(problem, budget), size, budget.reserve))
+            if first is None:
+                make_second = stack.enter_context(Beside(second, size, budget.reserve)).result
+            else:  # the other process makes the first one
+                make_second = partial(second, size)
         try:
             machine = make_machine(problem)
             proof = too_full(machine.graph, problem.core.objects)
             if proof:
                 return Stalled(machine, None, 0.0, proof)
             machine.deadline = budget.ends
-            made = make_population(machine, size, _of_plan(problem.request.seed, 0))
+            taken = None
+            if first is not None:
+                taken = _unless_late(make_second)
+                machine, made = first.result()
+                machine.deadline = budget.ends
+            else:
+                made = make_population(machine, size, _of_plan(problem.request.seed, 0))
             if isinstance(made, Stuck):
                 return Stalled(machine, made, machine.work)
         except StoppedError:
             return Stalled(machine, None, 0.0 if machine is None else machine.work)
         recipe = _recipe(problem, machine, size, made)
-        if beside is not None and made.taken is not None:
-            recipe = _with_second(recipe, beside)
+        if first is None and made.taken is not None:
+            taken = _unless_late(make_second)
+        if taken is not None and made.taken is not None:
+            recipe = replace(recipe, taken=(*recipe.taken, taken))
     return machine, recipe
 
 
-def _with_second(recipe: Recipe, beside: Beside[Size, Taken]) -> Recipe:
-    """The recipe with its second piece, unless time is up before that is made."""
+def _unless_late(make: Callable[[], Taken] | None) -> Taken | None:
+    """The second population; None if nobody makes it, or time is up before."""
     try:
-        return replace(recipe, taken=(*recipe.taken, beside.result()))
+        return None if make is None else make()
     except StoppedError:
-        return recipe
+        return None
 
 
 def placed_of(machine: Machine, count: int) -> str:

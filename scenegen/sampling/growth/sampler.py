@@ -20,6 +20,7 @@ from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.moves import sweep
 from scenegen.sampling.growth.plan import (
     GROWTH,
+    Begun,
     Recipe,
     Second,
     Stalled,
@@ -178,12 +179,14 @@ class Growth(Plan):
         return Account(info, f"{evaluations:,} evaluations of growth", warnings)
 
 
-def plan_growth(problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True) -> Growth | Stalled:
+def plan_growth(
+    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, first: Begun | None = None
+) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
     spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: another process may
-    begin to draw meanwhile; the plan is the same without."""
+    begin to draw meanwhile; `first` is what one has begun: see `begin_growth`. The plan is the same without."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, ahead=ahead)
+        made = make_recipe(problem, budget, patient=patient, ahead=ahead, first=first)
     if isinstance(made, Stalled):
         return made
     machine, recipe = made

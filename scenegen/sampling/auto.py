@@ -20,18 +20,18 @@ def choose(problem: Problem, budget: Budget) -> Plan:
     """The plan by the better method; its `why` says why. Raises RequestError if there is no scene, or if time is up
     before there is a plan."""
     with ExitStack() as stack:
-        first = None
+        begun = None
         if moving(problem) > MANY and problem.request.n > FEW:
             # Of so many objects growth will be asked, too: it can begin at once where there is a process for it.
             from scenegen.sampling.growth.plan import begin_growth
 
-            first = begin_growth(problem, budget)
-        if first is not None:
-            stack.enter_context(first)
+            begun = begin_growth(problem, budget)
+        if begun is not None:
+            stack.enter_context(begun)
         found = look(problem, budget, FIRST)
         if found.plan is not None and found.enough:
             return because(found.plan, in_range(found.plan))
         # Loading growth and splitting takes longer than many requests for which rejection is enough.
         from scenegen.sampling.contest import contest
 
-        return contest(problem, budget, found, first=first)
+        return contest(problem, budget, found, begun=begun)

@@ -32,12 +32,12 @@ SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
 
 
-def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = False, first: Begun | None = None) -> Plan:
-    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `first` is
-    what growth has begun: see `begin_growth`. Raises RequestError as `choose` does."""
+def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = False, begun: Begun | None = None) -> Plan:
+    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `begun` is
+    what growth has done so far: see `begin_growth`. Raises RequestError as `choose` does."""
     if found.trial is None:
-        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget, first)
-    return _after_trial(problem, budget, found, found.trial, whole=whole, first=first)
+        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget, begun)
+    return _after_trial(problem, budget, found, found.trial, whole=whole, begun=begun)
 
 
 def _apart(problem: Problem, budget: Budget) -> Paired | None:
@@ -50,13 +50,13 @@ def _apart(problem: Problem, budget: Budget) -> Paired | None:
     return because(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
 
-def _after_pruning(problem: Problem, budget: Budget, first: Begun | None) -> Plan:
+def _after_pruning(problem: Problem, budget: Budget, begun: Begun | None) -> Plan:
     """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else pruning
     continues for a while."""
     simple = _without_pruning(problem, budget)
     if simple is not None:
         return because(simple, in_range(simple))
-    grown = plan_growth(problem, budget, patient=False, first=first)
+    grown = plan_growth(problem, budget, patient=False, begun=begun)
     if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
         return because(grown, "pruning takes much work, growth does not")
     if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
@@ -98,7 +98,7 @@ def _after_trial(
     *,
     whole: bool,
     quick: Growth | NoGrowth | None = None,
-    first: Begun | None = None,
+    begun: Begun | None = None,
 ) -> Plan:
     """`quick` is a plan of growth on which little was spent, where it has been made."""
     mine = found.plan
@@ -109,12 +109,12 @@ def _after_trial(
         return apart
     if mine is None and not trial.rate.hits:
         why = f"none of {trial.tried:,} candidates of rejection is in range"
-        return _without_rejection(problem, budget, why, trial, quick, first)
+        return _without_rejection(problem, budget, why, trial, quick, begun)
     if mine is None:
-        return _after_cells(problem, budget, trial, quick, first)
+        return _after_cells(problem, budget, trial, quick, begun)
     if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
         return apart
-    rival = _other(problem, budget, quick, first, ahead=False)
+    rival = _other(problem, budget, quick, begun, ahead=False)
     if not isinstance(rival, Growth | Splitting):
         if _time_is_up(rival):
             raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells(problem, mine)))
@@ -130,11 +130,11 @@ def _after_trial(
 
 
 def _after_cells(
-    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, first: Begun | None
+    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, begun: Begun | None
 ) -> Plan:
     """If pruning each cell takes much work: another method, or all the work if there is none."""
     why = "pruning each cell takes too much work"
-    rival = _other(problem, budget, quick, first)
+    rival = _other(problem, budget, quick, begun)
     if isinstance(rival, Growth | Splitting):
         return because(rival, why)
     if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
@@ -151,10 +151,10 @@ def _without_rejection(
     why: str,
     trial: Trial | None = None,
     quick: Growth | NoGrowth | None = None,
-    first: Begun | None = None,
+    begun: Begun | None = None,
 ) -> Plan:
     """If rejection has no plan, or its first candidates are all out of the range."""
-    plan = _other(problem, budget, quick, first)
+    plan = _other(problem, budget, quick, begun)
     if isinstance(plan, Growth | Splitting):
         return because(plan, why)
     if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
@@ -172,12 +172,12 @@ def _other(
     problem: Problem,
     budget: Budget,
     quick: Growth | NoGrowth | None = None,
-    first: Begun | None = None,
+    begun: Begun | None = None,
     *,
     ahead: bool = True,
 ) -> Growth | Splitting | NoGrowth | Stalled:
     """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
-    quick = plan_growth(problem, budget, patient=False, ahead=ahead, first=first) if quick is None else quick
+    quick = plan_growth(problem, budget, patient=False, ahead=ahead, begun=begun) if quick is None else quick
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
     if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):

@@ -1,15 +1,18 @@
 """Sets of shards: the same bytes from each engine, whatever happens on the way."""
 
 import dataclasses
+import functools
 import hashlib
+import itertools
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scenegen.engine.engines import chosen, open_engine
-from scenegen.engine.local import Local
+from scenegen.engine.local import AHEAD, Local, _Packing
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.formats.registry import read_scenes
@@ -17,6 +20,7 @@ from scenegen.formats.sets import MANIFEST, read_manifest, read_set
 from scenegen.formats.stores import store_at
 
 sys.path.insert(0, str(Path(__file__).parent))
+from made import Made
 from made_sets import BLOCK, COUNT, digest, run
 
 
@@ -213,3 +217,60 @@ def test_engines_that_are_not_there(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(RequestError, match=r"ray is needed .* and is not installed"):
         open_engine("ray", None, None)
+
+
+class _Slow:
+    """A plan's check that fails at one block, or is slow."""
+
+    def __init__(self, at, seconds=0.0):
+        self.at, self.seconds, self.seen = at, seconds, 0
+
+    def __call__(self, rows, phi):
+        self.seen += 1
+        time.sleep(self.seconds)
+        assert self.seen != self.at, "a wrong scene"
+
+
+def _checked(monkeypatch, check):
+    monkeypatch.setattr("made_sets.Made", functools.partial(Made, verified=True))
+    monkeypatch.setattr(Made, "check", staticmethod(check), raising=False)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("at", [1, 2, 3, 7])
+def test_a_shard_that_cannot_be_packed_ends_the_run(at, tmp_path, monkeypatch):
+    """Also when more of its blocks come than may wait: nobody waits for a thread that has ended."""
+    _checked(monkeypatch, _Slow(at))
+    monkeypatch.setattr("scenegen.engine.local.AHEAD", 1)
+    with Local(2) as engine, pytest.raises(AssertionError, match="a wrong scene"):
+        run(tmp_path / "set", engine)
+    assert len(read_manifest(store_at(f"{tmp_path}/set/")).shards) <= (at - 1) // 2
+
+
+@pytest.mark.long
+def test_a_run_that_ends_in_the_midst_of_a_shard_leaves_no_thread(tmp_path, monkeypatch):
+    _checked(monkeypatch, _Slow(0, 0.2))
+    pieces = itertools.count()
+    begun = time.monotonic()
+    with Local(2) as engine:
+        run(tmp_path / "set", engine, spent=lambda: next(pieces) == 3)
+        threads = list(engine._threads._threads)
+    assert time.monotonic() - begun < 30.0 and not any(thread.is_alive() for thread in threads)
+    run(tmp_path / "set", Local(1), resume=True)
+    assert read_manifest(store_at(f"{tmp_path}/set/")).complete
+
+
+@pytest.mark.long
+def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
+    slow = _Slow(0, 0.05)
+    _checked(monkeypatch, slow)
+    add, most = _Packing.add, []
+
+    def counted(self, block):
+        most.append(self._blocks.qsize())
+        add(self, block)
+
+    monkeypatch.setattr(_Packing, "add", counted)
+    with Local(2) as engine:
+        run(tmp_path / "set", engine)
+    assert max(most) <= AHEAD and slow.seen == 7

@@ -10,10 +10,8 @@ such populations that know nothing of each other: the second one is the second p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -42,6 +40,8 @@ OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at l
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
 NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see settle.LOST
+EVEN = 0.75  # of that, for an even number of pieces
 AGAIN = 2  # times that a population is made larger
 
 
@@ -106,6 +106,8 @@ class Second:
 
     def __call__(self, size: Size) -> Taken:
         machine, made = _made(self.problem, self.budget, replace(size, fewest=0.0), 1)
+        if made is None:
+            raise StoppedError(placed_of(machine, size.count))
         if isinstance(made, Stuck) or made.taken is None:
             none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
             return Taken(*none, 0.0, 0.0, 0.0, machine.work)
@@ -114,36 +116,54 @@ class Second:
 
 @dataclass(frozen=True, slots=True)
 class First:
-    """The machine and the first population of a problem, in any process. Raises StoppedError."""
+    """The machine and the first population of a problem, in any process; None if time was up before."""
 
     problem: Problem
     budget: Budget
 
-    def __call__(self, size: Size) -> tuple[Machine, Population | Stuck]:
+    def __call__(self, size: Size) -> tuple[Machine, Population | Stuck | None]:
         return _made(self.problem, self.budget, size, 0)
 
 
-def _made(problem: Problem, budget: Budget, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+def _made(problem: Problem, budget: Budget, size: Size, which: int) -> tuple[Machine, Population | Stuck | None]:
     with np.errstate(all="ignore"):
         machine = with_deadline(make_machine(problem), budget.ends)
         try:
             return machine, make_population(machine, size, _of_plan(problem.request.seed, which))
-        except StoppedError as error:
-            raise StoppedError(placed_of(machine, size.count)) from error
+        except StoppedError:
+            return machine, None
 
 
-Begun = Beside[Size, tuple[Machine, Population | Stuck]]
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Both populations of a problem, each in a process of its own. A context manager, at the end of which they are
+    given up unless they are done."""
+
+    first: Beside[Size, tuple[Machine, Population | Stuck | None]]
+    second: Beside[Size, Taken]
+
+    def __enter__(self) -> Begun:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.first.__exit__()
+        self.second.__exit__()
 
 
 def begin_growth(problem: Problem, budget: Budget) -> Begun | None:
-    """The first population of a large request, in another process, while it is found out whether
-    growth is the method for it: a plan that is not `patient` takes it. None for small requests, or where there is no
-    further process."""
-    workers = problem.request.workers
+    """The populations of a large request, in other processes, while it is found out whether growth is the method for
+    it: a plan that is not `patient` takes them. None for small requests, or where there are no further processes."""
     size = _size(problem, 0)
-    if size.populations < 2 or (cores() if workers is None else workers) < 2:
+    if not _shared(problem, size):
         return None
-    return Beside(First(problem, budget), size, budget.reserve)
+    first = Beside(First(problem, budget), size, budget.reserve)
+    return Begun(first, Beside(Second(problem, budget), size, budget.reserve))
+
+
+def _shared(problem: Problem, size: Size) -> bool:
+    """Whether there are two populations, and a process for each."""
+    workers = problem.request.workers
+    return size.populations > 1 and (cores() if workers is None else workers) > 1
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -163,53 +183,47 @@ def make_recipe(
     *,
     patient: bool,
     ahead: bool,
-    first: Begun | None = None,
+    begun: Begun | None = None,
 ) -> tuple[Machine, Recipe] | Stalled:
     """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
     populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: the
-    second population may be made meanwhile. `first`: see `begin_growth`."""
-    machine = None
+    second population may be made meanwhile. `begun`: see `begin_growth`."""
     size = _size(problem, AGAIN if patient else 0)
-    workers = problem.request.workers
-    second = Second(problem, budget)
     with ExitStack() as stack:
-        make_second: Callable[[], Taken] | None = None
-        if ahead and size.populations > 1 and (cores() if workers is None else workers) > 1:
-            if first is None:
-                make_second = stack.enter_context(Beside(second, size, budget.reserve)).result
-            else:  # the other process makes the first one
-                make_second = partial(second, size)
+        second = None if begun is None or not ahead else begun.second
+        if begun is None and ahead and _shared(problem, size):
+            second = stack.enter_context(Beside(Second(problem, budget), size, budget.reserve))
+        machine = None
         try:
             machine = make_machine(problem)
             proof = too_full(machine.graph, problem.core.objects)
             if proof:
                 return Stalled(machine, None, 0.0, proof)
             machine.deadline = budget.ends
-            taken = None
-            if first is not None:
-                taken = _unless_late(make_second)
-                machine, made = first.result()
-                machine.deadline = budget.ends
-            else:
+            if begun is None:
                 made = make_population(machine, size, _of_plan(problem.request.seed, 0))
+            else:
+                machine, found = begun.first.result()
+                if found is None:
+                    raise StoppedError
+                made = found
+                machine.deadline = budget.ends
             if isinstance(made, Stuck):
                 return Stalled(machine, made, machine.work)
         except StoppedError:
             return Stalled(machine, None, 0.0 if machine is None else machine.work)
         recipe = _recipe(problem, machine, size, made)
-        if first is None and made.taken is not None:
-            taken = _unless_late(make_second)
-        if taken is not None and made.taken is not None:
-            recipe = replace(recipe, taken=(*recipe.taken, taken))
+        if second is not None and made.taken is not None:
+            recipe = _with_second(recipe, second)
     return machine, recipe
 
 
-def _unless_late(make: Callable[[], Taken] | None) -> Taken | None:
-    """The second population; None if nobody makes it, or time is up before."""
+def _with_second(recipe: Recipe, second: Beside[Size, Taken]) -> Recipe:
+    """The recipe with its second piece, unless time is up before that is made."""
     try:
-        return None if make is None else make()
+        return replace(recipe, taken=(*recipe.taken, second.result()))
     except StoppedError:
-        return None
+        return recipe
 
 
 def placed_of(machine: Machine, count: int) -> str:
@@ -242,11 +256,12 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
     settled = made.settled
     there = size.populations * made.taken.count
-    left = max(0.0, wanted_scenes(cells, problem.request.n) - there)
+    spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
+    left = max(0.0, spare / SPARE * wanted_scenes(cells, problem.request.n) - there)
     wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
     moving = len(machine.graph.rows)
-    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= WORTH:
+    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN * WORTH:
         pieces += 1  # as many for each of two processes
     each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
     piece = (made.cost + settled.cost * settled.sweeps) * each / count

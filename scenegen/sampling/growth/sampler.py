@@ -180,13 +180,13 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, first: Begun | None = None
+    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, begun: Begun | None = None
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
     spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: another process may
-    begin to draw meanwhile; `first` is what one has begun: see `begin_growth`. The plan is the same without."""
+    begin to draw meanwhile; `begun` is what others have: see `begin_growth`. The plan is the same without."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, ahead=ahead, first=first)
+        made = make_recipe(problem, budget, patient=patient, ahead=ahead, begun=begun)
     if isinstance(made, Stalled):
         return made
     machine, recipe = made

@@ -107,9 +107,9 @@ class _Planner:
         pieces = -(-problem.request.n // (self._chains * self._takes))
         workers = problem.request.workers
         try:
-            if not ahead or pieces < PIECES or (cores() if workers is None else workers) < 2:
+            if not ahead or pieces < PIECES // 2 or (cores() if workers is None else workers) < 2:
                 return self._plan()
-            work: Ahead[Stage] = Ahead(Pieces(problem, self._chains, budget), PIECES, budget.reserve)
+            work: Ahead[Stage] = Ahead(Pieces(problem, self._chains, budget), min(pieces, PIECES), budget.reserve)
             with work as self._ahead:
                 found = self._plan()
                 return replace(found, begun=work.states()) if isinstance(found, Schedule) else found

@@ -1,0 +1,132 @@
+"""Processes that are started ahead and kept: for one job after another, and never for two at a time."""
+
+import itertools
+import os
+import pickle
+import queue
+import signal
+import time
+
+import pytest
+
+from scenegen.processes.beside import Beside
+from scenegen.processes.pool import Pool, run_pieces
+from scenegen.processes.process import Process
+from scenegen.processes.reserve import Reserve
+
+pytestmark = pytest.mark.usefixtures("interruptible")
+
+
+def who(item):
+    time.sleep(0.05)  # so that each gets some
+    return item, os.getpid()
+
+
+def fails(item):
+    raise ValueError(f"no good: {item}")
+
+
+def waits(item):
+    time.sleep(600.0 * item)
+    return os.getpid()
+
+
+def gone(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def idle(reserve):
+    return [process.process.pid for process in reserve._idle]
+
+
+@pytest.mark.long
+def test_one_job_after_another_by_the_same_processes():
+    with Reserve(2) as reserve:
+        mine = set(idle(reserve))
+        assert len(mine) == 2
+        with Pool(who, 2, reserve=reserve) as pool:
+            first = {process for _, process in pool.map(range(60))}
+        assert set(idle(reserve)) == mine
+        with Beside(who, 7, reserve) as beside:
+            assert beside.result()[1] in mine
+        second = {process for _, process in run_pieces(who, range(20), 2, reserve)}
+        assert first <= mine and second <= mine and set(idle(reserve)) == mine
+    assert all(map(gone, mine))
+
+
+@pytest.mark.long
+def test_a_process_at_work_is_not_used_again():
+    with Reserve(2) as reserve:
+        mine = set(idle(reserve))
+        with run_pieces_until_the_first(waits, [0, 1, 1], reserve) as (process, rest):
+            assert process in mine
+            rest.close()
+        assert set(idle(reserve)) <= mine and all(gone(one) for one in mine.difference(idle(reserve)))
+        with Beside(waits, 1, reserve):
+            pass
+        assert list(run_pieces(abs, range(3), 2, reserve)) == [0, 1, 2]
+
+
+class run_pieces_until_the_first:  # noqa: N801 - it reads as a function
+    def __init__(self, job, items, reserve):
+        self.results = run_pieces(job, items, 2, reserve)
+
+    def __enter__(self):
+        return next(self.results), self.results
+
+    def __exit__(self, *_):
+        self.results.close()
+
+
+@pytest.mark.long
+def test_one_that_died_while_it_waited_is_replaced():
+    with Reserve(1) as reserve:
+        (process,) = idle(reserve)
+        os.kill(process, signal.SIGKILL)
+        assert list(run_pieces(abs, range(5), 2, reserve)) == [0, 1, 2, 3, 4]
+        assert process not in idle(reserve)
+
+
+@pytest.mark.long
+def test_after_an_error_it_takes_the_next_job():
+    with Reserve(1) as reserve:
+        mine = idle(reserve)
+        with Beside(fails, 3, reserve) as beside, pytest.raises(ValueError, match="no good: 3"):
+            beside.result()
+        with Beside(who, 4, reserve) as beside:
+            assert beside.result() == (4, mine[0])
+
+
+def test_a_job_that_cannot_be_loaded_is_an_error_and_the_last_one_is_gone():
+    inbox = queue.SimpleQueue()
+    process = Process("a worker process")
+    try:
+        for job, ready in ((pickle.dumps(abs), 0), (b"no pickle", 1)):
+            process.take_up(job, inbox)
+            message = inbox.get(timeout=60)
+            assert message.ready and message.status == ready
+        process.order(0, -3)
+        assert inbox.get(timeout=60).status == 1
+    finally:
+        process.end()
+
+
+def test_where_none_can_start_the_reserve_is_empty(monkeypatch):
+    def none(*_, **__):
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("scenegen.processes.process.subprocess.Popen", none)
+    with Reserve(3) as reserve:
+        assert idle(reserve) == []
+
+
+@pytest.mark.long
+def test_a_large_job_reaches_a_process_that_is_still_starting():
+    large = bytes(range(256)) * (1 << 14)  # more than a pipe holds
+    with Reserve(2) as reserve:
+        found = list(itertools.islice(run_pieces(large.__getitem__, itertools.count(), 2, reserve), 300))
+    assert found == [k % 256 for k in range(300)]

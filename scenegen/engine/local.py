@@ -29,8 +29,8 @@ from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
-WRITERS = 2  # shards that are packed and written at a time
-AHEAD = 2  # blocks of a shard that wait to be packed
+WRITERS = 3  # shards that are packed and written at a time: one fills while others are hashed and written
+AHEAD = 4  # blocks of a shard that wait to be packed
 
 
 class _Packing:
@@ -80,7 +80,7 @@ class Local(Engine):
 
     def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
         self._workers, self._reserve = workers, reserve
-        self._threads = ThreadPoolExecutor(min(workers, WRITERS)) if workers > 1 else None
+        self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
         self._tell: Tell | None = None
         self._packing: _Packing | None = None  # the shard that is being filled
         self._packed: deque[_Packing] = deque()  # those that are full

@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
 
@@ -24,9 +25,10 @@ def start_processes(
     workers: int | None, engine: str = "local", *, settle: bool = False, load: tuple[str, ...] = SCENES
 ) -> Reserve:
     """If a request asks for several processes, they start at once and load what most plans need; none if another engine
-    draws its pieces, or a simulator settles them."""
-    several = workers is not None and workers > 1 and engine == "local" and not settle
-    return Reserve(min(workers or 1, cores()) if several else 0, load)
+    draws its pieces, or a simulator settles them. Raises RequestError for an invalid number."""
+    count = 1 if workers is None else check_workers(workers)
+    several = count > 1 and engine == "local" and not settle
+    return Reserve(min(count, cores()) if several else 0, load)
 
 
 @contextlib.contextmanager

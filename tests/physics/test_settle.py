@@ -178,7 +178,7 @@ def test_fewer_workers_than_one_are_refused():
 
 def test_a_process_that_dies_is_a_diagnostic(monkeypatch):
     program = [sys.executable, "-c", "import sys; sys.exit('out of gravity')"]
-    monkeypatch.setattr(process, "command", lambda module: program)
+    monkeypatch.setattr(process, "command", lambda module, load=(): program)
     with pytest.raises(ScenegenError, match="out of gravity"):
         settle_scenes(SHAPES, np.zeros((40, 5, 3)), workers=2)
 

@@ -89,9 +89,10 @@ def test_one_worker_and_two_give_the_same_bytes(tmp_path):
 def test_every_asset_shows_up_in_its_colors(tmp_path):
     """On one large table, in both views: some pixels of each, of more than one colour."""
     names = list(ASSETS)
-    row = [(0.3 + 0.5 * (k % 6), 0.3 + 0.5 * (k // 6), 0.5) for k in range(len(names))]
-    file = scene_file(names, [row], x=(0.0, 3.1), y=(0.0, 3.1))
-    done = render_scenes(file, tmp_path, size=(640, 480), workers=1, masks=True)
+    side = int(np.ceil(np.sqrt(len(names))))
+    row = [(0.3 + 0.5 * (k % side), 0.3 + 0.5 * (k // side), 0.5) for k in range(len(names))]
+    file = scene_file(names, [row], x=(0.0, 0.5 * side + 0.1), y=(0.0, 0.5 * side + 0.1))
+    done = render_scenes(file, tmp_path, size=(800, 600), workers=1, masks=True)
     for path in done.pictures:
         picture = np.asarray(Image.open(path)).astype(int)
         mask = np.load(path.with_suffix(".npz"))["mask"]
@@ -190,7 +191,7 @@ def test_a_failure_leaves_other_files_alone(tmp_path, monkeypatch):
 
 def test_a_worker_that_dies_is_a_diagnostic(tmp_path, monkeypatch):
     program = [sys.executable, "-c", "import sys; sys.exit('out of paint')"]
-    monkeypatch.setattr(process, "command", lambda module: program)
+    monkeypatch.setattr(process, "command", lambda module, load=(): program)
     with pytest.raises(ScenegenError, match="out of paint"):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "out", size=SIZE, workers=1)
     assert not (tmp_path / "out").exists()

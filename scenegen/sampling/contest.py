@@ -36,15 +36,17 @@ def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = Fals
     """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `begun` is
     what growth has done so far: see `begin_growth`. Raises RequestError as `choose` does."""
     if found.trial is None:
-        return (None if whole else _apart(problem, budget)) or _after_pruning(problem, budget, begun)
+        return (None if whole else _apart(problem, budget, begun)) or _after_pruning(problem, budget, begun)
     return _after_trial(problem, budget, found, found.trial, whole=whole, begun=begun)
 
 
-def _apart(problem: Problem, budget: Budget) -> Paired | None:
+def _apart(problem: Problem, budget: Budget, begun: Begun | None) -> Paired | None:
     """Each independent part by the method that suits it; None if fewer than two of them are rare."""
     parts = independent_parts(problem, budget)
     if not parts:
         return None
+    if begun is not None:
+        begun.give_up()
     plans = [contest(part.problem, budget, look(part.problem, budget, FIRST), whole=True) for part in parts]
     methods = ", ".join(plan.method for plan in plans)
     return because(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
@@ -104,7 +106,7 @@ def _after_trial(
     mine = found.plan
     if mine is not None and found.enough:
         return because(mine, in_range(mine))
-    apart = None if whole else _apart(problem, budget)
+    apart = None if whole else _apart(problem, budget, begun)
     if mine is None and apart is not None:
         return apart
     if mine is None and not trial.rate.hits:

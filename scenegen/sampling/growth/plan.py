@@ -134,20 +134,27 @@ def _made(problem: Problem, budget: Budget, size: Size, which: int) -> tuple[Mac
             return machine, None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Begun:
     """Both populations of a problem, each in a process of its own. A context manager, at the end of which they are
-    given up unless they are done."""
+    given up."""
 
     first: Beside[Size, tuple[Machine, Population | Stuck | None]]
     second: Beside[Size, Taken]
+    given_up: bool = False
 
     def __enter__(self) -> Begun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.first.__exit__()
-        self.second.__exit__()
+        self.give_up()
+
+    def give_up(self) -> None:
+        """End what is not done: nobody will ask for it."""
+        if not self.given_up:
+            self.given_up = True
+            self.first.__exit__()
+            self.second.__exit__()
 
 
 def begin_growth(problem: Problem, budget: Budget) -> Begun | None:
@@ -189,6 +196,7 @@ def make_recipe(
     populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: the
     second population may be made meanwhile. `begun`: see `begin_growth`."""
     size = _size(problem, AGAIN if patient else 0)
+    begun = None if begun is None or begun.given_up else begun
     with ExitStack() as stack:
         second = None if begun is None or not ahead else begun.second
         if begun is None and ahead and _shared(problem, size):

@@ -90,7 +90,8 @@ def test_a_first_population_begun_elsewhere_makes_the_same_plan(plan):
     problems = [dataclasses.replace(plan.problem, request=request) for request in requests]
     with begin_growth(problems[0], Budget(600.0)) as elsewhere:
         begun = plan_growth(problems[0], Budget(600.0), patient=False, begun=elsewhere)
-    later = plan_growth(problems[1], Budget(600.0), patient=False)
+    assert elsewhere.given_up  # so the next plan is made here
+    later = plan_growth(problems[1], Budget(600.0), patient=False, begun=elsewhere)
     assert begin_growth(problems[1], Budget(600.0)) is None
     assert (len(begun.recipe.taken), len(later.recipe.taken)) == (2, 1) and begun.plan_digest == later.plan_digest
     for k in range(3):

@@ -105,6 +105,8 @@ class Local(Engine):
         if self._threads is not None:
             self._packing = self._packing or _Packing(self._threads, writing, number)
             self._packing.add(block)
+            if self._packing.shard.done():  # before its last block: it has failed
+                self._packing.shard.result()
 
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         self._tell = writing.store.tell

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from scenegen.motions.mixture import Meter
 from scenegen.motions.moves import changes
 from scenegen.motions.problem import GATES, Array, MotionProblem
 from scenegen.processes.ahead import Ahead
+from scenegen.sampling.begun import Pieces
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.chains import Region, which_cell
 
@@ -97,26 +99,6 @@ def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
     return begun
 
 
-@dataclass(slots=True)
-class Pieces:
-    """The first pieces of a plan that is still being made, each as far as it has come: the job of `processes.ahead`."""
-
-    problem: MotionProblem
-    chains: int
-    stop: Stop = NEVER
-    begun: dict[int, Begun] = field(default_factory=dict)
-
-    def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
-        number, stage = order
-        if stage is None:
-            return pickle.dumps(self.begun[number], protocol=5)
-        with np.errstate(all="ignore"):
-            if number not in self.begun:
-                self.begun[number] = begin(self.problem, self.chains, number, self.stop)
-            self.begun[number].follow(stage)
-        return None
-
-
 def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
     """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
     Raises StoppedError when time is up."""
@@ -146,7 +128,8 @@ class _Planner:
     def pieces(self) -> Ahead[Stage]:
         """Pieces that begin in another process."""
         problem, budget = self._chains.problem, self._budget
-        return Ahead(Pieces(problem, self._piece, budget), PIECES, budget.reserve)
+        job = Pieces[Stage](partial(begin, problem, self._piece, stop=budget))
+        return Ahead(job, PIECES, budget.reserve)
 
     def plan(self, ahead: Ahead[Stage] | None = None) -> Schedule | None:
         """The schedule; `ahead` is told each stage."""

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
-import queue
-import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from scenegen.errors import ScenegenError
-from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.companion import Companion
+from scenegen.processes.process import Message, Process
 from scenegen.processes.reserve import Reserve
 from scenegen.processes.worker import FAILED
 
@@ -17,38 +14,14 @@ Item = TypeVar("Item")
 T = TypeVar("T")
 
 
-class Beside(Generic[Item, T]):
-    """job(item), begun at once; both must be picklable. A context manager, at the end of which the process ends, or
-    goes back to the `reserve` that it comes from if it is done. Where none can start, or it dies, the work is done here
+class Beside(Companion, Generic[Item, T]):
+    """job(item), begun at once; both must be picklable. Where no process can start, or it dies, the work is done here
     when the result is asked for."""
 
     def __init__(self, job: Callable[[Item], T], item: Item, reserve: Reserve | None = None) -> None:
         self._job, self._item = job, item
-        self._reserve = Reserve() if reserve is None else reserve
-        self._own = reserve is None
-        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._answer: Message | None = None
-        self._process: Process | None = None
-        try:
-            self._process = self._reserve.take("a worker process")
-        except ScenegenError:
-            return
-        self._process.take_up(pickle.dumps(job, protocol=5), self._inbox)
-        self._thread = threading.Thread(target=self._wait, args=(self._process,), daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> Beside[Item, T]:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._process is None:
-            return
-        if self._thread.is_alive():
-            self._process.process.kill()
-        self._thread.join()
-        self._reserve.bring_back(self._process)
-        if self._own:
-            self._reserve.close()
+        super().__init__(job, reserve)
 
     def result(self) -> T:
         """Waits for it. Raises what the job raises."""
@@ -61,13 +34,8 @@ class Beside(Generic[Item, T]):
         value: T = self._answer.value
         return value
 
-    def _wait(self, process: Process) -> None:
-        """Runs in its own thread: an order for a process that is ready, then its answer."""
-        message = self._inbox.get()
-        if message.ready and message.status != FAILED:
-            process.ready = True
-            process.order(0, self._item)
-            message = self._inbox.get()
-            process.orders.popleft()
-        if message.status != GONE:
-            self._answer = message
+    def _work(self, process: Process) -> None:
+        self._answer = self._ask(process, self._item)
+
+    def _refused(self, message: Message) -> None:
+        self._answer = message

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -20,12 +21,13 @@ from scenegen.bounds.effort import StoppedError
 from scenegen.lang.core import REQUIRE
 from scenegen.processes.ahead import Ahead
 from scenegen.processes.process import cores
+from scenegen.sampling.begun import Pieces
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.splitting.autocorrelation import Statistics, forgetting
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Region
 from scenegen.sampling.splitting.spreading import even_out
-from scenegen.sampling.splitting.stages import Pieces, Stage, generator
+from scenegen.sampling.splitting.stages import Stage, begin, generator
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +111,8 @@ class _Planner:
         try:
             if not ahead or pieces < PIECES // 2 or (cores() if workers is None else workers) < 2:
                 return self._plan()
-            work: Ahead[Stage] = Ahead(Pieces(problem, self._chains, budget), min(pieces, PIECES), budget.reserve)
+            job = Pieces[Stage](partial(begin, problem, self._chains, stop=budget))
+            work: Ahead[Stage] = Ahead(job, min(pieces, PIECES), budget.reserve)
             with work as self._ahead:
                 found = self._plan()
                 return replace(found, begun=work.states()) if isinstance(found, Schedule) else found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,23 +63,3 @@ def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
     begun: Begun = pickle.loads(stored)  # noqa: S301 - from our own process
     begun.chains.tape = Tape(begun.chains.chain_state, stop=stop)  # the time that is left is another one now
     return begun
-
-
-@dataclass(slots=True)
-class Pieces:
-    """The first pieces of a plan that is still being made, each as far as it has come: the job of `processes.ahead`."""
-
-    problem: Problem
-    chains: int
-    stop: Stop = NEVER
-    begun: dict[int, Begun] = field(default_factory=dict)
-
-    def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
-        number, stage = order
-        if stage is None:
-            return pickle.dumps(self.begun[number], protocol=5)
-        with np.errstate(all="ignore"):
-            if number not in self.begun:
-                self.begun[number] = begin(self.problem, self.chains, number, self.stop)
-            self.begun[number].follow(stage)
-        return None

@@ -166,8 +166,8 @@ class SceneSet(SceneArrays):
         default view is then "look", from the look's own camera, and looks.jsonl records what was drawn. `meshes`,
         the folder that the spec was in, draws objects with a mesh or URDF file as their files show them. The result's
         `pictures` are the paths in scene order, `sheet` is the contact sheet's, `cameras` that of a JSON file with
-        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is told how many scenes
-        of how many are drawn. Raises RequestError, DataError, OutputError.
+        intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is called with the
+        number of scenes drawn and their total. Raises RequestError, DataError, OutputError.
         """
         from scenegen.render import render_scenes
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from scenegen.api.model import Model
@@ -62,8 +63,10 @@ def write_set(
     check_engine(engine, address)
     refuse_held(store)
     sets.refuse_taken(store, resume=resume)
-    with open_budget(request, engine, reserve=reserve) as budget:
-        plan = plan_of(source, request, budget, on_note)
+    with (
+        open_budget(request, engine, reserve=reserve) as budget,
+        closing(plan_of(source, request, budget, on_note)) as plan,
+    ):
         labels = plan.problem.spec.labels
         header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
         facts = request_of(plan.problem, {"scenegen": __version__})
@@ -79,27 +82,24 @@ def write_set(
         def account(tally: Tally) -> Mapping[str, Any]:
             return summed_up(plan, tally)[0]
 
-        try:
-            with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
+        with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
 
-                def spent() -> bool:
-                    hold.check()
-                    return budget.spent
+            def spent() -> bool:
+                hold.check()
+                return budget.spent
 
-                tally, manifest = write(
-                    store, plan, chosen, manifest, writing, account,
-                    resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
-                )  # fmt: skip
-                warnings: tuple[Diagnostic, ...] = ()
-                if tally is not None:
-                    warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
-                    if shortfall is not None:
-                        if not manifest.complete:
-                            raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
-                        warnings = (*warnings, partial(shortfall))
-                write_card(store, manifest)
-        finally:
-            plan.close()
+            tally, manifest = write(
+                store, plan, chosen, manifest, writing, account,
+                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
+            )  # fmt: skip
+            warnings: tuple[Diagnostic, ...] = ()
+            if tally is not None:
+                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
+                if shortfall is not None:
+                    if not manifest.complete:
+                        raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
+                    warnings = (*warnings, partial(shortfall))
+            write_card(store, manifest)
     phi = {label: Met(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
     full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
     return Written(store.location, manifest.scenes, full, phi, warnings)

@@ -56,7 +56,7 @@ def clashing(
 
 def relaxed(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
     """A requirement that is satisfied by the same scenes, without the constants in it and without the atoms `known` to
-    be required already: of what is required only the sign counts, most pairs of `noCollision` are told apart by their
+    be required already: of what is required only the sign counts, most pairs of `noCollision` are apart by their
     heights, and what stands in a tray is clear of its walls."""
     builder = lowering.builder
     margins = {atom.margin for which in known if isinstance(atom := builder.nodes[which], Atom)}

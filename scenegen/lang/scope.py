@@ -1,6 +1,6 @@
 """Which names a spec knows: what each statement declares, and the objects that a spec without `object` uses.
 
-Relations and functions live apart from everything else, since a call is told by its parenthesis: an object may be
+Relations and functions live apart from everything else, since a parenthesis marks a call: an object may be
 called `box` or `x`.
 """
 

@@ -33,7 +33,7 @@ _IMPORT = re.compile(r'\bimport\s*"')
 
 
 class RequestFailed(JsonRpcException):
-    """A client's request cannot be fulfilled, and the client is told why: not a failure of the server."""
+    """A client's request cannot be fulfilled, and the answer says why: not a failure of the server."""
 
     CODE = types.LSPErrorCodes.RequestFailed.value
 

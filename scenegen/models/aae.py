@@ -4,7 +4,7 @@ An encoder turns scene, labels, branch and some noise into a code, the decoder (
 for its noise) turns the code back into the scene, and a critic (scenegen.models.adversary) sees to it that codes of
 every phi and branch are distributed as the decoder's own noise is: uniformly. Then noise decodes to scenes as they are
 distributed in truth. So that what lies between the codes of true scenes hits phi too, the inconsistency of phi is taken
-on decoded noise, not on copies. Labels and branch are told to all three: the published encoder is not told, and its
+on decoded noise, not on copies. Labels and branch are inputs of all three: the published encoder lacks them, and its
 code had to carry phi, which the decoder then read off it instead of its label.
 """
 

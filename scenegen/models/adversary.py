@@ -1,4 +1,4 @@
-"""The adversarial game of the default GAN and AAE: a critic that is told phi and the branch, and what keeps it fair.
+"""The adversarial game of the default GAN and AAE: a critic that knows phi and the branch, and what keeps it fair.
 
 Made rows are paired with true rows of the same (phi, branch), and the critic says which of the two is the true one: it
 compares a made row with its like instead of with a threshold, so that no part of the truth can be left out at no cost

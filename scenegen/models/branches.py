@@ -1,11 +1,11 @@
 """Branches: which atom decides phi of each label.
 
 phi is a tree of min and max over atoms, so on a level set exactly one atom of each label has the wanted value: the set
-is a union of faces, one for each atom that can decide. A network that is told which face to draw from has a simple
+is a union of faces, one for each atom that can decide. A network that knows which face to draw from has a simple
 piece to learn, with one atom to hold at the value and the others on the right side of it; which face is drawn, and how
 often, is a table of its own that no adversary and no regression can collapse. For disjunctions (experiment 3) a face
 lies in one disjunct, so none is lost. Where objects stand on one of several surfaces, which ones these are is part of
-the branch: the choice is drawn from the table, and the network is told.
+the branch: the choice is drawn from the table, and is an input of the network.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from scenegen.models.view import View
 
 
 class ConditionedModel(SceneModel):
-    """A model that sees scenes through a View and is told the branch, which a Selector draws when it samples.
+    """A model that sees scenes through a View and knows the branch, which a Selector draws when it samples.
 
     Subclasses make their networks in __init__ and say in `make` how noise becomes a scene.
     """
@@ -105,7 +105,7 @@ ALONE, PAIR = 0.4, 0.4  # shares of scenes with one label given, and with two; t
 
 
 def given(batch: Examples, generator: torch.Generator) -> Tensor:
-    """Which labels a network is told of each scene, (B, L) bool: the one by which the scenes were balanced, and at
+    """Which labels of each scene a network sees, (B, L) bool: the one by which the scenes were balanced, and at
     random none, one or all of the others; all, where the scenes were balanced by all."""
     count, labels = batch.phi.shape
     device = batch.phi.device

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
-STREAM = 12  # random numbers of pairs; sampling/problem.py and motions/schedule.py name the others
+STREAM = 12  # random numbers of pairs; sampling/problem.py and motions/stages.py name the others
 TRIES = 4096  # starts that are tried for a goal before it is given up
 CHUNK = 16_384
 AGREE = 1e-9

@@ -14,7 +14,8 @@ import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.problem import Array, Index, MotionProblem
-from scenegen.motions.schedule import STREAM, Schedule, begin, generator, go_on, make_schedule
+from scenegen.motions.schedule import Schedule, make_schedule
+from scenegen.motions.stages import STREAM, begin, generator, go_on
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.digest import digest
@@ -26,6 +27,7 @@ BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
 LEAST = 8  # the same, of very large motions
 PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
 ENOUGH = 4  # hits of the rarest cell that tell how rare it is
+FACTS = 5  # of a piece of splitting, and three for each statistic
 MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
 
 
@@ -74,6 +76,10 @@ class MotionRejection(_MotionPlan):
         return self.problem.at_once(BATCH, LEAST)
 
     @property
+    def fact_count(self) -> int:
+        return 3
+
+    @property
     def scenes_per_piece(self) -> float:
         return self.batch * self.share
 
@@ -118,6 +124,11 @@ class MotionSplitting(_MotionPlan):
         plan = self.schedule
         moves = sum(stage.moves for stage in plan.stages)
         return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
+
+    @property
+    def fact_count(self) -> int:
+        with np.errstate(all="ignore"):
+            return FACTS + 3 * len(begin(self.problem, 2, 0).chains.statistics())
 
     @property
     def scenes_per_piece(self) -> float:

@@ -22,8 +22,7 @@ class Companion(ABC):
     no work. Where none can start there is none, and nothing is done."""
 
     def __init__(self, job: Callable[[Any], Any], reserve: Reserve | None) -> None:
-        self._reserve = Reserve() if reserve is None else reserve
-        self._own = reserve is None
+        self._reserve = Reserve(keeps=False) if reserve is None else reserve
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._process: Process | None = None
         try:
@@ -45,8 +44,6 @@ class Companion(ABC):
             self._stop()
         self._thread.join()
         self._reserve.bring_back(self._process)
-        if self._own:
-            self._reserve.close()
 
     def _talk(self, process: Process) -> None:
         """Runs in its own thread."""

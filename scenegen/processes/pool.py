@@ -74,9 +74,8 @@ def _once(
 
 class Pool(Generic[Item, T]):
     """Several processes that share the items of `map`, one call after another. They start with the first items and run
-    until `close`, an error, or the early end of a `map`: use it as a context manager.
-
-    They are taken from `reserve`, and brought back to it.
+    until `close`, an error, or the early end of a `map`: use it as a context manager. They are taken from `reserve`,
+    and brought back to it.
 
     `what` and `unit` name worker and item in errors: "{what} was killed by signal 9 at {unit} 3"; `spare` is the
     suggestion for using less memory.
@@ -94,8 +93,7 @@ class Pool(Generic[Item, T]):
     ) -> None:
         self._job = pickle.dumps(job, protocol=5)
         self._size, self._what, self._unit, self._spare = workers, what, unit, spare
-        self._reserve = Reserve() if reserve is None else reserve
-        self._own = reserve is None
+        self._reserve = Reserve(keeps=False) if reserve is None else reserve
         self._workers: list[Process] = []
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._stillborn = 0  # workers that died before they were ready
@@ -114,8 +112,6 @@ class Pool(Generic[Item, T]):
                 worker.process.kill()
         while self._workers:
             self._reserve.bring_back(self._workers.pop())
-        if self._own:
-            self._reserve.close()
 
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError

@@ -12,10 +12,12 @@ from scenegen.processes.process import Process
 class Reserve:
     """Idle processes: `count` of them start at once, and load the modules of `load`. Pools and others take processes
     from here, new ones if none is left, and bring them back when their job is done. A context manager, at the end of
-    which the idle ones end. Workers start in 0.2 s; most of it is saved where that is while the plan is begun."""
+    which the idle ones end. Workers start in 0.2 s; most of it is saved where that is while the plan is begun.
 
-    def __init__(self, count: int = 0, load: Sequence[str] = ()) -> None:
-        self._load = tuple(load)
+    One that keeps none serves those who have no reserve: each process is new, and ends when it is brought back."""
+
+    def __init__(self, count: int = 0, load: Sequence[str] = (), *, keeps: bool = True) -> None:
+        self._load, self._keeps = tuple(load), keeps
         self._idle: list[Process] = []
         with contextlib.suppress(ScenegenError):  # it is reported when one is needed
             for _ in range(count):
@@ -33,7 +35,7 @@ class Reserve:
 
     def bring_back(self, process: Process) -> None:
         """A process that may be used again, unless it is at work, or has ended: then it is ended."""
-        if process.idle:
+        if self._keeps and process.idle:
             self._idle.append(process)
         else:
             process.end()

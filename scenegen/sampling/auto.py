@@ -13,25 +13,25 @@ from scenegen.sampling.at_once import FIRST, MANY, because, in_range, look, movi
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 
-FEW = 1000  # scenes up to which growth is done before another process has begun
+FEW = 1000  # scenes up to which growth is done before another process has started
 
 
 def choose(problem: Problem, budget: Budget) -> Plan:
     """The plan by the better method; its `why` says why. Raises RequestError if there is no scene, or if time is up
     before there is a plan."""
     with ExitStack() as stack:
-        begun = None
+        started = None
         if moving(problem) > MANY and problem.request.n > FEW:
             # Of so many objects growth will be asked, too: it can begin at once where there is a process for it.
-            from scenegen.sampling.growth.plan import begin_growth
+            from scenegen.sampling.growth.plan import start_growth
 
-            begun = begin_growth(problem, budget)
-        if begun is not None:
-            stack.enter_context(begun)
+            started = start_growth(problem, budget)
+        if started is not None:
+            stack.enter_context(started)
         found = look(problem, budget, FIRST)
         if found.plan is not None and found.enough:
             return because(found.plan, in_range(found.plan))
         # Loading growth and splitting takes longer than many requests for which rejection is enough.
         from scenegen.sampling.contest import contest
 
-        return contest(problem, budget, found, begun=begun)
+        return contest(problem, budget, found, started=started)

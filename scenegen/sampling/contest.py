@@ -11,8 +11,8 @@ from __future__ import annotations
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
 from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, because, in_range, look, moving, open_cells
-from scenegen.sampling.growth.plan import Begun
 from scenegen.sampling.growth.plan import Stalled as NoGrowth
+from scenegen.sampling.growth.plan import Started
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.paired import Paired, pair
 from scenegen.sampling.parts import independent_parts
@@ -32,33 +32,35 @@ SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
 
 
-def contest(problem: Problem, budget: Budget, found: Look, *, whole: bool = False, begun: Begun | None = None) -> Plan:
-    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `begun` is
-    what growth has done so far: see `begin_growth`. Raises RequestError as `choose` does."""
+def contest(
+    problem: Problem, budget: Budget, found: Look, *, whole: bool = False, started: Started | None = None
+) -> Plan:
+    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `started`
+    is what growth has done so far: see `start_growth`. Raises RequestError as `choose` does."""
     if found.trial is None:
-        return (None if whole else _apart(problem, budget, begun)) or _after_pruning(problem, budget, begun)
-    return _after_trial(problem, budget, found, found.trial, whole=whole, begun=begun)
+        return (None if whole else _apart(problem, budget, started)) or _after_pruning(problem, budget, started)
+    return _after_trial(problem, budget, found, found.trial, whole=whole, started=started)
 
 
-def _apart(problem: Problem, budget: Budget, begun: Begun | None) -> Paired | None:
+def _apart(problem: Problem, budget: Budget, started: Started | None) -> Paired | None:
     """Each independent part by the method that suits it; None if fewer than two of them are rare."""
     parts = independent_parts(problem, budget)
     if not parts:
         return None
-    if begun is not None:
-        begun.give_up()
+    if started is not None:
+        started.give_up()
     plans = [contest(part.problem, budget, look(part.problem, budget, FIRST), whole=True) for part in parts]
     methods = ", ".join(plan.method for plan in plans)
     return because(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
 
-def _after_pruning(problem: Problem, budget: Budget, begun: Begun | None) -> Plan:
+def _after_pruning(problem: Problem, budget: Budget, started: Started | None) -> Plan:
     """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else pruning
     continues for a while."""
     simple = _without_pruning(problem, budget)
     if simple is not None:
         return because(simple, in_range(simple))
-    grown = plan_growth(problem, budget, patient=False, begun=begun)
+    grown = plan_growth(problem, budget, patient=False, started=started)
     if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
         return because(grown, "pruning takes much work, growth does not")
     if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
@@ -100,23 +102,23 @@ def _after_trial(
     *,
     whole: bool,
     quick: Growth | NoGrowth | None = None,
-    begun: Begun | None = None,
+    started: Started | None = None,
 ) -> Plan:
     """`quick` is a plan of growth on which little was spent, where it has been made."""
     mine = found.plan
     if mine is not None and found.enough:
         return because(mine, in_range(mine))
-    apart = None if whole else _apart(problem, budget, begun)
+    apart = None if whole else _apart(problem, budget, started)
     if mine is None and apart is not None:
         return apart
     if mine is None and not trial.rate.hits:
         why = f"none of {trial.tried:,} candidates of rejection is in range"
-        return _without_rejection(problem, budget, why, trial, quick, begun)
+        return _without_rejection(problem, budget, why, trial, quick, started)
     if mine is None:
-        return _after_cells(problem, budget, trial, quick, begun)
+        return _after_cells(problem, budget, trial, quick, started)
     if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
         return apart
-    rival = _other(problem, budget, quick, begun, ahead=False)
+    rival = _other(problem, budget, quick, started, ahead=False)
     if not isinstance(rival, Growth | Splitting):
         if _time_is_up(rival):
             raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells(problem, mine)))
@@ -132,11 +134,11 @@ def _after_trial(
 
 
 def _after_cells(
-    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, begun: Begun | None
+    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, started: Started | None
 ) -> Plan:
     """If pruning each cell takes much work: another method, or all the work if there is none."""
     why = "pruning each cell takes too much work"
-    rival = _other(problem, budget, quick, begun)
+    rival = _other(problem, budget, quick, started)
     if isinstance(rival, Growth | Splitting):
         return because(rival, why)
     if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
@@ -153,10 +155,10 @@ def _without_rejection(
     why: str,
     trial: Trial | None = None,
     quick: Growth | NoGrowth | None = None,
-    begun: Begun | None = None,
+    started: Started | None = None,
 ) -> Plan:
     """If rejection has no plan, or its first candidates are all out of the range."""
-    plan = _other(problem, budget, quick, begun)
+    plan = _other(problem, budget, quick, started)
     if isinstance(plan, Growth | Splitting):
         return because(plan, why)
     if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
@@ -174,12 +176,12 @@ def _other(
     problem: Problem,
     budget: Budget,
     quick: Growth | NoGrowth | None = None,
-    begun: Begun | None = None,
+    started: Started | None = None,
     *,
     ahead: bool = True,
 ) -> Growth | Splitting | NoGrowth | Stalled:
     """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
-    quick = plan_growth(problem, budget, patient=False, ahead=ahead, begun=begun) if quick is None else quick
+    quick = plan_growth(problem, budget, patient=False, ahead=ahead, started=started) if quick is None else quick
     if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
         return quick
     if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):

@@ -100,6 +100,11 @@ class Plan(ABC):
     def scenes_per_piece(self) -> float:
         """About how many scenes in range a piece gives."""
 
+    @property
+    @abstractmethod
+    def fact_count(self) -> int:
+        """How many facts a piece has at most: plans of several parts put them side by side."""
+
     @abstractmethod
     def draw(self, k: int) -> Piece:
         """Piece k.
@@ -132,11 +137,6 @@ class Plan(ABC):
         """The reached cells in groups. The groups get equal shares of the scenes, and the cells of a group equal shares
         of its share."""
         return (self.reached,)
-
-    @property
-    def fact_count(self) -> int:
-        """How many facts a piece has at most."""
-        raise NotImplementedError(f"{self.method} is no part of another plan")
 
     @property
     def ruled_out(self) -> frozenset[int]:

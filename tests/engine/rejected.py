@@ -16,6 +16,7 @@ class Rejected(Plan):
     method = "rejection"
     plan_digest = "rejection"
     evaluations = scenes_per_piece = 1.0
+    fact_count = 0
 
     @property
     def reached(self):

@@ -137,6 +137,7 @@ def test_pieces_begun_while_the_plan_is_made_are_the_same_pieces(begun_early):
     assert alone.plan_digest == ahead.plan_digest
     for k in (*ahead.schedule.begun, 0, 99):
         one, other = alone.draw(k), ahead.draw(k)
+        assert len(one.facts) == alone.fact_count
         assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
 
 
@@ -144,6 +145,8 @@ def test_pieces_begun_while_the_plan_is_made_are_the_same_pieces(begun_early):
 def test_the_pilot_counts_the_same_hits_by_one_process_and_two():
     made = problem(ends_right, {"a": (0.0, None)}, n=300, steps=2)
     both = replace(made, request=replace(made.request, workers=2))
+    plan = make_plan(made, Budget(300.0), "rejection")
+    assert len(plan.draw(0).facts) == plan.fact_count
     (hits, drawn), (same, also) = (pilot(one, Budget(300.0)) for one in (made, both))
     assert (hits == same).all() and drawn == also and hits.min() >= 4
 

@@ -36,6 +36,7 @@ class Fake(Plan):
     method = "fake"
     reached = (0, 1, 2, 3)
     evaluations = scenes_per_piece = 60.0
+    fact_count = 1
 
     @property
     def plan_digest(self):

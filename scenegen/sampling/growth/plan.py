@@ -135,7 +135,7 @@ def _made(problem: Problem, budget: Budget, size: Size, which: int) -> tuple[Mac
 
 
 @dataclass(slots=True)
-class Begun:
+class Started:
     """Both populations of a problem, each in a process of its own. A context manager, at the end of which they are
     given up."""
 
@@ -143,7 +143,7 @@ class Begun:
     second: Beside[Size, Taken]
     given_up: bool = False
 
-    def __enter__(self) -> Begun:
+    def __enter__(self) -> Started:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -157,14 +157,14 @@ class Begun:
             self.second.__exit__()
 
 
-def begin_growth(problem: Problem, budget: Budget) -> Begun | None:
+def start_growth(problem: Problem, budget: Budget) -> Started | None:
     """The populations of a large request, in other processes, while it is found out whether growth is the method for
     it: a plan that is not `patient` takes them. None for small requests, or where there are no further processes."""
     size = _size(problem, 0)
     if not _shared(problem, size):
         return None
     first = Beside(First(problem, budget), size, budget.reserve)
-    return Begun(first, Beside(Second(problem, budget), size, budget.reserve))
+    return Started(first, Beside(Second(problem, budget), size, budget.reserve))
 
 
 def _shared(problem: Problem, size: Size) -> bool:
@@ -190,16 +190,16 @@ def make_recipe(
     *,
     patient: bool,
     ahead: bool,
-    begun: Begun | None = None,
+    started: Started | None = None,
 ) -> tuple[Machine, Recipe] | Stalled:
     """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
     populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: the
-    second population may be made meanwhile. `begun`: see `begin_growth`."""
+    second population may be made meanwhile. `started`: see `start_growth`."""
     size = _size(problem, AGAIN if patient else 0)
-    begun = None if begun is None or begun.given_up else begun
+    started = None if started is None or started.given_up else started
     with ExitStack() as stack:
-        second = None if begun is None or not ahead else begun.second
-        if begun is None and ahead and _shared(problem, size):
+        second = None if started is None or not ahead else started.second
+        if started is None and ahead and _shared(problem, size):
             second = stack.enter_context(Beside(Second(problem, budget), size, budget.reserve))
         machine = None
         try:
@@ -208,10 +208,10 @@ def make_recipe(
             if proof:
                 return Stalled(machine, None, 0.0, proof)
             machine.deadline = budget.ends
-            if begun is None:
+            if started is None:
                 made = make_population(machine, size, _of_plan(problem.request.seed, 0))
             else:
-                machine, found = begun.first.result()
+                machine, found = started.first.result()
                 if found is None:
                     raise StoppedError
                 made = found
@@ -265,7 +265,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     settled = made.settled
     there = size.populations * made.taken.count
     spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
-    left = max(0.0, spare / SPARE * wanted_scenes(cells, problem.request.n) - there)
+    left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
     wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
     moving = len(machine.graph.rows)

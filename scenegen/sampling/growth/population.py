@@ -116,9 +116,9 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
     return Population(count, tuple(steps), reached, cost, settings, settled, taken)
 
 
-def wanted_scenes(reached: Sequence[int], wanted: int) -> float:
-    """How many scenes are grown for so many, if every cell gets as many."""
-    return SPARE * len(reached) * math.ceil(wanted / len(reached))
+def wanted_scenes(reached: Sequence[int], wanted: int, spare: float = SPARE) -> float:
+    """How many scenes are grown for so many, if every cell gets as many; `spare` for each of them."""
+    return spare * len(reached) * math.ceil(wanted / len(reached))
 
 
 def _ancestors(particles: Particles) -> float:

@@ -20,10 +20,10 @@ from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.moves import sweep
 from scenegen.sampling.growth.plan import (
     GROWTH,
-    Begun,
     Recipe,
     Second,
     Stalled,
+    Started,
     generator,
     make_recipe,
     placed_of,
@@ -180,13 +180,13 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, begun: Begun | None = None
+    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, started: Started | None = None
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
     spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: another process may
-    begin to draw meanwhile; `begun` is what others have: see `begin_growth`. The plan is the same without."""
+    begin to draw meanwhile; `started` is what others have: see `start_growth`. The plan is the same without."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, ahead=ahead, begun=begun)
+        made = make_recipe(problem, budget, patient=patient, ahead=ahead, started=started)
     if isinstance(made, Stalled):
         return made
     machine, recipe = made

@@ -14,7 +14,7 @@ from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
 from scenegen.sampling.growth import machine as machine_module
 from scenegen.sampling.growth.full import too_full
-from scenegen.sampling.growth.plan import begin_growth
+from scenegen.sampling.growth.plan import start_growth
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.growth.stuck import how_far
 from scenegen.sampling.methods import make_plan
@@ -88,11 +88,11 @@ def test_a_second_population_made_ahead_is_the_piece_that_would_be_drawn(plan):
 def test_a_first_population_begun_elsewhere_makes_the_same_plan(plan):
     requests = (dataclasses.replace(plan.problem.request, workers=workers) for workers in (2, 1))
     problems = [dataclasses.replace(plan.problem, request=request) for request in requests]
-    with begin_growth(problems[0], Budget(600.0)) as elsewhere:
-        begun = plan_growth(problems[0], Budget(600.0), patient=False, begun=elsewhere)
+    with start_growth(problems[0], Budget(600.0)) as elsewhere:
+        begun = plan_growth(problems[0], Budget(600.0), patient=False, started=elsewhere)
     assert elsewhere.given_up  # so the next plan is made here
-    later = plan_growth(problems[1], Budget(600.0), patient=False, begun=elsewhere)
-    assert begin_growth(problems[1], Budget(600.0)) is None
+    later = plan_growth(problems[1], Budget(600.0), patient=False, started=elsewhere)
+    assert start_growth(problems[1], Budget(600.0)) is None
     assert (len(begun.recipe.taken), len(later.recipe.taken)) == (2, 1) and begun.plan_digest == later.plan_digest
     for k in range(3):
         one, other = begun.draw(k), later.draw(k)

@@ -27,7 +27,7 @@ BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
 LEAST = 8  # the same, of very large motions
 PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
 ENOUGH = 4  # hits of the rarest cell that tell how rare it is
-FACTS = 5  # of a piece of splitting, and three for each statistic
+FACTS, OF_A_STATISTIC = 5, 3  # of a piece of splitting
 MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
 
 
@@ -128,7 +128,7 @@ class MotionSplitting(_MotionPlan):
     @property
     def fact_count(self) -> int:
         with np.errstate(all="ignore"):
-            return FACTS + 3 * len(begin(self.problem, 2, 0).chains.statistics())
+            return FACTS + OF_A_STATISTIC * len(begin(self.problem, 2, 0).chains.statistics())
 
     @property
     def scenes_per_piece(self) -> float:

@@ -27,6 +27,7 @@ from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.formats.made import Made, Rareness
+    from scenegen.formats.packed import Packed
     from scenegen.formats.sets import Manifest, Shard
     from scenegen.formats.stores import Store
 
@@ -42,11 +43,11 @@ class Draw:
     timeout: float
 
     def __call__(self, item: ShardJob) -> Shard:
-        shard, data = self.pack(item)
-        item.store.write(shard.file, data)
+        shard, packed = self.pack(item)
+        item.store.write(shard.file, *packed.parts)
         return shard
 
-    def pack(self, item: ShardJob) -> tuple[Shard, memoryview]:
+    def pack(self, item: ShardJob) -> tuple[Shard, Packed]:
         """The shard and its bytes, not written."""
         from scenegen.api.sample import draw_scenes
         from scenegen.formats.sets import pack_shard
@@ -239,12 +240,12 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, data = Draw(timeout).pack(job)
+    again, packed = Draw(timeout).pack(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))
     there = stored.files().get(shard.file) == shard.bytes
     whole = there and hashlib.sha256(stored.store.read(shard.file)).hexdigest() == shard.sha256
     if not whole:
-        stored.store.write(shard.file, data)
+        stored.store.write(shard.file, *packed.parts)
     return again, not whole

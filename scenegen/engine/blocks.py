@@ -7,10 +7,11 @@ How n scenes are spread over the cells although no process ever holds more than 
   is spread as evenly as integers allow, and so are all n together; the order of the cells (multiples of the golden
   ratio) determines which cells get an additional scene, at even distances.
 * Candidates are offered in the order of the pieces. A cell keeps the first ones, as many as the current block and the
-next one need; the others are dropped. That depends on counts per cell only, never on the scenes, so within a cell the
-kept ones follow the same distribution as the offered ones. * A block is finished when every cell has its share of it;
-it is then shuffled with a seed of its own. With a single cell there is nothing to shuffle: candidates come in random
-order.
+  next one need; the others are dropped. That depends on counts per cell only, never on the scenes, so within a cell the
+  kept ones follow the same distribution as the offered ones.
+* A block is finished when every cell has its share of it; it is then shuffled with a seed of its own. With a single
+  cell there is nothing to shuffle: candidates come in random order. Where pieces are small, its blocks leave in parts,
+  so that little is left to be checked and written after the last piece.
 
 A shuffle across blocks would need all scenes in memory or twice on disk. It is not needed: any sequence of scenes a few
 times as long as C is already even over the cells. Common cells wait for rare ones, at most one block ahead, which
@@ -30,6 +31,7 @@ from scenegen.formats.blocks import BLOCK, Array, Block, joined
 Cell = npt.NDArray[np.intp]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples are evenly spaced modulo 1, for any number of them
+PARTS = 16  # of a block of a single cell that leave one by one, where pieces are small
 ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
 
 
@@ -99,7 +101,7 @@ class BlockAssembler:
         for start in range(0, block.count, self._size):
             part = slice(start, start + self._size)
             self._keep(block.part(start, start + self._size), index[part], known[part])
-            yield from self._finished()
+            yield from self._finished(small=block.count < self._size // 2)
 
     def rest(self) -> Block | None:
         """The scenes of unfinished blocks, in random order: for a run that has to end early."""
@@ -147,27 +149,40 @@ class BlockAssembler:
         kept = np.flatnonzero(known)
         kept = kept[_rank(index[kept], len(self._cells)) < room[index[kept]]]
         if len(kept):
-            self._waiting.append((Block(block.rows[:, kept], block.phi[:, kept]), index[kept]))
+            self._waiting.append((block.take(kept), index[kept]))
             self._count += np.bincount(index[kept], minlength=len(self._cells))
 
-    def _finished(self) -> Iterator[Block]:
+    def _finished(self, *, small: bool) -> Iterator[Block]:
+        """`small` says that the piece is."""
         while not self.complete:
+            if len(self._cells) == 1:
+                size = self._next(small)
+                if not size:
+                    return
+                block, index = self._together()
+                self._waiting = [(block.part(size, block.count), index[size:])] if size < block.count else []
+                self._count = self._count - size
+                self.done += size
+                yield block.part(0, size)
+                continue
             shares = self._shares(self.done, min(self.done + self._size, self._wanted))
             if (self._count < shares).any():
                 return
             block, index = self._together()
-            if len(self._cells) == 1:
-                size = int(shares[0])
-                self._waiting = [(block.part(size, block.count), index[size:])] if size < block.count else []
-                self._count = self._count - shares
-                self.done += size
-                yield block.part(0, size)
-                continue
             leaves = _rank(index, len(self._cells)) < shares[index]
             stays = np.flatnonzero(~leaves)
-            self._waiting = [(Block(block.rows[:, stays], block.phi[:, stays]), index[stays])] if len(stays) else []
+            self._waiting = [(block.take(stays), index[stays])] if len(stays) else []
             self._count = self._count - shares
             yield self._leave(block, np.flatnonzero(leaves))
+
+    def _next(self, small: bool) -> int:
+        """How many scenes of a single cell leave next; 0 if more are to be waited for. They never end beyond a block
+        of `size`."""
+        end = min((self.done // self._size + 1) * self._size, self._wanted)
+        count = int(self._count[0])
+        if count >= end - self.done:
+            return end - self.done
+        return count if small and count >= self._size // PARTS else 0
 
     def _leave(self, block: Block, which: Cell) -> Block:
         if len(self._cells) == 1:
@@ -176,7 +191,7 @@ class BlockAssembler:
         seed = np.random.SeedSequence([self._seed, ORDER, self.done])
         order = which[np.random.default_rng(seed).permutation(len(which))]
         self.done += len(order)
-        return Block(block.rows[:, order], block.phi[:, order])
+        return block.take(order)
 
     def _together(self) -> tuple[Block, Cell]:
         blocks, indices = zip(*self._waiting, strict=True)

@@ -17,7 +17,7 @@ import numpy as np
 from scenegen.engine.drawing import Drawing
 from scenegen.errors import RequestError
 from scenegen.errors.stores import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
-from scenegen.formats.blocks import Array, Block
+from scenegen.formats.blocks import Array, Block, taken
 from scenegen.formats.sets import Shard, make_shard
 from scenegen.formats.stores import Store
 from scenegen.processes.reserve import Reserve
@@ -73,7 +73,7 @@ def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
     start = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.intp)
     start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
     place += start[part - first]
-    return Block(_taken([block.rows for block in blocks], place), _taken([block.phi for block in blocks], place))
+    return Block(taken([block.rows for block in blocks], place), taken([block.phi for block in blocks], place))
 
 
 def parts_of(which: Array) -> tuple[int, Index]:
@@ -81,16 +81,6 @@ def parts_of(which: Array) -> tuple[int, Index]:
     part = which[0].astype(np.intp)
     first = int(part.min(initial=0))
     return first, np.flatnonzero(np.bincount(part - first))  # they are close together, so nothing has to be sorted
-
-
-def _taken(arrays: Sequence[Array], place: Index) -> Array:
-    """Columns of arrays that stand side by side. Row by row, which is three times as fast as all rows at once: a row
-    stays in the cache."""
-    found = np.empty((len(arrays[0]), len(place)))
-    for row in range(len(found)):
-        line = arrays[0][row] if len(arrays) == 1 else np.concatenate([array[row] for array in arrays])
-        np.take(line, place, out=found[row], mode="clip")  # "raise" would need a copy of the result
-    return found
 
 
 class Engine(ABC):

@@ -7,19 +7,18 @@ A shard is packed block by block while it fills, so little of the last one is le
 
 from __future__ import annotations
 
-import contextlib
-import queue
-import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import Any
 
 from scenegen.engine.drawing import Drawing
 from scenegen.engine.engines import Drawn, Engine, Held, Writing, chosen
+from scenegen.engine.packing import Packing, Room
 from scenegen.engine.run import jobs
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
@@ -29,50 +28,10 @@ from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
-WRITERS = 3  # shards that are packed and written at a time: one fills while others are hashed and written
-AHEAD = 4  # blocks of a shard that wait to be packed
+WRITERS = 3  # shards that are packed and written at a time
 
-
-class _Packing:
-    """A shard that a thread packs while its blocks are added. At most AHEAD of them wait for it."""
-
-    def __init__(self, threads: ThreadPoolExecutor, writing: Writing, number: int) -> None:
-        self._blocks: queue.Queue[Block | None] = queue.Queue(AHEAD)
-        self._over = threading.Event()  # by an error, or by giving up
-        self.pieces = 0
-        self.shard = threads.submit(self._write, writing, number)
-
-    def add(self, block: Block | None) -> None:
-        """One more block; None after the last one."""
-        while not self._over.is_set():
-            with contextlib.suppress(queue.Full):
-                self._blocks.put(block, timeout=0.5)
-                return
-
-    def give_up(self) -> None:
-        """Nothing is to be written."""
-        self._over.set()
-        self.shard.cancel()
-
-    def _write(self, writing: Writing, number: int) -> tuple[Shard, list[str]]:
-        """Runs in a thread: the shard, and what its store said on the way, for the main thread to tell."""
-        said: list[str] = []
-        try:
-            return replace(writing, store=writing.store.told_to(said.append))(number, 0, self._added()), said
-        finally:
-            self._over.set()
-
-    def _added(self) -> Iterator[Block]:
-        while True:
-            try:
-                block = self._blocks.get(timeout=0.1)
-            except queue.Empty:
-                if self._over.is_set():
-                    raise CancelledError from None
-                continue
-            if block is None:
-                return
-            yield block
+Written = tuple[Shard, list[str]]
+"""A shard, and what its store said on the way, for the main thread to tell."""
 
 
 class Local(Engine):
@@ -81,9 +40,10 @@ class Local(Engine):
     def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
+        self._room = Room()
         self._tell: Tell | None = None
-        self._packing: _Packing | None = None  # the shard that is being filled
-        self._packed: deque[_Packing] = deque()  # those that are full
+        self._packing: Packing[Written] | None = None  # the shard that is being filled
+        self._packed: deque[tuple[Packing[Written], int]] = deque()  # those that are full, and their pieces
         self._shards: list[Shard] = []  # written by this process, in order
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
@@ -103,10 +63,8 @@ class Local(Engine):
 
     def pack(self, writing: Writing, number: int, block: Held) -> None:
         if self._threads is not None:
-            self._packing = self._packing or _Packing(self._threads, writing, number)
+            self._packing = self._packing or Packing(self._threads, self._room, partial(_written, writing, number))
             self._packing.add(block)
-            if self._packing.shard.done():  # before its last block: it has failed
-                self._packing.shard.result()
 
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         self._tell = writing.store.tell
@@ -114,20 +72,19 @@ class Local(Engine):
             self._shards.append(writing(number, pieces, blocks))
             return
         assert self._packing is not None
-        self._packing.pieces = pieces
-        self._packing.add(None)
-        self._packed.append(self._packing)
+        self._packing.finish()
+        self._packed.append((self._packing, pieces))
         self._packing = None
 
     def written(self, *, wait: bool) -> list[Shard]:
         shards, self._shards = self._shards, []
-        while self._packed and (wait or self._packed[0].shard.done()):
-            one = self._packed.popleft()
-            shard, said = one.shard.result()
+        while self._packed and (wait or self._packed[0][0].done):
+            packing, pieces = self._packed.popleft()
+            shard, said = packing.result()
             for line in said:
                 if self._tell is not None:
                     self._tell(line)
-            shards.append(shard.model_copy(update={"pieces": one.pieces}))
+            shards.append(shard.model_copy(update={"pieces": pieces}))
         return shards
 
     def close(self) -> None:
@@ -136,6 +93,12 @@ class Local(Engine):
             self._packing.give_up()
         if self._threads is not None:
             self._threads.shutdown(cancel_futures=True)
+
+
+def _written(writing: Writing, number: int, blocks: Iterator[Block]) -> Written:
+    """Runs in a thread."""
+    said: list[str] = []
+    return replace(writing, store=writing.store.told_to(said.append))(number, 0, blocks), said
 
 
 def map_each(

@@ -150,6 +150,8 @@ class _Run:
         places = np.stack([np.full(count, float(number)), np.arange(count, dtype=np.float64)])
         for block in self.standing.take(Block(places, np.empty((0, count))), drawn.cell, drawn.facts):
             self._add(block.rows, before)
+        if len(self._begun) > begun and self.standing.assembler.complete:
+            self._begun[-1] = _Moment(self.standing.state()[0], None, np.empty((1, 0)))
         if (
             len(self._begun) > begun
             or sum(self._sizes.values()) > SPARE * self.block + 2 * self.standing.assembler.waiting
@@ -218,7 +220,9 @@ class _Run:
 
     def _begin_shard(self, before: tuple[dict[str, object], Array]) -> None:
         number = self._number
-        self._begun.append(self._moment(*before))
+        # After the last shard nothing waits: `take` records the end of the run.
+        last = self.standing.assembler.complete
+        self._begun.append(_Moment({}, None, np.empty((1, 0))) if last else self._moment(*before))
         self.engine.write(self.writing, number, self.standing.used + 1, list(self._blocks))
         self._done += self._count
         self._blocks, self._count = [], 0

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import BlockAssembler, Cell
 from scenegen.engine.drawing import Drawing
+from scenegen.engine.packing import Packing, Room
 from scenegen.errors.program import INTERRUPTED
 from scenegen.formats.blocks import BLOCK, Block
-from scenegen.formats.registry import format_of
+from scenegen.formats.files import begin_writing
+from scenegen.formats.registry import HEADER_LAST, format_of
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.processes.interrupt import stop_signals
 from scenegen.processes.pool import run_pieces
@@ -144,7 +148,8 @@ def stream_scenes(
 ) -> Tally:
     """Write the scenes of a request to a file in the format of the path's ending, however many there are.
 
-    They are collected in `x.parquet.part/` and joined at the end, so that the file appears whole or not at all. After
+    They are collected in `x.parquet.part/` and joined at the end, so that the file appears whole or not at all; with
+    several workers, a format whose header comes last is joined while they are collected. After
     an interrupt or kill -9 at any moment, the same call with `resume` continues from the last checkpoint and ends with
     the same bytes as an uninterrupted run; without `resume`, an existing folder is refused. With `resume` and no
     folder, the run starts from the beginning. The bytes do not depend on `workers`, nor on when the run was
@@ -167,7 +172,8 @@ def stream_scenes(
     module.write(io.BytesIO(), trial, labels, [])
     coordinates = len(plan.problem.lowest)
     facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
-    with open_shards(path, facts, coordinates, resume=resume) as shards:
+    with open_shards(path, facts, coordinates, resume=resume) as shards, contextlib.ExitStack() as ending:
+        file = _File(shards, module, labels, joining, stored)
         run = _Run(
             shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups)), inspect
         )
@@ -178,6 +184,8 @@ def stream_scenes(
         if shards.joined:
             shards.discard()
             return standing.tally()
+        if workers > 1 and path.suffix.lower() in HEADER_LAST:
+            ending.enter_context(run.packed_ahead(file, trial))
         begun = standing.used
         try:
             with (
@@ -206,17 +214,10 @@ def stream_scenes(
                 raise KeyboardInterrupt(INTERRUPTED(folder=folder_of(path), scenes=shards.state["found"])) from error
             raise
         if standing.used:
-            run.checkpoint()
+            run.checkpoint(checkpoint if run.ahead and standing.assembler.complete else 0.0)
         tally = standing.tally()
-
-        def seen(blocks: Iterable[Block]) -> Iterator[Block]:
-            for block in blocks:
-                if joining is not None:
-                    joining(block)
-                yield block if stored is None else stored(block)
-
         if standing.assembler.complete:
-            shards.join(lambda sink, blocks: module.write(sink, header(tally), labels, seen(blocks)))
+            run.join(file, header(tally))
         elif keep_partial and standing.assembler.found:
             # The rest is not in a checkpoint: a run that is killed while joining can still be resumed.
             rest = standing.assembler.rest()
@@ -224,11 +225,38 @@ def stream_scenes(
             if inspect is not None:
                 inspect(rest)
             tally = replace(standing.tally(), scarcest=tally.scarcest)
-            shards.join(
-                lambda sink, blocks: module.write(sink, header(tally), labels, seen(itertools.chain(blocks, [rest]))),
-                whole=False,
-            )
+            run.join(file, header(tally), rest)
     return tally
+
+
+class _File:
+    """The scene file."""
+
+    def __init__(
+        self,
+        shards: Shards,
+        module: Any,
+        labels: Sequence[str],
+        joining: Callable[[Block], None] | None,
+        stored: Callable[[Block], Block] | None,
+    ) -> None:
+        self._shards, self._module, self._labels = shards, module, labels
+        self._joining, self._stored = joining, stored
+
+    def write(self, header: SceneFile, blocks: Iterable[Block], **options: Any) -> None:
+        """Raises OutputError."""
+
+        def write(sink: IO[bytes]) -> None:
+            self._module.write(sink, header, self._labels, self._seen(blocks, sink), **options)
+
+        self._shards.join(write)
+
+    def _seen(self, blocks: Iterable[Block], sink: IO[bytes]) -> Iterator[Block]:
+        for block in blocks:
+            if self._joining is not None:
+                self._joining(block)
+            yield block if self._stored is None else self._stored(block)
+            begin_writing(sink)
 
 
 class _Run:
@@ -239,13 +267,53 @@ class _Run:
         self.standing = standing
         self._shards, self._inspect = shards, inspect
         self._last = time.monotonic()
+        self._packing: Packing[None] | None = None  # the file, if it is packed while the run goes on
+        self._header: SceneFile | None = None
+
+    @property
+    def ahead(self) -> bool:
+        """Whether the file is packed already but for its end."""
+        return self._packing is not None
+
+    @contextlib.contextmanager
+    def packed_ahead(self, file: _File, header: SceneFile) -> Iterator[None]:
+        """The file is packed by a thread from now on, with a preliminary header; a context manager, at the end of which
+        an unfinished one is given up."""
+
+        def final() -> SceneFile:
+            assert self._header is not None
+            return self._header
+
+        before = self._shards.blocks()  # of a run that is resumed
+        with ThreadPoolExecutor(1) as threads:
+            self._packing = Packing(
+                threads, Room(), lambda added: file.write(header, itertools.chain(before, added), final=final)
+            )
+            try:
+                yield
+            finally:
+                self._packing.give_up()
+
+    def join(self, file: _File, header: SceneFile, rest: Block | None = None) -> None:
+        """Make the file of all blocks, and `rest`. Raises OutputError."""
+        if self._packing is None:
+            file.write(header, itertools.chain(self._shards.blocks(), [] if rest is None else [rest]))
+        else:
+            self._header = header
+            if rest is not None:
+                self._packing.add(rest)
+            self._packing.finish()
+            self._packing.result()
+        self._shards.finish(whole=rest is None)
 
     def take(self, candidates: Block, cell: Cell, facts: Array) -> None:
         self.settled = False
         for block in self.standing.take(candidates, cell, facts):
             if self._inspect is not None:
                 self._inspect(block)
-            self._shards.append(block)
+            self._shards.append(block, again=self._packing is None)
+            if self._packing is not None:
+                self._packing.add(block)
         self.settled = True
 
     def checkpoint(self, after: float = 0.0) -> None:

@@ -30,6 +30,8 @@ _WRITE_HELP = {
     errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
 
+STEP = 1 << 24  # bytes of a large file after which the disk begins to work
+
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -140,10 +142,23 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
             raise
 
 
-def write_whole(path: Path, data: bytes | memoryview) -> None:
+def write_whole(path: Path, *parts: bytes | memoryview) -> None:
     """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
     with whole_file(path) as file:
-        file.write(data)
+        ahead = 0
+        for part in parts:
+            file.write(part)
+            ahead += len(part)
+            if ahead > STEP:
+                begin_writing(file)
+                ahead = 0
+
+
+def begin_writing(file: IO[bytes]) -> None:
+    """What was written to a file so far begins to go to the disk, where the system can be asked to: `fsync` then waits
+    for less. Nothing of it is kept in memory for readers."""
+    with contextlib.suppress(AttributeError, OSError):
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def _umask() -> int:

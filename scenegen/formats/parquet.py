@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from io import RawIOBase
 from pathlib import Path
 from typing import IO, Any
 
@@ -33,14 +34,18 @@ _SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
 
 
 def write(
-    sink: IO[bytes],
+    sink: IO[bytes] | RawIOBase,
     header: SceneFile,
     labels: Sequence[str],
     blocks: Iterable[Block],
     rarity: Callable[[Array], Array] | None = None,
+    *,
+    final: Callable[[], SceneFile] | None = None,
 ) -> None:
     """Scenes block by block. `rarity` makes of phi (L, m) the columns `log10p.task`, ..., (L, m), after those of phi;
-    readers here leave these out. Raises OutputError if an object `phi` and a label `x` would share a column."""
+    readers here leave these out. `final`, called after the last block, gives the header as it is stored: what stands
+    there of the whole run may become known while scenes are written. Raises OutputError if an object `phi` and a label
+    `x` would share a column."""
     names = columns(header, labels)
     if rarity is not None:
         names += [f"{RARITY}{label}" for label in labels]
@@ -49,8 +54,8 @@ def write(
         pa.field(name, pa.int64() if name in counts else pa.float64(), nullable=name.rpartition(".")[0] in spare)
         for name in names
     ]
-    schema = pa.schema(fields, metadata={KEY: dump_header(header.without_scenes()).encode()})
-    options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False}
+    schema = pa.schema(fields)
+    options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False, "store_schema": False}
     with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
         for block in regrouped(blocks):
             check_numbers(header, block)
@@ -59,6 +64,8 @@ def write(
             rows = (*block.rows, *numbers, *block.phi, *more)
             arrays = [_column(row, field) for row, field in zip(rows, fields, strict=True)]
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
+        last = header if final is None else final()
+        writer.add_key_value_metadata({KEY: dump_header(last.without_scenes()).encode()})
 
 
 def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:

@@ -3,7 +3,8 @@
     write(sink, header, labels, blocks)   scenes into an open binary file, block by block
     read(path) -> Reading                 the header, then the scenes, block by block
 
-Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole.
+Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. Formats of
+HEADER_LAST can be written before the whole of the header is known: their `write` takes `final`, which gives it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ FORMATS: dict[str, str] = {
     ".jsonl": "scenegen.formats.jsonl",
     ".parquet": "scenegen.formats.parquet",
 }
+
+HEADER_LAST = {".parquet"}
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
 ENDINGS: dict[str, str] = {

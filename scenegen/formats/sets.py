@@ -8,7 +8,6 @@ names begin with `_` belong to an unfinished run; readers of Parquet folders ski
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,6 +30,7 @@ from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
 from scenegen.formats.header import load_header
 from scenegen.formats.made import Made, Rareness
+from scenegen.formats.packed import Packed
 from scenegen.formats.stores import Store
 from scenegen.pose import row_count
 from scenegen.scene.data import SceneFile
@@ -71,7 +71,7 @@ class Checkpoint(_Strict):
     """Where a run stands, and the file with the scenes of its unfinished blocks."""
 
     state: dict[str, Any]
-    waiting: str | None
+    waiting: str | None = None
 
 
 class Manifest(_Strict):
@@ -135,8 +135,8 @@ def make_shard(
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
     rare its phi is. Raises OutputError."""
-    shard, data = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
-    store.write(shard.file, data)
+    shard, packed = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
+    store.write(shard.file, *packed.parts)
     return shard
 
 
@@ -149,9 +149,9 @@ def pack_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: Made | None = None,
-) -> tuple[Shard, memoryview]:
+) -> tuple[Shard, Packed]:
     """A shard and its bytes, not written."""
-    sink = io.BytesIO()
+    packed = Packed()
     parts: list[Array] = []  # phi of the blocks
 
     def seen() -> Iterator[Block]:
@@ -163,18 +163,16 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    parquet.write(sink, header, labels, seen(), None if rarity is None else rare)
-    data = sink.getbuffer()
+    parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, rows, strict=True)
     }
-    digest = hashlib.sha256(data).hexdigest()
     name = shard_name(number)
     count = sum(part.shape[1] for part in parts)
-    shard = Shard(file=name, scenes=count, bytes=len(data), sha256=digest, pieces=pieces, phi=phi, made=made)
-    return shard, data
+    size, digest = packed.size, packed.sha256
+    return Shard(file=name, scenes=count, bytes=size, sha256=digest, pieces=pieces, phi=phi, made=made), packed
 
 
 def shard_name(number: int) -> str:

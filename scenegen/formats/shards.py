@@ -28,7 +28,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import DAMAGED_RUN, FOLDER_IN_THE_WAY, FOLDER_LOCKED, OTHER_REQUEST, UNFINISHED_RUN
 from scenegen.formats.blocks import Array, Block
-from scenegen.formats.files import FULL, output_error, reported, target, whole_file, write_whole
+from scenegen.formats.files import FULL, begin_writing, output_error, reported, target, whole_file, write_whole
 
 MANIFEST = "manifest.json"
 LOCK = "lock"
@@ -64,6 +64,7 @@ class Shards:
         self.folder = folder_of(path)
         self._manifest = manifest
         self._shard: IO[bytes] | None = None
+        self._joined = self.folder / "joined"
         self._blocks = self._scenes = 0
 
     @property
@@ -80,12 +81,14 @@ class Shards:
         with self._reported(), self._pool_path(self._manifest.checkpoint).open("rb") as file:
             return _load(file)
 
-    def append(self, block: Block) -> None:
-        """Add a block; it counts from the next checkpoint on."""
+    def append(self, block: Block, *, again: bool = True) -> None:
+        """Add a block; it counts from the next checkpoint on. `again` says that this run will read it."""
         with self._reported():
             if self._shard is None:
                 self._shard = self._shard_path(new=True).open("wb")
-            _save(self._shard, np.concatenate([block.rows, block.phi]))
+            _save(self._shard, block.rows, block.phi)
+            if not again:
+                begin_writing(self._shard)
         self._blocks += 1
         self._scenes += block.count
 
@@ -109,24 +112,28 @@ class Shards:
             self._publish(shards=shards, checkpoint=number, state=dict(state))
             self._pool_path(number - 1).unlink(missing_ok=True)
 
-    def join(self, write: Callable[[IO[bytes], Iterator[Block]], None], *, whole: bool = True) -> None:
-        """Let `write` make the scene file of all blocks up to the last checkpoint, move it to its final path, and
-        remove the folder. `whole` says that the run is complete, even if the process dies before all of the folder is
-        removed. Raises OutputError."""
+    def join(self, write: Callable[[IO[bytes]], None]) -> None:
+        """Let `write` make the scene file, in the folder still. Raises OutputError."""
+        with self._reported(), whole_file(self._joined) as file:
+            write(file)
+
+    def finish(self, *, whole: bool = True) -> None:
+        """Move the scene file that was joined to its final path, and remove the folder. `whole` says that the run is
+        complete, even if the process dies before all of the folder is removed. Raises OutputError."""
         with self._reported():
-            joined = self.folder / "joined"
-            with whole_file(joined) as file:
-                write(file, self.blocks())
-            joined.replace(self.path)
+            self._joined.replace(self.path)
             _sync_folder(self.path.parent)
             if whole:
                 self._publish(joined=True)
         self.discard()
 
     def blocks(self) -> Iterator[Block]:
-        """The blocks up to the last checkpoint, in order."""
-        coordinates = self._manifest.coordinates
-        for shard in self._manifest.shards:
+        """The blocks up to the last checkpoint before this call, in order."""
+        return self._blocks_of(self._manifest)
+
+    def _blocks_of(self, manifest: _Manifest) -> Iterator[Block]:
+        coordinates = manifest.coordinates
+        for shard in manifest.shards:
             with (self.folder / shard.file).open("rb") as file:
                 for _ in range(shard.blocks):
                     table = _load(file)
@@ -217,13 +224,13 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
             _refuse_foreign(folder)
             held.enter_context(_locked(folder))
             found = _load_manifest(folder)
-            if found is not None and (path.exists() or not found.joined):
+            goes_on = found is not None and (path.exists() or not found.joined)
+            if found is not None and goes_on:
                 _check(folder, found, wanted, resume)
                 shards = Shards(path, found)
-            else:
-                for entry in folder.iterdir():
-                    if entry.name != LOCK:
-                        entry.unlink()
+            for entry in folder.iterdir():  # of a run that goes on: what was being written when it died
+                if entry.name.startswith(".") if goes_on else entry.name != LOCK:
+                    entry.unlink()
         held.callback(shards.leave)
         yield shards
 
@@ -285,11 +292,15 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _save(file: IO[bytes], table: Array) -> None:
-    """Writes through memory, because numpy's own error for a full disk does not say the reason."""
-    buffer = io.BytesIO()
-    np.save(buffer, table, allow_pickle=False)
-    file.write(buffer.getbuffer())
+def _save(file: IO[bytes], *tables: Array) -> None:
+    """Writes arrays of as many columns as one, for `_load`, with no copy in memory of those that are contiguous."""
+    shape = sum(len(table) for table in tables), tables[0].shape[1]
+    descr = np.lib.format.dtype_to_descr(tables[0].dtype)
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": descr, "fortran_order": False, "shape": shape})
+    file.write(head.getbuffer())
+    for table in tables:  # numpy's own error for a full disk does not say the reason
+        file.write(np.ascontiguousarray(table).data)
 
 
 def _load(file: IO[bytes]) -> Array:

@@ -60,7 +60,7 @@ class Store:
         file = self._reading(name, lambda: self.system.open_input_file(self._path(name)))
         return file if self.local else pyarrow.PythonFile(_Steady(self, name, file), mode="r")
 
-    def write(self, name: str, data: bytes | memoryview) -> None:
+    def write(self, name: str, *parts: bytes | memoryview) -> None:
         """Write a file, which appears whole or not at all. Raises OutputError."""
 
         def work() -> None:
@@ -68,12 +68,13 @@ class Store:
                 path = Path(self.root) / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 try:
-                    write_whole(path, data)
+                    write_whole(path, *parts)
                 except OutputError as error:  # a set's own words say what is kept
                     raise (error.__cause__ if isinstance(error.__cause__, OSError) else error) from None
                 return
             with self.system.open_output_stream(self._path(name)) as stream:
-                stream.write(data)
+                for part in parts:
+                    stream.write(part)
 
         self._writing(name, work)
 

@@ -2,7 +2,8 @@
 
 Arrays of some MB come and go all the time. By default glibc gives their pages back to the system each time, and takes
 them again one by one: 7 of 22 s of a request with many small pieces (100,000 scenes of tea_party). Programs of ours
-therefore keep up to 256 MB that are free. Python programs that use scenegen decide for themselves.
+therefore keep up to 256 MB that are free, and share them among their threads, whose own ones glibc would give back
+all the same. Python programs that use scenegen decide for themselves.
 """
 
 from __future__ import annotations
@@ -11,8 +12,12 @@ import ctypes
 import os
 
 KEPT = 1 << 28  # bytes
-VARIABLES = {"MALLOC_MMAP_THRESHOLD_": str(KEPT), "MALLOC_TRIM_THRESHOLD_": str(KEPT)}  # for processes to be started
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of mallopt
+VARIABLES = {  # for processes to be started
+    "MALLOC_MMAP_THRESHOLD_": str(KEPT),
+    "MALLOC_TRIM_THRESHOLD_": str(KEPT),
+    "MALLOC_ARENA_MAX": "1",
+}
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # of mallopt
 
 
 def keep_memory() -> None:
@@ -23,3 +28,4 @@ def keep_memory() -> None:
     if mallopt is not None:
         mallopt(_TRIM_THRESHOLD, KEPT)
         mallopt(_MMAP_THRESHOLD, KEPT)
+        mallopt(_ARENA_MAX, 1)

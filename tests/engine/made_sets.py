@@ -11,10 +11,11 @@ from scenegen.formats.sets import Manifest, header_data
 from scenegen.formats.stores import store_at
 
 BLOCK, SHARD, COUNT = 300, 600, 2000
+MADE = {}  # what is different from `Made`
 
 
-def run(folder, engine=None, store=None, wanted=COUNT, **options):
-    plan, place = Made(wanted), store_at(f"{folder}/") if store is None else store
+def run(folder, engine=None, store=None, wanted=COUNT, made=MADE, **options):
+    plan, place = Made(wanted, **made), store_at(f"{folder}/") if store is None else store
     manifest = Manifest(
         request={"spec": SHA, "n": wanted, "plan": plan.plan_digest},
         labels=["task"],

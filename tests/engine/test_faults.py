@@ -72,11 +72,11 @@ def one_diagnostic(caught, *words):
 def test_a_disk_that_fails(number, reason, remedy, plain, tmp_path, monkeypatch):
     folder, write = tmp_path / "set", stores.write_whole
 
-    def failing(path, data):
+    def failing(path, *parts):
         if path.name == SHARD:
             error = OSError(number, os.strerror(number))
             raise output_error(path, error) from error
-        write(path, data)
+        write(path, *parts)
 
     monkeypatch.setattr(stores, "write_whole", failing)
     with pytest.raises(OutputError) as caught:

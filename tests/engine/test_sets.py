@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from scenegen.engine.engines import chosen, open_engine
-from scenegen.engine.local import AHEAD, Local, _Packing
+from scenegen.engine.local import Local
+from scenegen.engine.packing import Packing
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.formats.registry import read_scenes
@@ -109,8 +110,8 @@ class Fragile:
         if self.count + 0.5 == self.moment:
             raise Struck
 
-    def write(self, name, data):
-        self._change(self.store.write, name, data)
+    def write(self, name, *parts):
+        self._change(self.store.write, name, *parts)
 
     def delete(self, *names):
         self._change(self.store.delete, *names)
@@ -128,6 +129,18 @@ def test_killed_anywhere_and_resumed(engine, plain, tmp_path):
             run(None, engine(), Fragile(store_at(f"{folder}/"), half / 2))
         _, manifest = run(None, engine(), store_at(f"{folder}/"), resume=True)
         assert manifest.complete and digest(folder) == digest(plain), half / 2
+
+
+@pytest.mark.parametrize("engine", [lambda: Local(1), lambda: Elsewhere(2)])
+def test_a_run_of_which_nothing_waits_is_gone_on_with(engine, tmp_path):
+    """Scenes of a single cell leave as they come, so there is no file of those that wait."""
+    made = {"spread": "base", "size": 100}
+    run(tmp_path / "whole", engine(), made=made)
+    pieces = itertools.count()
+    _, found = run(tmp_path / "set", engine(), made=made, spent=lambda: next(pieces) == 12)
+    assert found.shards and found.checkpoint is not None and found.checkpoint.waiting is None
+    _, found = run(tmp_path / "set", engine(), made=made, resume=True)
+    assert found.complete and digest(tmp_path / "set") == digest(tmp_path / "whole")
 
 
 def test_time_is_up(plain, tmp_path):
@@ -241,7 +254,7 @@ def _checked(monkeypatch, check):
 def test_a_shard_that_cannot_be_packed_ends_the_run(at, tmp_path, monkeypatch):
     """Also when more of its blocks come than may wait: nobody waits for a thread that has ended."""
     _checked(monkeypatch, _Slow(at))
-    monkeypatch.setattr("scenegen.engine.local.AHEAD", 1)
+    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
     with Local(2) as engine, pytest.raises(AssertionError, match="a wrong scene"):
         run(tmp_path / "set", engine)
     assert len(read_manifest(store_at(f"{tmp_path}/set/")).shards) <= (at - 1) // 2
@@ -264,13 +277,14 @@ def test_a_run_that_ends_in_the_midst_of_a_shard_leaves_no_thread(tmp_path, monk
 def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
     slow = _Slow(0, 0.05)
     _checked(monkeypatch, slow)
-    add, most = _Packing.add, []
+    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
+    add, most = Packing.add, []
 
     def counted(self, block):
-        most.append(self._blocks.qsize())
         add(self, block)
+        most.append(self._blocks.qsize())
 
-    monkeypatch.setattr(_Packing, "add", counted)
+    monkeypatch.setattr(Packing, "add", counted)
     with Local(2) as engine:
         run(tmp_path / "set", engine)
-    assert max(most) <= AHEAD and slow.seen == 7
+    assert max(most) <= 1 and slow.seen == 7

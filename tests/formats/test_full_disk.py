@@ -39,7 +39,8 @@ def steps(scenes, path, *, resume=False, limits=(1 << 40,) * 4):
                 run.append(block(2000))
                 run.checkpoint({"used": number + 1}, np.zeros((7, 3)))
         with room_for(limits[2]):
-            run.join(lambda sink, blocks: table.format_of(path).write(sink, scenes.header, ("task",), blocks))
+            run.join(lambda sink: table.format_of(path).write(sink, scenes.header, ("task",), run.blocks()))
+            run.finish()
 
 
 @pytest.mark.parametrize("ending", [".parquet", ".jsonl"])

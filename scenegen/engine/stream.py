@@ -6,23 +6,23 @@ import contextlib
 import io
 import itertools
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import BlockAssembler, Cell
 from scenegen.engine.drawing import Drawing
+from scenegen.engine.joined import JoinedFile
 from scenegen.engine.packing import Packing, Room
 from scenegen.errors.program import INTERRUPTED
 from scenegen.formats.blocks import BLOCK, Block
-from scenegen.formats.files import begin_writing
-from scenegen.formats.registry import HEADER_LAST, format_of
+from scenegen.formats.registry import format_of
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.processes.interrupt import stop_signals
 from scenegen.processes.pool import run_pieces
@@ -167,13 +167,12 @@ def stream_scenes(
     the scenes found so far. Raises RequestError, DataError (a damaged checkpoint), OutputError, and what `run_pieces`
     raises.
     """
-    module = format_of(path)
     trial = header(Tally(0, 0, 0, 0))
-    module.write(io.BytesIO(), trial, labels, [])
+    format_of(path).write(io.BytesIO(), trial, labels, [])
     coordinates = len(plan.problem.lowest)
     facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
     with open_shards(path, facts, coordinates, resume=resume) as shards, contextlib.ExitStack() as ending:
-        file = _File(shards, module, labels, joining, stored)
+        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve)
         run = _Run(
             shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups)), inspect
         )
@@ -184,7 +183,7 @@ def stream_scenes(
         if shards.joined:
             shards.discard()
             return standing.tally()
-        if workers > 1 and path.suffix.lower() in HEADER_LAST:
+        if file.can_be_ahead:
             ending.enter_context(run.packed_ahead(file, trial))
         begun = standing.used
         try:
@@ -229,36 +228,6 @@ def stream_scenes(
     return tally
 
 
-class _File:
-    """The scene file."""
-
-    def __init__(
-        self,
-        shards: Shards,
-        module: Any,
-        labels: Sequence[str],
-        joining: Callable[[Block], None] | None,
-        stored: Callable[[Block], Block] | None,
-    ) -> None:
-        self._shards, self._module, self._labels = shards, module, labels
-        self._joining, self._stored = joining, stored
-
-    def write(self, header: SceneFile, blocks: Iterable[Block], **options: Any) -> None:
-        """Raises OutputError."""
-
-        def write(sink: IO[bytes]) -> None:
-            self._module.write(sink, header, self._labels, self._seen(blocks, sink), **options)
-
-        self._shards.join(write)
-
-    def _seen(self, blocks: Iterable[Block], sink: IO[bytes]) -> Iterator[Block]:
-        for block in blocks:
-            if self._joining is not None:
-                self._joining(block)
-            yield block if self._stored is None else self._stored(block)
-            begin_writing(sink)
-
-
 class _Run:
     """A run that stores its blocks. `settled` is False while a piece is processed or a checkpoint is written."""
 
@@ -276,7 +245,7 @@ class _Run:
         return self._packing is not None
 
     @contextlib.contextmanager
-    def packed_ahead(self, file: _File, header: SceneFile) -> Iterator[None]:
+    def packed_ahead(self, file: JoinedFile, header: SceneFile) -> Iterator[None]:
         """The file is packed by a thread from now on, with a preliminary header; a context manager, at the end of which
         an unfinished one is given up."""
 
@@ -294,7 +263,7 @@ class _Run:
             finally:
                 self._packing.give_up()
 
-    def join(self, file: _File, header: SceneFile, rest: Block | None = None) -> None:
+    def join(self, file: JoinedFile, header: SceneFile, rest: Block | None = None) -> None:
         """Make the file of all blocks, and `rest`. Raises OutputError."""
         if self._packing is None:
             file.write(header, itertools.chain(self._shards.blocks(), [] if rest is None else [rest]))

@@ -14,7 +14,7 @@ from scenegen.formats.blocks import BLOCK, Block, Reading
 from scenegen.formats.files import opened
 from scenegen.formats.header import check_objects, dump_header, first_problem, labelled, load_header, not_scenes, parse
 from scenegen.formats.lines import block_from, numbers_of
-from scenegen.formats.numbered_lines import lines_of
+from scenegen.formats.numbered_lines import Each, Text, lines_of
 from scenegen.scene.data import SceneData, SceneFile
 
 LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
@@ -22,13 +22,16 @@ LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
 Lines = Iterator[tuple[int, bytes]]
 
 
-def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
-    """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
+def write(
+    sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block], *, each: Each = map
+) -> None:
+    """The header, then the scenes block by block; floats are written so that they read back bit for bit. `each` makes
+    their text of blocks, in this process or others."""
     header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
-    lines = lines_of(header, labels)
-    for block in blocks:
-        sink.write("".join(f"{line}\n" for line in lines.of(block)).encode())
+    for text in each(Text(lines_of(header, labels), "", "\n"), blocks):
+        sink.write(text)
+        sink.write(b"\n")
 
 
 def read(path: Path) -> Reading:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,22 @@ from scenegen.scene.data import SceneFile
 from scenegen.scene.numbers import member_of
 
 Index = tuple[int, ...]
+
+
+Each = Callable[[Callable[[Block], bytes], Iterable[Block]], Iterable[bytes]]
+"""`map`, or the same by several processes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """The job of writing a block's lines: with something before each, and something between two."""
+
+    lines: SceneLines | NumberedLines
+    before: str
+    between: str
+
+    def __call__(self, block: Block) -> bytes:
+        return self.between.join(f"{self.before}{line}" for line in self.lines.of(block)).encode()
 
 
 def lines_of(header: SceneFile, labels: Sequence[str]) -> SceneLines | NumberedLines:

@@ -4,7 +4,8 @@
     read(path) -> Reading                 the header, then the scenes, block by block
 
 Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. Formats of
-HEADER_LAST can be written before the whole of the header is known: their `write` takes `final`, which gives it.
+HEADER_LAST can be written before the whole of the header is known: their `write` takes `final`, which gives it. Those
+of TEXT take `each`, a `map` of several processes.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ FORMATS: dict[str, str] = {
 }
 
 HEADER_LAST = {".parquet"}
+TEXT = {".json", ".jsonl"}
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
 ENDINGS: dict[str, str] = {

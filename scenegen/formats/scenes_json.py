@@ -14,7 +14,7 @@ from scenegen.formats.blocks import Block, Reading
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import HEADING, check_objects, labelled, parse, scene_file
 from scenegen.formats.lines import block_of
-from scenegen.formats.numbered_lines import lines_of
+from scenegen.formats.numbered_lines import Each, Text, lines_of
 from scenegen.scene.data import SceneFile
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
@@ -22,26 +22,26 @@ BYTES = 32  # of a number with its name, approximately
 REMEDY = ".jsonl and .parquet files are read part by part, and may be of any size"
 
 
-def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
-    """Scenes block by block; floats are written so that they read back bit for bit. Raises OutputError for more than
-    `read` accepts."""
+def write(
+    sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block], *, each: Each = map
+) -> None:
+    """Scenes block by block; floats are written so that they read back bit for bit. `each` makes their text of blocks,
+    in this process or others. Raises OutputError for more than `read` accepts."""
     header, blocks = labelled(header, labels, blocks)
     data = header.model_dump(mode="json", exclude={"scenes"})
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     head = f'{text.removesuffix("}").rstrip()},\n "scenes": ['.encode()
     sink.write(head)
     size = len(head)
-    lines = lines_of(header, labels)
-    between = "\n"
-    for block in blocks:
-        if block.count:
-            part = (between + ",\n".join(f"  {line}" for line in lines.of(block))).encode()
-            size += len(part)
-            if size > MOST_BYTES:
-                raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
-            sink.write(part)
-            between = ",\n"
-    sink.write(b"\n ]\n}\n" if between == ",\n" else b"]\n}\n")
+    between = b"\n"
+    for lines in each(Text(lines_of(header, labels), "  ", ",\n"), blocks):
+        size += len(between) + len(lines)
+        if size > MOST_BYTES:
+            raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
+        sink.write(between)
+        sink.write(lines)
+        between = b",\n"
+    sink.write(b"\n ]\n}\n" if between == b",\n" else b"]\n}\n")
 
 
 def dump(file: SceneFile) -> bytes:

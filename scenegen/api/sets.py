@@ -49,6 +49,7 @@ def write_set(
     store = open_store(location, on_note)
     request = check_request(source, request)
     from scenegen.engine.budget import open_budget
+    from scenegen.engine.drawing import Drawing
     from scenegen.engine.engines import Writing, check_engine, open_engine
     from scenegen.engine.run import request_of
     from scenegen.engine.sets import write_set as write
@@ -69,13 +70,6 @@ def write_set(
     ):
         labels = plan.problem.spec.labels
         header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
-        facts = request_of(plan.problem, {"scenegen": __version__})
-        manifest = sets.Manifest(
-            request={**facts, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method},
-            labels=list(labels),
-            shard_size=size,
-            header=sets.header_data(header),
-        )
         stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
         writing = Writing(plan, store, header, labels, stored)
 
@@ -83,6 +77,20 @@ def write_set(
             return summed_up(plan, tally)[0]
 
         with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
+            chosen.prepare(Drawing(plan, len(labels)))
+            facts = request_of(plan.problem, {"scenegen": __version__})
+            manifest = sets.Manifest(
+                request={
+                    **facts,
+                    "plan": plan.plan_digest,
+                    "n": plan.wanted,
+                    "seed": plan.seed,
+                    "method": request.method,
+                },
+                labels=list(labels),
+                shard_size=size,
+                header=sets.header_data(header),
+            )
 
             def spent() -> bool:
                 hold.check()

@@ -92,6 +92,9 @@ class Engine(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def prepare(self, drawing: Drawing) -> None:  # noqa: B027 - most engines have nothing to do
+        """`pieces` will be asked for this: whatever takes a moment may begin."""
+
     @abstractmethod
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
         """The pieces from number `first` on, in order, without end. Raises what drawing raises."""

@@ -26,7 +26,7 @@ from scenegen.formats.stores import Tell
 from scenegen.processes.pool import check_workers, run_pieces
 from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
-from scenegen.sampling.plan import Plan
+from scenegen.sampling.plan import Index, Plan
 
 WRITERS = 3  # shards that are packed and written at a time
 
@@ -40,16 +40,29 @@ class Local(Engine):
     def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
+        self._results: Generator[tuple[Block, Index, Array], None, None] | None = None
+        self._first = 0  # piece
         self._room = Room()
         self._tell: Tell | None = None
         self._packing: Packing[Written] | None = None  # the shard that is being filled
         self._packed: deque[tuple[Packing[Written], int]] = deque()  # those that are full, and their pieces
         self._shards: list[Shard] = []  # written by this process, in order
 
+    def prepare(self, drawing: Drawing) -> None:
+        self._results = run_pieces(drawing, self._numbers(), self._workers, self._reserve)
+
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
-        with closing(run_pieces(drawing, count(first), self._workers, self._reserve)) as results:
+        self._first = first
+        if self._results is None:
+            self.prepare(drawing)
+        assert self._results is not None
+        with closing(self._results) as results:
             for scenes, cell, facts in results:
                 yield Drawn(cell, facts, scenes)
+
+    def _numbers(self) -> Iterator[int]:
+        """Of pieces; asked for when the first one is known."""
+        yield from count(self._first)
 
     def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
         return chosen(which, parts)
@@ -88,7 +101,9 @@ class Local(Engine):
         return shards
 
     def close(self) -> None:
-        """`pieces` ends its processes; full shards are written, or fail, unseen."""
+        """Full shards are written, or fail, unseen."""
+        if self._results is not None:
+            self._results.close()
         if self._packing is not None:
             self._packing.give_up()
         if self._threads is not None:

@@ -170,13 +170,14 @@ def stream_scenes(
     trial = header(Tally(0, 0, 0, 0))
     format_of(path).write(io.BytesIO(), trial, labels, [])
     coordinates = len(plan.problem.lowest)
-    facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
-    with open_shards(path, facts, coordinates, resume=resume) as shards, contextlib.ExitStack() as ending:
+    with contextlib.ExitStack() as ending:
+        standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
+        drawing = Drawing(plan, len(labels))
+        results = ending.enter_context(closing(run_pieces(drawing, _further(standing), workers, reserve)))
+        facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
+        shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve)
-        run = _Run(
-            shards, Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups)), inspect
-        )
-        standing = run.standing
+        run = _Run(shards, standing, inspect)
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
             standing.restore(shards.state, waiting, coordinates)
@@ -185,12 +186,8 @@ def stream_scenes(
             return standing.tally()
         if file.can_be_ahead:
             ending.enter_context(run.packed_ahead(file, trial))
-        begun = standing.used
         try:
-            with (
-                stop_signals() as stop,
-                closing(run_pieces(Drawing(plan, len(labels)), itertools.count(begun), workers, reserve)) as results,
-            ):
+            with stop_signals() as stop, closing(results):
                 while not standing.over:
                     try:
                         made = next(results)
@@ -226,6 +223,11 @@ def stream_scenes(
             tally = replace(standing.tally(), scarcest=tally.scarcest)
             run.join(file, header(tally), rest)
     return tally
+
+
+def _further(standing: Standing) -> Iterator[int]:
+    """The numbers of the pieces that come next, known when the first one is asked for."""
+    yield from itertools.count(standing.used)
 
 
 class _Run:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pickle
 import queue
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
@@ -43,7 +43,8 @@ def check_workers(workers: object) -> int:
 def run_pieces(
     job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1, reserve: Reserve | None = None
 ) -> Generator[T, None, None]:
-    """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
+    """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process. Several
+    workers get the job at once, before the first result is asked for.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
     worker are in progress or waiting to be returned, so memory stays constant even with a slow consumer. Close the
@@ -55,7 +56,11 @@ def run_pieces(
     more than 256 workers.
     """
     workers = check_workers(workers)
-    return _here(job, pieces) if workers == 1 else _once(job, pieces, workers, reserve)
+    if workers == 1:
+        return _here(job, pieces)
+    results = _once(job, pieces, workers, reserve)
+    next(results)  # from here on, to close it ends the processes
+    return results
 
 
 def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
@@ -69,6 +74,8 @@ def _once(
     job: Callable[[Item], T], pieces: Iterable[Item], workers: int, reserve: Reserve | None
 ) -> Generator[T, None, None]:
     with Pool(job, workers, reserve=reserve) as pool:
+        pool.start(pieces)
+        yield cast(T, None)
         yield from pool.map(pieces)
 
 
@@ -113,17 +120,23 @@ class Pool(Generic[Item, T]):
         while self._workers:
             self._reserve.bring_back(self._workers.pop())
 
+    def start(self, items: Iterable[Item]) -> int:
+        """As many processes as these items need get the job, which `map` does otherwise; how many there are. Raises
+        ScenegenError if none can start."""
+        wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
+        while len(self._workers) < wanted:
+            self._start()
+        return wanted
+
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
-        wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
-        if not wanted:
-            return
         over = False
         self._begin(items)
         try:
-            while len(self._workers) < wanted:
-                self._start()
+            if not self.start(items):
+                over = True
+                return
             while True:
                 self._give_orders()
                 while self._yielded in self._results:

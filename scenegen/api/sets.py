@@ -78,15 +78,9 @@ def write_set(
 
         with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
             chosen.prepare(Drawing(plan, len(labels)))
-            facts = request_of(plan.problem, {"scenegen": __version__})
+            facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
             manifest = sets.Manifest(
-                request={
-                    **facts,
-                    "plan": plan.plan_digest,
-                    "n": plan.wanted,
-                    "seed": plan.seed,
-                    "method": request.method,
-                },
+                request={**request_of(plan.problem, {"scenegen": __version__}), **facts},
                 labels=list(labels),
                 shard_size=size,
                 header=sets.header_data(header),

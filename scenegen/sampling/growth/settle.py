@@ -30,6 +30,7 @@ PAID = 0.4  # share of what all scenes will cost that may be spent to see how ma
 SET_UP = 0.5  # what a further population costs however small it is, of what one as large as the first one does
 NOISE = 1.1  # the design effect is known to about so much
 TRIED, HELPED = 0.15, 0.8  # the same, as long as scenes are nearly as much alike as in the beginning
+FAR, DEARER, STILL = 4.0, 1.2, 2.0  # times the best number and cost at which the search ends if scenes are still alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +59,9 @@ def settle(
     """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
 
     `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
-    `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, or have taken a good part of
-    what all wanted scenes will cost; of their numbers, the one is taken that makes these cheapest, of at least SURE if
-    the scenes are apart in the end.
+    `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, have taken a good part of what
+    all wanted scenes will cost, or are far more than the best number and dearer, and the scenes still much alike; of
+    their numbers, the one is taken that makes all scenes cheapest, of at least SURE if these are apart in the end.
     """
     machine = particles.machine
     begun, done = machine.work, 0
@@ -90,7 +91,8 @@ def settle(
         spent = (machine.work - begun) / cheapest
         enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
         helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
-        if enough or done >= LONGEST or (not helps and spent > (PAID if thin < HELPED * slowest else TRIED)):
+        over = done >= LONGEST or (done >= FAR * best.sweeps and cost > DEARER * cheapest and thin >= STILL)
+        if enough or over or (not helps and spent > (PAID if thin < HELPED * slowest else TRIED)):
             return ((sure or now) if thin <= 1.0 else best), now
 
 

@@ -77,6 +77,16 @@ def test_sweeps_that_help_go_on_and_those_that_do_not_end_early():
     assert now.sweeps > 4
 
 
+def test_sweeps_that_bring_little_for_long_end():
+    """The effect falls by a half in 16 sweeps, which is less than they cost: 17 are enough to see that."""
+    slow = lambda work: 1.0 + 8.0 * 0.5 ** (work / 16.0)  # noqa: E731
+    best, now = run(slow, wanted=4000.0, grown=1.0)
+    assert best.sweeps == 4 and now.sweeps == 17
+    # where growing costs more, the same sweeps are worth it
+    best, now = run(slow, wanted=4000.0, grown=1000.0)
+    assert best.sweeps > 17
+
+
 def test_of_trusted_numbers_of_sweeps_the_cheapest_is_taken():
     """Scenes that come apart in the end: a slightly larger population is cheaper than four times the sweeps."""
     best, now = run(lambda work: 1.6 if work < 45.0 else 1.4, wanted=5000.0)

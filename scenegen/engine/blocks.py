@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.engine.drawing import Cells
 from scenegen.formats.blocks import BLOCK, Array, Block, joined
 
 Cell = npt.NDArray[np.intp]
@@ -91,8 +92,9 @@ class BlockAssembler:
         lacks = self._shares(self.done, self._wanted) - self._count
         return int(self._cells[int(lacks.argmax())])
 
-    def offer(self, block: Block, cell: Cell) -> Iterator[Block]:
+    def offer(self, block: Block, cell: Cells) -> Iterator[Block]:
         """The blocks that m more candidates complete; `cell` (m,) is -1 for those out of range."""
+        cell = cell.astype(np.intp, copy=False)
         index = self._index[np.minimum(cell, len(self._index) - 1)]
         known = index >= 0
         self.strays.update(np.bincount(cell[~known & (cell >= 0)]).nonzero()[0].tolist())

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.engine.drawing import Drawing
+from scenegen.engine.drawing import Cells, Drawing
 from scenegen.errors import RequestError
 from scenegen.errors.stores import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
 from scenegen.formats.blocks import Array, Block, taken
@@ -38,7 +38,7 @@ class Drawn:
     """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
     candidates, held by the engine."""
 
-    cell: Index
+    cell: Cells
     facts: Array
     scenes: Held
 

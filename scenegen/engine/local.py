@@ -16,7 +16,7 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from scenegen.engine.drawing import Drawing
+from scenegen.engine.drawing import Cells, Drawing
 from scenegen.engine.engines import Drawn, Engine, Held, Writing, chosen
 from scenegen.engine.packing import Packing, Room
 from scenegen.engine.run import jobs
@@ -26,7 +26,7 @@ from scenegen.formats.stores import Tell
 from scenegen.processes.pool import check_workers, run_pieces
 from scenegen.processes.process import cores
 from scenegen.processes.reserve import Reserve
-from scenegen.sampling.plan import Index, Plan
+from scenegen.sampling.plan import Plan
 
 WRITERS = 3  # shards that are packed and written at a time
 
@@ -40,7 +40,7 @@ class Local(Engine):
     def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
-        self._results: Generator[tuple[Block, Index, Array], None, None] | None = None
+        self._results: Generator[tuple[Block, Cells, Array], None, None] | None = None
         self._first = 0  # piece
         self._room = Room()
         self._tell: Tell | None = None

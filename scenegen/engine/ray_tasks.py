@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.engine.drawing import Cells
 from scenegen.engine.engines import Writing, chosen
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
 from scenegen.processes.threads import one_thread
-from scenegen.sampling.plan import Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ def _job(sent: Sent) -> Any:
     return job
 
 
-def draw(sent: Sent, k: int) -> tuple[tuple[Index, Array], Block]:
+def draw(sent: Sent, k: int) -> tuple[tuple[Cells, Array], Block]:
     with one_thread():
         scenes, cell, facts = _job(sent)(k)
     return (cell, facts), scenes

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from scenegen.bounds.effort import StoppedError
-from scenegen.engine.blocks import BlockAssembler, Cell
-from scenegen.engine.drawing import Drawing
+from scenegen.engine.blocks import BlockAssembler
+from scenegen.engine.drawing import Cells, Drawing
 from scenegen.engine.joined import JoinedFile
 from scenegen.engine.packing import Packing, Room
 from scenegen.errors.program import INTERRUPTED
@@ -56,7 +56,7 @@ class Standing:
         patience = self.plan.patience
         return patience is not None and self.idle >= patience
 
-    def take(self, candidates: Block, cell: Cell, facts: Array) -> Generator[Block, None, None]:
+    def take(self, candidates: Block, cell: Cells, facts: Array) -> Generator[Block, None, None]:
         """The blocks that one more piece completes."""
         found = self.assembler.found
         yield from self.assembler.offer(candidates, cell)
@@ -277,7 +277,7 @@ class _Run:
             self._packing.result()
         self._shards.finish(whole=rest is None)
 
-    def take(self, candidates: Block, cell: Cell, facts: Array) -> None:
+    def take(self, candidates: Block, cell: Cells, facts: Array) -> None:
         self.settled = False
         for block in self.standing.take(candidates, cell, facts):
             if self._inspect is not None:

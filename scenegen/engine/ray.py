@@ -2,7 +2,7 @@
 
 A task that is lost with its worker or its node is run again by Ray, and gives the same scenes. The driver sees the
 cells of candidates only; scenes pass through it when they wait for more than one shard, which keeps the history that
-Ray would have to repeat after a loss short. At most `AHEAD` pieces for each core and `SHARDS` shards are under way, so
+Ray would have to repeat after a loss short. At most `AHEAD` tasks for each core and `SHARDS` shards are under way, so
 memory is flat.
 """
 
@@ -17,6 +17,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from dataclasses import dataclass, replace
 from typing import Any
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine import ray_tasks
 from scenegen.engine.drawing import Drawing
 from scenegen.engine.engines import Drawn, Engine, Held, Writing, parts_of
@@ -29,7 +30,8 @@ from scenegen.processes.memory import VARIABLES
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
-AHEAD = 3  # pieces for each core that are drawn, or wait for their turn
+AHEAD = 3  # tasks for each core that draw pieces, or wait for their turn
+TASK, TOGETHER = 0.15, 8  # seconds that a task should take, and at most so many pieces: each task costs some ms
 SHARDS = 2  # shards that are written at a time
 SPARE = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
 NICENESS = "RAY_worker_niceness"  # 15 where it is not set
@@ -60,7 +62,7 @@ class Cluster(Engine):
         cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._ahead = AHEAD * min(workers or cores, cores)
         options = {"num_cpus": 1, "max_retries": RETRIES, "retry_exceptions": False}
-        self._draw = ray.remote(num_returns=2, **options)(ray_tasks.draw)
+        self._draw = ray.remote(**options)(ray_tasks.draw)
         self._choose = ray.remote(**options)(ray_tasks.choose)
         self._write = ray.remote(**options)(ray_tasks.write)
         self._writing: deque[Any] = deque()
@@ -71,14 +73,19 @@ class Cluster(Engine):
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
         job = self._sent(drawing)
         waiting: deque[tuple[Any, Any]] = deque()
-        k = first
+        k, together = first, 1
         try:
             while True:
-                while len(waiting) < self._ahead:
-                    waiting.append(tuple(self._draw.remote(job, k)))
-                    k += 1
+                while len(waiting) < self._ahead * together:
+                    made = self._draw.options(num_returns=2 * together).remote(job, k, together)
+                    waiting.extend(zip(made[::2], made[1::2], strict=True))
+                    k += together
                 counts, scenes = waiting.popleft()
-                cell, facts = self._get(counts, "a piece")
+                found = self._get(counts, "a piece")
+                if isinstance(found, StoppedError):
+                    raise found
+                cell, facts, seconds = found
+                together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
                 self._candidates += len(cell)
                 yield Drawn(cell, facts.copy(), _Stored(scenes))
         finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import pickle
+import time
 import uuid
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -11,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine.drawing import Cells
 from scenegen.engine.engines import Writing, chosen
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
 from scenegen.processes.threads import one_thread
+from scenegen.processes.worker import GARBAGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +38,24 @@ def _job(sent: Sent) -> Any:
     """A plan is read, or a model loaded, once in each process."""
     job = pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
     gc.freeze()  # it stays: no collection has to look at it
+    gc.set_threshold(GARBAGE)
     return job
 
 
-def draw(sent: Sent, k: int) -> tuple[tuple[Cells, Array], Block]:
+def draw(sent: Sent, first: int, count: int) -> list[tuple[Cells, Array, float] | StoppedError | Block | None]:
+    """Of each of `count` pieces from `first` on: cells, facts and the seconds that it took; then its scenes. From the
+    piece on that a time limit cuts short: what that raises, and None."""
+    found: list[tuple[Cells, Array, float] | StoppedError | Block | None] = []
     with one_thread():
-        scenes, cell, facts = _job(sent)(k)
-    return (cell, facts), scenes
+        job = _job(sent)
+        for k in range(first, first + count):
+            begun = time.perf_counter()
+            try:
+                scenes, cell, facts = job(k)
+            except StoppedError as stopped:
+                return found + [stopped, None] * (first + count - k)
+            found += [(cell, facts, time.perf_counter() - begun), scenes]
+    return found
 
 
 def apply(sent: Sent, item: Any) -> Any:

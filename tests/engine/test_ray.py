@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from scenegen.bounds.effort import StoppedError
 from scenegen.engine import ray as ray_engine
 from scenegen.engine import ray_tasks
 from scenegen.engine.engines import chosen
@@ -53,15 +54,15 @@ class Store:
     def cancel(self, reference, force):
         pass
 
-    def remote(self, num_returns=1, **_):
-        def task(function):
+    def remote(self, **_):
+        def task(function, num_returns=1):
             def call(*words):
                 words = [one.value() if isinstance(one, Reference) else Reference(one).value() for one in words]
                 self.done.append((function.__name__, words))
                 made = function(*words)
                 return [Reference(one) for one in made] if num_returns > 1 else Reference(made)
 
-            return SimpleNamespace(remote=call)
+            return SimpleNamespace(remote=call, options=lambda num_returns: task(function, num_returns))
 
         return task
 
@@ -86,6 +87,30 @@ def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, 
     assert digest(tmp_path / "set") == plain
     writers = [words for name, words in store.done if name == "write"]
     assert [pick is None for _, _, _, picks, *_ in writers for pick in picks] == early
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 10.0])
+def test_quick_pieces_share_a_task(seconds, plain, store, tmp_path, monkeypatch):
+    monkeypatch.setattr(ray_engine, "TASK", seconds)
+    run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
+    assert digest(tmp_path / "set") == plain
+    counts = [words[2] for name, words in store.done if name == "draw"]
+    assert max(counts) == (1 if seconds == 0.0 else ray_engine.TOGETHER)
+    firsts = [words[1] for name, words in store.done if name == "draw"]
+    assert firsts == [0, *itertools.accumulate(counts[:-1])]
+
+
+def test_time_that_is_up_in_the_midst_of_a_task(monkeypatch):
+    class Job:
+        def __call__(self, k):
+            if k == 7:
+                raise StoppedError("so far")
+            return Block(np.zeros((3, k)), np.zeros((1, k))), np.zeros(k, dtype=np.int8), np.ones(1)
+
+    monkeypatch.setattr(ray_tasks, "_job", lambda _: Job())
+    made = ray_tasks.draw(ray_tasks.packed("anything"), 5, 4)
+    assert [one.count for one in made[1:4:2]] == [5, 6] and made[5] is made[7] is None
+    assert [str(one) for one in made[4::2]] == ["so far"] * 2
 
 
 def test_a_shard_of_blocks_of_both_kinds(plain, store, tmp_path, monkeypatch):

@@ -16,11 +16,12 @@ from scenegen.processes.reserve import Reserve
 from scenegen.scene.data import SceneFile
 
 PART = 8192  # scenes whose text a process makes at a time
+MANY = 4 * PART  # scenes from which on other processes make their text: fewer take less time than a process to start
 
 
 class JoinedFile:
     """`joining` is called with every block that goes into the file; `stored` makes of it what the file holds. With
-    several workers text is made by as many processes."""
+    several workers the text of many `scenes` is made by as many processes."""
 
     def __init__(
         self,
@@ -31,11 +32,12 @@ class JoinedFile:
         stored: Callable[[Block], Block] | None,
         workers: int,
         reserve: Reserve | None,
+        scenes: int,
     ) -> None:
         self._shards, self._labels = shards, labels
         self._format, self._ending = format_of(path), path.suffix.lower()
         self._joining, self._stored = joining, stored
-        self._workers, self._reserve = workers, reserve
+        self._workers, self._reserve, self._scenes = workers, reserve, scenes
 
     @property
     def can_be_ahead(self) -> bool:
@@ -48,7 +50,7 @@ class JoinedFile:
         """`final` gives the header after the last block, if the format can wait for it. Raises OutputError."""
         with ExitStack() as ending:
             options: dict[str, Any] = {} if final is None else {"final": final}
-            if self._workers > 1 and self._ending in TEXT:
+            if self._workers > 1 and self._ending in TEXT and self._scenes >= MANY:
 
                 def each(job: Callable[[Block], bytes], blocks: Iterable[Block]) -> Generator[bytes, None, None]:
                     made = run_pieces(job, _parts(blocks), self._workers, self._reserve)

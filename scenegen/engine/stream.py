@@ -176,7 +176,7 @@ def stream_scenes(
         results = ending.enter_context(closing(run_pieces(drawing, _further(standing), workers, reserve)))
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
-        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve)
+        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
         run = _Run(shards, standing, inspect)
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
@@ -282,7 +282,7 @@ class _Run:
         for block in self.standing.take(candidates, cell, facts):
             if self._inspect is not None:
                 self._inspect(block)
-            self._shards.append(block, again=self._packing is None)
+            self._shards.append(block)
             if self._packing is not None:
                 self._packing.add(block)
         self.settled = True

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import difflib
 import errno
+import functools
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -31,6 +33,7 @@ _WRITE_HELP = {
 }
 
 STEP = 1 << 24  # bytes of a large file after which the disk begins to work
+_WRITE = 2  # SYNC_FILE_RANGE_WRITE
 
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -155,10 +158,22 @@ def write_whole(path: Path, *parts: bytes | memoryview) -> None:
 
 
 def begin_writing(file: IO[bytes]) -> None:
-    """What was written to a file so far begins to go to the disk, where the system can be asked to: `fsync` then waits
-    for less. Nothing of it is kept in memory for readers."""
-    with contextlib.suppress(AttributeError, OSError):
-        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+    """What was written to a file so far begins to go to the disk, where the system can be asked to (Linux): `fsync`
+    then waits for less."""
+    ask = _sync_file_range()
+    if ask is not None:
+        with contextlib.suppress(OSError):  # a file in memory
+            ask(file.fileno(), 0, 0, _WRITE)  # the whole file; an error will be that of `fsync`
+
+
+@functools.cache
+def _sync_file_range() -> Callable[[int, int, int, int], int] | None:
+    """The system's call, which Python's `os` lacks."""
+    found = getattr(ctypes.CDLL(None), "sync_file_range", None) if os.name == "posix" else None
+    if found is not None:
+        found.argtypes = [ctypes.c_int, ctypes.c_int64, ctypes.c_int64, ctypes.c_uint]
+    call: Callable[[int, int, int, int], int] | None = found
+    return call
 
 
 def _umask() -> int:

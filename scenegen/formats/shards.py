@@ -81,14 +81,13 @@ class Shards:
         with self._reported(), self._pool_path(self._manifest.checkpoint).open("rb") as file:
             return _load(file)
 
-    def append(self, block: Block, *, again: bool = True) -> None:
-        """Add a block; it counts from the next checkpoint on. `again` says that this run will read it."""
+    def append(self, block: Block) -> None:
+        """Add a block; it counts from the next checkpoint on."""
         with self._reported():
             if self._shard is None:
                 self._shard = self._shard_path(new=True).open("wb")
             _save(self._shard, block.rows, block.phi)
-            if not again:
-                begin_writing(self._shard)
+            begin_writing(self._shard)
         self._blocks += 1
         self._scenes += block.count
 

@@ -85,6 +85,16 @@ def test_workers_and_checkpoints_do_not_change_the_bytes(workers, tmp_path, unbr
     assert [entry.name for entry in tmp_path.iterdir()] == ["x.parquet"]
 
 
+@pytest.mark.parametrize("ending", [".json", ".jsonl"])
+def test_lines_are_the_same_whoever_makes_them(ending, tmp_path, unbroken, monkeypatch):
+    from made import Made, stream
+
+    monkeypatch.setattr("scenegen.engine.joined.MANY", 1)
+    monkeypatch.setattr("scenegen.engine.joined.PART", 70)
+    stream(tmp_path / f"x{ending}", Made(2000), workers=2, **SMALL)
+    assert (tmp_path / f"x{ending}").read_bytes() == unbroken[ending]
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_file_that_is_packed_ahead_goes_on(workers, tmp_path, unbroken):
     """With two workers the file is written while scenes are drawn: again from the first one in a run that goes on."""

@@ -1,6 +1,8 @@
 """Files appear whole or not at all, and nothing is left behind."""
 
 import errno
+import hashlib
+import io
 import os
 import stat
 
@@ -8,7 +10,8 @@ import pytest
 
 from scenegen.errors import DataError, OutputError
 from scenegen.formats import files
-from scenegen.formats.files import check_folder, check_writable, ensure_folder, read_bytes, write_whole
+from scenegen.formats.files import begin_writing, check_folder, check_writable, ensure_folder, read_bytes, write_whole
+from scenegen.formats.packed import Packed
 
 
 def failing(code):
@@ -116,3 +119,30 @@ def test_reading_what_cannot_be_read(tmp_path):
         read_bytes(tmp_path / "scenes.json", "a spec", limit=10)
     with pytest.raises(DataError, match="name too long"):
         read_bytes(tmp_path / ("x" * 300), "a spec")
+
+
+def test_a_file_of_several_parts(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "STEP", 5)
+    begun = []
+    monkeypatch.setattr(files, "begin_writing", lambda file: begun.append(file.tell()))
+    write_whole(tmp_path / "x", b"1234", memoryview(b"567"), b"", b"89")
+    assert (tmp_path / "x").read_bytes() == b"123456789" and begun == [7]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_begins_to_go_to_the_disk_stays_as_it_is(known, tmp_path, monkeypatch):
+    """Also where the system has no such call, or the file is in memory."""
+    if not known:
+        monkeypatch.setattr(files, "_sync_file_range", lambda: None)
+    with (tmp_path / "x").open("wb") as file:
+        file.write(b"1" * 100_000)
+        begin_writing(file)
+        file.write(b"2")
+    assert (tmp_path / "x").read_bytes() == b"1" * 100_000 + b"2"
+    begin_writing(io.BytesIO())
+
+
+def test_a_file_that_is_packed_in_memory():
+    packed = Packed()
+    assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
+    assert packed.parts == [b"abc", b"de"] and packed.sha256 == hashlib.sha256(b"abcde").hexdigest()

@@ -89,9 +89,10 @@ def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
 
 def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> None:
     """Raises what the API raises, and OutputError for places that cannot be written to."""
-    from scenegen.engine.budget import start_processes
+    from scenegen.engine.budget import MODELS, SCENES, start_processes
 
-    with start_processes(wishes.workers, storing.engine, settle=wishes.settle) as reserve:
+    load = MODELS if source.suffix == ".safetensors" or source.is_dir() else SCENES
+    with start_processes(wishes.workers, storing.engine, settle=wishes.settle, load=load) as reserve:
         _sample(source, wishes, out, storing, render, reserve)
 
 

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Budget
     from scenegen.sampling.request import SampleRequest
 
-SCENES = ("scenegen.engine.drawing", "scenegen.sampling.auto")
+SCENES = ("scenegen.engine.drawing", "scenegen.sampling.contest")
 MOTIONS = ("scenegen.engine.drawing", "scenegen.motions.plan")
+MODELS = ("scenegen.engine.drawing", "scenegen.sampling.guided", "scenegen.models.proposer")
 
 
 def start_processes(

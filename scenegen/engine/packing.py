@@ -44,6 +44,7 @@ class Packing(Generic[T]):
     def __init__(self, threads: ThreadPoolExecutor, room: Room, work: Callable[[Iterator[Block]], T]) -> None:
         self._room = room
         self._blocks: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
+        self._current: Block | None = None  # is being packed
         self._over = threading.Event()  # by an error, or by giving up
         self._result = threads.submit(self._run, work)
 
@@ -53,6 +54,8 @@ class Packing(Generic[T]):
             if self._room.take(_size(block)):
                 self._blocks.put(block)
                 break
+        if self._over.is_set():  # it may have ended since
+            self._empty()
         if self._result.done():  # before its last block: it has failed
             self._result.result()
 
@@ -79,9 +82,8 @@ class Packing(Generic[T]):
             return work(self._added())
         finally:
             self._over.set()
-            with contextlib.suppress(queue.Empty):
-                while True:  # blocks that nobody will take
-                    self._leave(self._blocks.get_nowait())
+            self._leave(self._current)
+            self._empty()
 
     def _added(self) -> Iterator[Block]:
         while True:
@@ -93,8 +95,16 @@ class Packing(Generic[T]):
                 continue
             if block is None:
                 return
+            self._current = block
             yield block
+            self._current = None
             self._leave(block)
+
+    def _empty(self) -> None:
+        """Blocks that nobody will take leave their room to those of others."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._leave(self._blocks.get_nowait())
 
     def _leave(self, block: Block | None) -> None:
         if block is not None:

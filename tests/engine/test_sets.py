@@ -1,11 +1,13 @@
 """Sets of shards: the same bytes from each engine, whatever happens on the way."""
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
 import itertools
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ import pytest
 
 from scenegen.engine.engines import chosen, open_engine
 from scenegen.engine.local import Local
-from scenegen.engine.packing import Packing
+from scenegen.engine.packing import Packing, Room
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import Block
 from scenegen.formats.registry import read_scenes
@@ -288,3 +290,32 @@ def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
     with Local(2) as engine:
         run(tmp_path / "set", engine)
     assert max(most) <= 1 and slow.seen == 7
+
+
+@pytest.mark.parametrize("at", [1, 2])
+def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
+    """Nothing it was given counts any longer: not the block at which it failed, nor those that came too late."""
+    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
+    block, room, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), Room(), []
+
+    def failing(blocks):
+        for one in blocks:
+            seen.append(one)
+            if len(seen) == at:
+                raise OSError("no room on the disk")
+
+    with ThreadPoolExecutor(2) as threads:
+        first = Packing(threads, room, failing)
+        with pytest.raises(OSError, match="on the disk"):
+            for _ in range(100):
+                first.add(block)
+        first.finish()
+        for _ in range(3):
+            with contextlib.suppress(OSError):
+                first.add(block)
+        second = Packing(threads, room, list)
+        for _ in range(3):
+            second.add(block)
+        second.finish()
+        assert len(second.result()) == 3
+    assert room._taken == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -91,7 +92,8 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     """Raises what the API raises, and OutputError for places that cannot be written to."""
     from scenegen.engine.budget import MODELS, SCENES, start_processes
 
-    load = MODELS if source.suffix == ".safetensors" or source.is_dir() else SCENES
+    # `os.path.isdir` is False also for a name that is too long: that is reported where the source is loaded
+    load = MODELS if source.suffix == ".safetensors" or os.path.isdir(source) else SCENES  # noqa: PTH112
     with start_processes(wishes.workers, storing.engine, settle=wishes.settle, load=load) as reserve:
         _sample(source, wishes, out, storing, render, reserve)
 

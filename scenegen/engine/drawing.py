@@ -24,9 +24,9 @@ class Drawing:
 
     def __call__(self, k: int) -> tuple[Block, Cells, Array]:
         made = self.plan.draw(k)
-        rows, phi, cell = made.rows, made.phi[: self.labels], made.cell
+        block, cell = Block(made.rows, made.phi[: self.labels]), made.cell
         if len(cell) and cell.min() < 0:
             inside = np.flatnonzero(cell >= 0)
-            rows, phi, cell = rows.take(inside, axis=1), phi.take(inside, axis=1), cell[inside]
+            block, cell = block.take(inside), cell[inside]
         small = np.min_scalar_type(-int(cell.max(initial=0)) - 1)  # cells often need a byte each, not eight
-        return Block(rows, phi), cell.astype(small), made.facts
+        return block, cell.astype(small), made.facts

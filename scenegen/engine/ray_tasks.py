@@ -17,8 +17,8 @@ from scenegen.engine.drawing import Cells
 from scenegen.engine.engines import Writing, chosen
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
+from scenegen.processes.memory import seldom_search
 from scenegen.processes.threads import one_thread
-from scenegen.processes.worker import GARBAGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ def _job(sent: Sent) -> Any:
     """A plan is read, or a model loaded, once in each process."""
     job = pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
     gc.freeze()  # it stays: no collection has to look at it
-    gc.set_threshold(GARBAGE)
+    seldom_search()
     return job
 
 

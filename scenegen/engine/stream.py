@@ -149,9 +149,9 @@ def stream_scenes(
     """Write the scenes of a request to a file in the format of the path's ending, however many there are.
 
     They are collected in `x.parquet.part/` and joined at the end, so that the file appears whole or not at all; with
-    several workers, a format whose header comes last is joined while they are collected. After
-    an interrupt or kill -9 at any moment, the same call with `resume` continues from the last checkpoint and ends with
-    the same bytes as an uninterrupted run; without `resume`, an existing folder is refused. With `resume` and no
+    several workers, a format whose header comes last is joined while they are collected. After an interrupt or kill -9
+    at any moment, the same call with `resume` continues from the last checkpoint and ends with the same bytes as an
+    uninterrupted run; without `resume`, an existing folder is refused. With `resume` and no
     folder, the run starts from the beginning. The bytes do not depend on `workers`, nor on when the run was
     interrupted. SIGINT and SIGTERM end the run after the current piece, with a checkpoint; KeyboardInterrupt then says
     how to resume. A second signal ends it at once.

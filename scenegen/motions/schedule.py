@@ -81,7 +81,7 @@ class _Planner:
         return Ahead(job, PIECES, budget.reserve)
 
     def plan(self, ahead: Ahead[Stage] | None = None) -> Schedule | None:
-        """The schedule; `ahead` is told each stage."""
+        """The schedule; `ahead` gets each stage."""
         self._ahead = ahead
         chains, problem = self._chains, self._chains.problem
         low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)

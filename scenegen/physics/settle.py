@@ -93,7 +93,7 @@ class Settler:
     together.
 
     `fixed` are the indices of the objects that cannot be moved. `declared`: a spec declares what things stand on, and
-    `settle` is told how high they are. `boards` are those of the spec. `workers` is by default one per core. Raises
+    `settle` gets their heights. `boards` are those of the spec. `workers` is by default one per core. Raises
     RequestError for fewer than 1, and if pybullet is not installed.
     """
 

@@ -23,13 +23,13 @@ import traceback
 from collections.abc import Callable
 from typing import IO, Any, BinaryIO
 
+from scenegen.processes.memory import seldom_search
+
 FRAME = struct.Struct("<qqqq")
 SIZE = struct.Struct("<Q")
 
 READY = -1  # the turn of the frame that reports that the job was received
 DONE, FAILED = 0, 1
-
-GARBAGE = 200_000  # objects that are made between two searches for cycles, as in the program that starts it
 
 PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
 
@@ -37,7 +37,7 @@ PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
 def main() -> None:
     """Process orders until standard input ends; then the process ends at once. An order of turn READY is a job: it
     takes the place of the last one."""
-    gc.set_threshold(GARBAGE)
+    seldom_search()
     results = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # output that a job prints must not mix with the results
     widen(results)

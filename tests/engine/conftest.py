@@ -6,10 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from scenegen.formats.registry import FORMATS
+
+HERE = Path(__file__).parent
+
 
 @pytest.fixture(autouse=True)
 def importable(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(HERE))
 
 
 @pytest.fixture(autouse=True)
@@ -30,3 +34,17 @@ def children():
         ):  # a thread that has ended since has no children
             found |= {int(one) for one in (task / "children").read_text().split()}
     return found
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory):
+    """The files of runs that nothing disturbed, by ending."""
+    sys.path.insert(0, str(HERE))
+    try:
+        from made import Made, stream
+    finally:
+        sys.path.remove(str(HERE))
+    folder = tmp_path_factory.mktemp("unbroken")
+    for ending in FORMATS:
+        stream(folder / f"x{ending}", Made(2000), size=300)
+    return {ending: (folder / f"x{ending}").read_bytes() for ending in FORMATS}

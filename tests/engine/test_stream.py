@@ -47,20 +47,6 @@ def run():
     runs.process.communicate(timeout=10)
 
 
-@pytest.fixture(scope="module")
-def unbroken(tmp_path_factory):
-    """The files of runs that nothing disturbed, by ending."""
-    sys.path.insert(0, str(HERE))
-    try:
-        from made import Made, stream
-    finally:
-        sys.path.remove(str(HERE))
-    folder = tmp_path_factory.mktemp("unbroken")
-    for ending in FORMATS:
-        stream(folder / f"x{ending}", Made(2000), size=300)
-    return {ending: (folder / f"x{ending}").read_bytes() for ending in FORMATS}
-
-
 @pytest.mark.parametrize("ending", FORMATS)
 def test_what_is_written(ending, tmp_path, unbroken):
     (tmp_path / f"x{ending}").write_bytes(unbroken[ending])
@@ -83,62 +69,6 @@ def test_workers_and_checkpoints_do_not_change_the_bytes(workers, tmp_path, unbr
     assert (tmp_path / "x.parquet").read_bytes() == unbroken[".parquet"]
     assert tally.scenes == 2000
     assert [entry.name for entry in tmp_path.iterdir()] == ["x.parquet"]
-
-
-@pytest.mark.parametrize("ending", [".json", ".jsonl"])
-def test_lines_are_the_same_whoever_makes_them(ending, tmp_path, unbroken, monkeypatch):
-    from made import Made, stream
-
-    monkeypatch.setattr("scenegen.engine.joined.MANY", 1)
-    monkeypatch.setattr("scenegen.engine.joined.PART", 70)
-    stream(tmp_path / f"x{ending}", Made(2000), workers=2, **SMALL)
-    assert (tmp_path / f"x{ending}").read_bytes() == unbroken[ending]
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_file_that_is_packed_ahead_goes_on(workers, tmp_path, unbroken):
-    """With two workers the file is written while scenes are drawn: again from the first one in a run that goes on."""
-    from made import Made, stream
-
-    path = tmp_path / "x.parquet"
-    asked = iter([False, False, True])
-    stream(path, Made(2000), workers=2, spent=lambda: next(asked), **SMALL)
-    folder = folder_of(path)
-    assert not path.exists() and not list(folder.glob(".*")) and not (folder / "joined").exists()
-    (folder / ".joined.abc.part").write_bytes(b"of a run that died")
-    asked = iter([False, True])
-    stream(path, Made(2000), workers=workers, spent=lambda: next(asked), resume=True, **SMALL)
-    assert not list(folder.glob(".*"))
-    stream(path, Made(2000), workers=workers, resume=True, **SMALL)
-    assert path.read_bytes() == unbroken[".parquet"] and [one.name for one in tmp_path.iterdir()] == [path.name]
-
-
-def test_a_part_of_a_file_that_was_packed_ahead(tmp_path):
-    from made import Made, stream
-
-    for workers in (1, 2):
-        asked = iter([False, False, True])
-        path = tmp_path / f"{workers}.parquet"
-        stream(path, Made(2000), workers=workers, spent=lambda: next(asked), keep_partial=True, **SMALL)  # noqa: B023
-    assert (tmp_path / "1.parquet").read_bytes() == (tmp_path / "2.parquet").read_bytes()
-
-
-def test_a_file_that_cannot_be_packed_ends_the_run(tmp_path, unbroken):
-    """It is said, and what was drawn until then is kept."""
-    from made import Made, stream
-
-    path, seen = tmp_path / "x.parquet", []
-
-    def full(block):
-        seen.append(block.count)
-        if len(seen) == 3:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with pytest.raises(OutputError, match=r"no space left(.|\n)*keeps") as caught:
-        stream(path, Made(2000), workers=2, joining=full, **SMALL)
-    assert "`resume`" in caught.value.diagnostics[0].help and not path.exists()
-    stream(path, Made(2000), workers=2, resume=True, **SMALL)
-    assert path.read_bytes() == unbroken[".parquet"]
 
 
 def struck(run, path, moments, expected):

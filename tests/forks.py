@@ -87,10 +87,12 @@ class Forked:
         self.pid = NUMBER.unpack(self._status.recv(NUMBER.size))[0]
 
     def poll(self) -> int | None:
-        self._status.setblocking(False)
-        with contextlib.suppress(BlockingIOError):
-            self.wait()
-        self._status.setblocking(True)
+        if self.returncode is None:
+            self._status.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                self.wait()
+                return self.returncode
+            self._status.setblocking(True)
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
@@ -99,10 +101,13 @@ class Forked:
             self._status.close()
         return self.returncode
 
-    def kill(self) -> None:
+    def send_signal(self, number: int) -> None:
         if self.returncode is None:
             with contextlib.suppress(ProcessLookupError):
-                os.kill(self.pid, signal.SIGKILL)
+                os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
 
 
 def serve(control: socket.socket) -> None:

@@ -25,11 +25,14 @@ MODELS = ("scenegen.engine.drawing", "scenegen.sampling.guided", "scenegen.model
 def start_processes(
     workers: int | None, engine: str = "local", *, settle: bool = False, load: tuple[str, ...] = SCENES
 ) -> Reserve:
-    """If a request asks for several processes, they start at once and load what most plans need; none if another engine
-    draws its pieces, or a simulator settles them. Raises RequestError for an invalid number."""
+    """If a request asks for several processes, they start at once and load what most plans need, but as long as this
+    one loads it has a core of its own; none if another engine draws its pieces, or a simulator settles them. Raises
+    RequestError for an invalid number."""
     count = 1 if workers is None else check_workers(workers)
-    several = count > 1 and engine == "local" and not settle
-    return Reserve(min(count, cores()) if several else 0, load)
+    if count == 1 or engine != "local" or settle:
+        return Reserve()
+    now = max(1, min(count, cores() - 1))
+    return Reserve(now, load, later=min(count, cores()) - now)
 
 
 @contextlib.contextmanager

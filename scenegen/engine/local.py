@@ -16,7 +16,7 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from scenegen.engine.drawing import Cells, Drawing
+from scenegen.engine.drawing import Cells, Drawing, draw_pieces
 from scenegen.engine.engines import Drawn, Engine, Held, Writing, chosen
 from scenegen.engine.packing import Packing, Room
 from scenegen.engine.run import jobs
@@ -49,7 +49,7 @@ class Local(Engine):
         self._shards: list[Shard] = []  # written by this process, in order
 
     def prepare(self, drawing: Drawing) -> None:
-        self._results = run_pieces(drawing, self._numbers(), self._workers, self._reserve)
+        self._results = draw_pieces(drawing, self._numbers(), self._workers, self._reserve)
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
         self._first = first

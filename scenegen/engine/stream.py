@@ -17,7 +17,7 @@ import numpy as np
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import BlockAssembler
-from scenegen.engine.drawing import Cells, Drawing
+from scenegen.engine.drawing import Cells, Drawing, draw_pieces
 from scenegen.engine.joined import JoinedFile
 from scenegen.engine.packing import Packing, Room
 from scenegen.errors.program import INTERRUPTED
@@ -25,7 +25,6 @@ from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.registry import format_of
 from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.processes.interrupt import stop_signals
-from scenegen.processes.pool import run_pieces
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Array, Plan, Tally
 from scenegen.scene.data import SceneFile
@@ -108,7 +107,7 @@ def run_blocks(
     with fewer scenes than requested. Raises what `run_pieces` raises.
     """
     run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
-    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers, reserve)) as results:
+    with closing(draw_pieces(Drawing(plan, labels), itertools.count(), workers, reserve)) as results:
         while not run.over:
             try:
                 made = next(results)
@@ -173,7 +172,7 @@ def stream_scenes(
     with contextlib.ExitStack() as ending:
         standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
         drawing = Drawing(plan, len(labels))
-        results = ending.enter_context(closing(run_pieces(drawing, _further(standing), workers, reserve)))
+        results = ending.enter_context(closing(draw_pieces(drawing, _further(standing), workers, reserve)))
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -33,6 +34,16 @@ class Beside(Companion, Generic[Item, T]):
             raise self._answer.value
         value: T = self._answer.value
         return value
+
+    def then(self, call: Callable[[], object]) -> None:
+        """`call` is called when the result is there, by another thread. Then this can be left: nothing is awaited."""
+
+        def wait() -> None:
+            if self._process is not None:
+                self._thread.join()
+            call()
+
+        threading.Thread(target=wait, daemon=True).start()
 
     def _work(self, process: Process) -> None:
         self._answer = self._ask(process, self._item)

@@ -16,15 +16,18 @@ from scenegen.processes.worker import FAILED
 
 Self = TypeVar("Self", bound="Companion")
 
+PATIENCE = 0.1  # seconds in which a process may give up its work; a new one takes longer to start
+
 
 class Companion(ABC):
-    """A context manager, at the end of which the process ends, or goes back to the reserve that it comes from if it has
-    no work. Where none can start there is none, and nothing is done."""
+    """A context manager, at the end of which the process gives up its work and goes back to the reserve that it comes
+    from, or ends. Where none can start there is none, and nothing is done."""
 
     def __init__(self, job: Callable[[Any], Any], reserve: Reserve | None) -> None:
         self._reserve = Reserve(keeps=False) if reserve is None else reserve
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._process: Process | None = None
+        self._left = False
         try:
             self._process = self._reserve.take("a worker process")
         except ScenegenError:
@@ -37,11 +40,16 @@ class Companion(ABC):
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._process is None:
+        if self._process is None or self._left:
             return
+        self._left = True
+        if self._thread.is_alive():
+            self._stop()
+            if self._process.ready and self._reserve.keeps:
+                self._process.give_up()
+                self._thread.join(PATIENCE)
         if self._thread.is_alive():
             self._process.process.kill()
-            self._stop()
         self._thread.join()
         self._reserve.bring_back(self._process)
 
@@ -71,4 +79,4 @@ class Companion(ABC):
         """The process could not read the job."""
 
     def _stop(self) -> None:  # noqa: B027 - the same
-        """The process has been ended: whatever the thread waits for does not come."""
+        """The process is to end: whatever the thread waits for does not come."""

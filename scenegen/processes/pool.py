@@ -1,7 +1,9 @@
 """Work on several processes, the results in the order of the items.
 
 A worker (`process`, `worker`) gets the job once and works on one thread. It has two items at a time, so that it never
-waits for the next. A result is a function of the job and the item, so which worker computes it does not matter.
+waits for the next; but one item unless the last two were brief, since the second would wait for it though another
+worker may have nothing to do. A result is a function of the job and the item, so which worker computes it does not
+matter.
 
 A worker costs the time its job's modules take to load: 0.1 s of a core with numpy alone, 1.5 s with torch. Requests
 that take less than a few seconds are better off with `workers=1` of `run_pieces`, which starts nothing.
@@ -9,18 +11,21 @@ that take less than a few seconds are better off with `workers=1` of `run_pieces
 
 from __future__ import annotations
 
+import functools
 import pickle
 import queue
-from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.processes.beside import Beside
 from scenegen.processes.process import GONE, Message, Process
 from scenegen.processes.reserve import Reserve
 from scenegen.processes.threads import one_thread
-from scenegen.processes.worker import FAILED
+from scenegen.processes.worker import DONE, FAILED
 from scenegen.validation import as_int
 
 Item = TypeVar("Item")
@@ -28,7 +33,10 @@ T = TypeVar("T")
 
 MAX_WORKERS = 256
 AHEAD = 2  # items given to a worker at a time
+BRIEF, OFTEN = 0.25, 2  # seconds, and how many items in a row must take no longer for that
 WAITING = 3  # items per worker that were sent, but whose results have not been returned yet
+MOST_WAITING = 16  # the same for small results: where one item takes long, no worker waits for it
+SMALL = 1 << 26  # bytes of all of these
 ATTEMPTS = 2  # an item whose worker died is given to another one once
 
 
@@ -40,16 +48,38 @@ def check_workers(workers: object) -> int:
     return count
 
 
+@dataclass(frozen=True, slots=True)
+class Underway(Generic[T]):
+    """An item that another process works on already. `value` is quick once `beside` is done; until then it is one
+    process less."""
+
+    beside: Beside[Any, Any]
+    value: Callable[[], T]
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """An item that was under way is done."""
+
+    item: Any
+
+
 def run_pieces(
-    job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1, reserve: Reserve | None = None
+    job: Callable[[Item], T],
+    pieces: Iterable[Item],
+    workers: int = 1,
+    reserve: Reserve | None = None,
+    underway: Mapping[Item, Underway[T]] | None = None,
 ) -> Generator[T, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process. Several
     workers get the job at once, before the first result is asked for.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
-    worker are in progress or waiting to be returned, so memory stays constant even with a slow consumer. Close the
-    generator to stop early: it ends all processes, as does any error. Those that wait for nothing go back to the
-    `reserve` that they come from.
+    worker are in progress or waiting to be returned, up to 16 of small results (64 MB in all), so memory stays constant
+    even with a slow consumer. Close the generator to stop early: it ends all processes, as does any error. Those that
+    wait for nothing go back to the `reserve` that they come from.
+
+    Items that are `underway` are left to those who work on them, where there are several workers.
 
     An error of the job is raised in the order of the pieces, as if it had happened here. A piece whose process dies is
     repeated by another process; if that dies as well, ScenegenError is raised. Raises RequestError for fewer than 1 or
@@ -58,7 +88,7 @@ def run_pieces(
     workers = check_workers(workers)
     if workers == 1:
         return _here(job, pieces)
-    results = _once(job, pieces, workers, reserve)
+    results = _once(job, pieces, workers, reserve, underway or {})
     next(results)  # from here on, to close it ends the processes
     return results
 
@@ -71,9 +101,13 @@ def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None
 
 
 def _once(
-    job: Callable[[Item], T], pieces: Iterable[Item], workers: int, reserve: Reserve | None
+    job: Callable[[Item], T],
+    pieces: Iterable[Item],
+    workers: int,
+    reserve: Reserve | None,
+    underway: Mapping[Item, Underway[T]],
 ) -> Generator[T, None, None]:
-    with Pool(job, workers, reserve=reserve) as pool:
+    with Pool(job, workers, reserve=reserve, underway=underway) as pool:
         pool.start(pieces)
         yield cast(T, None)
         yield from pool.map(pieces)
@@ -97,14 +131,20 @@ class Pool(Generic[Item, T]):
         unit: str = "piece",
         spare: str = "fewer workers",
         reserve: Reserve | None = None,
+        underway: Mapping[Item, Underway[T]] | None = None,
     ) -> None:
+        self._underway = dict(underway or {})
+        self._settled: set[Item] = set()  # those of them that are done
+        self._awaited: dict[Item, int] = {}  # and whose turn has come, which
         self._job = pickle.dumps(job, protocol=5)
         self._size, self._what, self._unit, self._spare = workers, what, unit, spare
         self._reserve = Reserve(keeps=False) if reserve is None else reserve
         self._workers: list[Process] = []
-        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # Message or _Done
         self._stillborn = 0  # workers that died before they were ready
         self._begin(())
+        for item, one in self._underway.items():
+            one.beside.then(functools.partial(self._inbox.put, _Done(item)))
 
     def __enter__(self) -> Pool[Item, T]:
         return self
@@ -124,6 +164,8 @@ class Pool(Generic[Item, T]):
         """As many processes as these items need get the job, which `map` does otherwise; how many there are. Raises
         ScenegenError if none can start."""
         wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
+        if self._underway:  # these processes come when they are done
+            wanted = max(1, wanted - len(self._underway))
         while len(self._workers) < wanted:
             self._start()
         return wanted
@@ -159,7 +201,7 @@ class Pool(Generic[Item, T]):
         self._again: list[tuple[int, Item]] = []  # orders of workers that died; the last in the list is done first
         self._deaths: dict[int, int] = {}  # numbers of dead workers, by the turn of their item
         self._results: dict[int, tuple[int, Any]] = {}  # status and value of finished items that wait for earlier ones
-        self._ordered = self._yielded = 0
+        self._ordered = self._yielded = self._largest = 0
         self._exhausted = False
 
     def _start(self) -> None:
@@ -169,10 +211,11 @@ class Pool(Generic[Item, T]):
 
     def _give_orders(self) -> None:
         # A second order each only when all have begun: one that starts later would wait for what others have in hand.
-        most = AHEAD if all(worker.ready for worker in self._workers) else 1
+        begun = len(self._workers) >= self._size and all(worker.ready for worker in self._workers)
+        most = AHEAD if begun else 1
         for number in range(1, most + 1):
             for worker in self._workers:
-                if worker.ready and len(worker.orders) < number:
+                if worker.ready and len(worker.orders) < (number if worker.brief >= OFTEN else 1):
                     order = self._next_order()
                     if order is not None:
                         worker.order(*order)
@@ -180,14 +223,34 @@ class Pool(Generic[Item, T]):
     def _next_order(self) -> tuple[int, Item] | None:
         if self._again:
             return self._again.pop()
-        if self._ordered - self._yielded >= WAITING * self._size:
+        waiting = self._ordered - self._yielded
+        most = MOST_WAITING if waiting * self._largest <= SMALL else WAITING
+        if waiting >= most * self._size:
             return None
-        order = next(self._items, None)
-        self._ordered += order is not None
-        self._exhausted = order is None
-        return order
+        while True:
+            order = next(self._items, None)
+            self._ordered += order is not None
+            self._exhausted = order is None
+            if order is None or not self._underway or order[1] not in self._underway:  # most items have no hash
+                return order
+            self._awaited[order[1]] = order[0]
+            self._settle(order[1])
 
-    def _hear(self, message: Message) -> None:
+    def _settle(self, item: Item) -> None:
+        """The result of an item that was under way, if it is done and its turn has come."""
+        if item in self._settled and item in self._awaited:
+            try:
+                self._results[self._awaited[item]] = DONE, self._underway.pop(item).value()
+            except Exception as error:
+                self._results[self._awaited[item]] = FAILED, error
+
+    def _hear(self, message: Message | _Done) -> None:
+        if isinstance(message, _Done):
+            self._settled.add(message.item)
+            self._underway[message.item].beside.__exit__()
+            self._start()  # its process is one of the workers now
+            self._settle(message.item)
+            return
         worker = message.worker
         if message.status == GONE:
             self._replace(worker)
@@ -198,6 +261,8 @@ class Pool(Generic[Item, T]):
         else:
             turn, _ = worker.orders.popleft()
             self._results[turn] = message.status, message.value
+            self._largest = max(self._largest, message.size)
+            worker.brief = worker.brief + 1 if message.took <= BRIEF else 0
 
     def _replace(self, worker: Process) -> None:
         """A worker has died: another one takes its place and its orders. Raises ScenegenError if that has happened

@@ -26,7 +26,7 @@ import numpy as np
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
 from scenegen.processes.memory import VARIABLES
-from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, widen
+from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, READY, SIZE, widen
 
 GONE = 2  # a status in addition to those of frames
 
@@ -63,12 +63,15 @@ def cores() -> int:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message from a worker: the result of its oldest order, READY, or GONE."""
+    """A message from a worker, of so many bytes: the result of its oldest order, which took so many seconds, READY, or
+    GONE."""
 
     worker: Process
     status: int
     value: Any = None
     ready: bool = False
+    size: int = 0
+    took: float = 0.0
 
 
 class Process:
@@ -79,6 +82,7 @@ class Process:
     def __init__(self, what: str, load: Sequence[str] = ()) -> None:
         self.ready = False  # it has a job
         self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
+        self.brief = 0  # how many of the last ones, in a row, took little time
         self.errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
         self._inbox: queue.SimpleQueue[Message] | None = None
         self._lock, self._gone = threading.Lock(), False
@@ -104,7 +108,7 @@ class Process:
     def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message]) -> None:
         """A pickled job, whose messages go to `inbox`, READY first. There may have been another one, if no order of it
         is left."""
-        self.ready = False
+        self.ready, self.brief = False, 0
         with self._lock:
             self._inbox = inbox
             if self._gone:
@@ -118,6 +122,11 @@ class Process:
     def idle(self) -> bool:
         """Whether it can take up another job."""
         return self.ready and not self.orders and self.process.poll() is None
+
+    def give_up(self) -> None:
+        """Nobody wants the result of its order: it fails soon, where the system can tell it so."""
+        if GIVE_UP is not None:
+            self.process.send_signal(GIVE_UP)
 
     def order(self, turn: int, item: Any) -> None:
         """Give an item to a worker that is ready. It reads while it works, so this does not wait for it."""
@@ -139,7 +148,7 @@ class Process:
         with contextlib.suppress(OSError, ValueError, EOFError):
             widen(self.output)
             while True:
-                turn, status, size, count = FRAME.unpack(self._exactly(FRAME.size))
+                turn, status, took, size, count = FRAME.unpack(self._exactly(FRAME.size))
                 sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
                 data = self._exactly(size)
                 buffers = [self._exactly(one) for one in sizes]
@@ -148,7 +157,7 @@ class Process:
                 except Exception as error:
                     status, value = FAILED, error
                 assert self._inbox is not None
-                self._inbox.put(Message(self, status, value, turn == READY))
+                self._inbox.put(Message(self, status, value, turn == READY, size + sum(sizes), took))
         with self._lock:
             self._gone = True
             if self._inbox is not None:

@@ -10,18 +10,18 @@ from scenegen.processes.process import Process
 
 
 class Reserve:
-    """Idle processes: `count` of them start at once, and load the modules of `load`. Pools and others take processes
-    from here, new ones if none is left, and bring them back when their job is done. A context manager, at the end of
-    which the idle ones end. Workers start in 0.2 s; most of it is saved where that is while the plan is begun.
+    """Idle processes: `count` of them start at once, `later` more with `fill`, and load the modules of `load`. Pools
+    and others take processes from here, new ones if none is left, and bring them back when their job is done. A context
+    manager, at the end of which the idle ones end. Workers start in 0.2 s; most of it is saved where that is while the
+    plan is begun.
 
     One that keeps none serves those who have no reserve: each process is new, and ends when it is brought back."""
 
-    def __init__(self, count: int = 0, load: Sequence[str] = (), *, keeps: bool = True) -> None:
-        self._load, self._keeps = tuple(load), keeps
+    def __init__(self, count: int = 0, load: Sequence[str] = (), *, later: int = 0, keeps: bool = True) -> None:
+        self.keeps = keeps
+        self._load, self._later = tuple(load), later
         self._idle: list[Process] = []
-        with contextlib.suppress(ScenegenError):  # it is reported when one is needed
-            for _ in range(count):
-                self._idle.append(Process("a worker process", self._load))
+        self._start(count)
 
     def __enter__(self) -> Reserve:
         return self
@@ -29,13 +29,23 @@ class Reserve:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def fill(self) -> None:
+        """Those that were to start later start now."""
+        self._start(self._later)
+        self._later = 0
+
+    def _start(self, count: int) -> None:
+        with contextlib.suppress(ScenegenError):  # it is reported when one is needed
+            for _ in range(count):
+                self._idle.append(Process("a worker process", self._load))
+
     def take(self, what: str) -> Process:
         """A process. Raises ScenegenError if none can start."""
         return self._idle.pop() if self._idle else Process(what, self._load)
 
     def bring_back(self, process: Process) -> None:
         """A process that may be used again, unless it is at work, or has ended: then it is ended."""
-        if self._keeps and process.idle:
+        if self.keeps and process.idle:
             self._idle.append(process)
         else:
             process.end()

@@ -1,10 +1,10 @@
 """The worker process: jobs and their items on standard input, results on standard output.
 
 An order is the size of a pickle and the pickle of (turn, item), or of (READY, pickled job). A result is a frame: turn,
-status, size of a pickle and number of its buffers, the sizes of these, the pickle, the buffers. Arrays travel as the
-buffers of pickle protocol 5, straight from memory into a wide pipe. Measured for the 1.0 GB of ten million scenes:
-0.5 s (0.3 s of the reader's time), 1.3 s with arrays inside the pickle, 0.1 s through shared memory, whose segments
-would outlive a kill -9. Sampling them takes ten seconds or more; so pipes it is.
+status, seconds that it took, size of a pickle and number of its buffers, the sizes of these, the pickle, the buffers.
+Arrays travel as the buffers of pickle protocol 5, straight from memory into a wide pipe. Measured for the 1.0 GB of ten
+million scenes: 0.5 s (0.3 s of the reader's time), 1.3 s with arrays inside the pickle, 0.1 s through shared memory,
+whose segments would outlive a kill -9. Sampling them takes ten seconds or more; so pipes it is.
 
 Pickles pass between processes of one program here, never through files.
 """
@@ -16,28 +16,43 @@ import gc
 import os
 import pickle
 import queue
+import signal
 import struct
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from typing import IO, Any, BinaryIO
 
 from scenegen.processes.memory import seldom_search
 
-FRAME = struct.Struct("<qqqq")
+FRAME = struct.Struct("<qqdqq")
 SIZE = struct.Struct("<Q")
 
 READY = -1  # the turn of the frame that reports that the job was received
 DONE, FAILED = 0, 1
 
 PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
+GIVE_UP = getattr(signal, "SIGUSR1", None)  # nobody wants the result of the order that is worked on
+
+
+class GivenUp(BaseException):
+    """Ends the work on an order; nothing between here and there may catch it."""
 
 
 def main() -> None:
     """Process orders until standard input ends; then the process ends at once. An order of turn READY is a job: it
-    takes the place of the last one."""
+    takes the place of the last one. GIVE_UP ends the work on an order, which has then failed."""
     seldom_search()
+    working = False
+
+    def give_up(*_: object) -> None:
+        if working:
+            raise GivenUp
+
+    if GIVE_UP is not None:
+        signal.signal(GIVE_UP, give_up)
     results = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # output that a job prints must not mix with the results
     widen(results)
@@ -48,6 +63,7 @@ def main() -> None:
     with contextlib.suppress(BrokenPipeError):  # the parent has died
         while True:
             turn, item = pickle.loads(orders.get())  # noqa: S301 - from the parent process
+            begun = time.monotonic()
             try:
                 if turn == READY:
                     gc.unfreeze()
@@ -56,11 +72,17 @@ def main() -> None:
                     gc.freeze()  # the job stays: no collection has to look at it
                 else:
                     assert job is not None
+                    working = True
                     value = job(item)
+                    working = False
             except Exception as error:
+                working = False
                 _send_error(results, turn, error)
+            except GivenUp:
+                working = False
+                _send(results, turn, FAILED, None)
             else:
-                _send(results, turn, DONE, value)
+                _send(results, turn, DONE, value, time.monotonic() - begun)
 
 
 def _listen(source: BinaryIO, orders: queue.SimpleQueue[bytes]) -> None:
@@ -88,11 +110,11 @@ def _send_error(results: IO[bytes], turn: int, error: Exception) -> None:
     _send(results, turn, FAILED, error)
 
 
-def _send(results: IO[bytes], turn: int, status: int, value: object) -> None:
+def _send(results: IO[bytes], turn: int, status: int, value: object, took: float = 0.0) -> None:
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
     raw = [buffer.raw() for buffer in buffers]
-    head = FRAME.pack(turn, status, len(data), len(raw)) + b"".join(SIZE.pack(len(one)) for one in raw)
+    head = FRAME.pack(turn, status, took, len(data), len(raw)) + b"".join(SIZE.pack(len(one)) for one in raw)
     for part in (memoryview(head + data), *raw):
         while len(part):
             part = part[results.write(part) :]

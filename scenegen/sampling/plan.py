@@ -11,11 +11,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
+from scenegen.processes.beside import Beside
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.verify import verify
@@ -174,6 +176,18 @@ class Plan(ABC):
     def misses(self) -> tuple[Array, Array]:
         """Candidates out of the range, from which a report finds the atoms that fail: rows (3N, m), phi (L, m)."""
         return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
+
+    def underway(self) -> Mapping[int, Beside[Any, Any]]:
+        """The pieces that other processes draw already: `draw` waits for these."""
+        return {}
+
+    def alone(self) -> Self:
+        """The plan without them: others draw these pieces once more."""
+        return self
+
+    def joined(self) -> Self:
+        """The plan with them; waits until they are done."""
+        return self
 
     def close(self) -> None:  # noqa: B027 - most plans have nothing to close
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""

@@ -58,8 +58,9 @@ def model(tmp_path_factory):
 def plans(model):
     """Plans by kind."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scenegen.sampling.growth.begin.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.plan.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.plan.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.begin.MOST", 256)
         patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
         patch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
         return {kind: _plan(kind, model) for kind in KINDS}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.processes.pool import WAITING, Pool, run_pieces
+from scenegen.processes.pool import MOST_WAITING, OFTEN, WAITING, Pool, run_pieces
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -41,18 +41,28 @@ def test_no_pieces():
     assert list(run_pieces(jobs.Numbers(), [], 2)) == []
 
 
-def test_an_endless_supply_is_taken_only_as_fast_as_it_is_used():
+@pytest.mark.parametrize("size, most", [(8, MOST_WAITING), (16 << 20, WAITING)])
+def test_an_endless_supply_is_taken_only_as_fast_as_it_is_used(size, most):
     import jobs
 
     taken = []
     pieces = (taken.append(k) or k for k in itertools.count())
-    results = run_pieces(jobs.Numbers(), pieces, 2)
+    results = run_pieces(jobs.Large(size), pieces, 2)
     for used in range(1, 11):
         next(results)
-        assert len(taken) <= used + WAITING * 2
+        assert len(taken) <= used + most * 2
     time.sleep(0.3)  # nobody takes anything, so nothing is ordered
-    assert len(taken) <= 10 + WAITING * 2
+    assert len(taken) <= 10 + most * 2
     results.close()
+
+
+def test_nobody_waits_for_an_item_that_takes_long(tmp_path):
+    """The first item ends when another worker has done all others."""
+    import jobs
+
+    done = tmp_path / "done"
+    done.mkdir()
+    assert list(run_pieces(jobs.AfterOthers(str(done), 11), range(12), 2)) == list(range(12))
 
 
 def test_large_results_pass_whole():
@@ -204,7 +214,7 @@ def test_second_orders_wait_until_every_worker_has_begun():
 
     class Worker:
         def __init__(self, *, ready):
-            self.ready, self.orders = ready, []
+            self.ready, self.orders, self.brief = ready, [], OFTEN
 
         def order(self, turn, item):
             self.orders.append(item)

@@ -6,11 +6,13 @@ import pickle
 import queue
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
+from scenegen.engine.budget import start_processes
 from scenegen.processes.beside import Beside
-from scenegen.processes.pool import Pool, run_pieces
+from scenegen.processes.pool import Pool, Underway, run_pieces
 from scenegen.processes.process import Process
 from scenegen.processes.reserve import Reserve
 
@@ -41,6 +43,54 @@ def gone(process):
 
 def idle(reserve):
     return [process.process.pid for process in reserve._idle]
+
+
+def begins(place):
+    """Tells that it has begun, then goes on for ten minutes; with .deaf in the name it hears no signal."""
+    if place.endswith(".deaf"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
+    Path(place).touch()
+    time.sleep(600.0)
+
+
+@pytest.mark.parametrize("name, same", [("begun", True), ("begun.deaf", False)])
+def test_who_gives_up_its_work_is_used_again(name, same, tmp_path):
+    with Reserve(1) as reserve:
+        (mine,) = idle(reserve)
+        with Beside(begins, str(tmp_path / name), reserve):
+            while not (tmp_path / name).exists():
+                time.sleep(0.01)
+            start = time.monotonic()
+        assert time.monotonic() - start < 60.0
+        assert idle(reserve) == ([mine] if same else [])
+        with Beside(who, 7, reserve) as beside:
+            assert (beside.result() == (7, mine)) == same
+
+
+def test_some_start_later():
+    with Reserve(1, later=1) as reserve:
+        (first,) = idle(reserve)
+        reserve.fill()
+        one, other = idle(reserve)
+        assert one == first != other
+        reserve.fill()
+        assert idle(reserve) == [one, other]
+
+
+@pytest.mark.parametrize("workers, there, now, later", [(2, 2, 1, 1), (2, 16, 2, 0), (8, 4, 3, 1), (4, 1, 1, 0)])
+def test_the_command_has_a_core_of_its_own_while_it_loads(workers, there, now, later, monkeypatch):
+    monkeypatch.setattr("scenegen.engine.budget.cores", lambda: there)
+    with start_processes(workers, load=()) as reserve:
+        assert len(idle(reserve)) == now
+        reserve.fill()
+        assert len(idle(reserve)) == now + later
+
+
+@pytest.mark.parametrize("words", [{"workers": 1}, {"workers": None}, {"workers": 2, "engine": "ray"}])
+def test_none_start_where_none_are_needed(words):
+    with start_processes(**words) as reserve:
+        reserve.fill()
+        assert not idle(reserve)
 
 
 @pytest.mark.long
@@ -130,3 +180,41 @@ def test_a_large_job_reaches_a_process_that_is_still_starting():
     with Reserve(2) as reserve:
         found = list(itertools.islice(run_pieces(large.__getitem__, itertools.count(), 2, reserve), 300))
     assert found == [k % 256 for k in range(300)]
+
+
+def early(item):
+    time.sleep(0.3)
+    return item, "early"
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_an_item_under_way_is_left_to_its_process_which_then_joins_the_others(first):
+    """Even if nobody asks for it, as in a run that is resumed."""
+    with Reserve(2) as reserve:
+        mine = set(idle(reserve))
+        beside = Beside(early, 0, reserve)
+        underway = {0: Underway(beside, beside.result)}
+        results = run_pieces(who, itertools.count(first), 2, reserve, underway)
+        found = list(itertools.islice(results, 30))
+        results.close()
+        assert [item for item, _ in found] == list(range(first, first + 30))
+        assert [item for item, process in found if process == "early"] == [0][first:]
+        assert {process for _, process in found} - {"early"} == mine
+
+
+def test_an_error_of_an_item_under_way_comes_in_its_turn():
+    with Reserve(2) as reserve:
+        beside = Beside(fails, 2, reserve)
+        results = run_pieces(who, itertools.count(), 2, reserve, {2: Underway(beside, beside.result)})
+        assert [next(results)[0], next(results)[0]] == [0, 1]
+        with pytest.raises(ValueError, match="no good: 2"):
+            next(results)
+
+
+def test_an_item_under_way_whose_process_dies_is_done_here():
+    with Reserve(2) as reserve:
+        beside = Beside(early, 1, reserve)
+        os.kill(beside._process.process.pid, signal.SIGKILL)
+        results = run_pieces(who, itertools.count(), 2, reserve, {1: Underway(beside, beside.result)})
+        assert list(itertools.islice(results, 3))[1] == (1, "early")
+        results.close()

@@ -375,7 +375,7 @@ def test_memory_is_flat(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_memory_is_flat_for_ten_million(workers, tmp_path):
-    few = peak(tmp_path / "few.parquet", 1_000_000, workers)
+    few = peak(tmp_path / "few.parquet", 3_000_000, workers)
     many = peak(tmp_path / "many.parquet", 10_000_000, workers)
     (tmp_path / "many.parquet").unlink()
-    assert many < few + 50  # the scenes more are 936 MB
+    assert many < few + 80  # the scenes more are 728 MB; up to 64 MB wait for the thread that packs

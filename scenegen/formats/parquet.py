@@ -28,6 +28,7 @@ from scenegen.formats.header import dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
 
 KEY = b"scenegen"  # of the header in the file's metadata
+BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
 LARGEST = 1 << 30  # bytes of a row group, unpacked
 
 _SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
@@ -56,7 +57,10 @@ def write(
     ]
     schema = pa.schema(fields)
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False, "store_schema": False}
-    with pq.ParquetWriter(sink, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer:
+    with (
+        pa.BufferedOutputStream(pa.PythonFile(_Sink(sink), mode="w"), BUFFER) as buffered,
+        pq.ParquetWriter(buffered, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer,
+    ):
         for block in regrouped(blocks):
             check_numbers(header, block)
             more = () if rarity is None else rarity(block.phi)
@@ -66,6 +70,27 @@ def write(
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
         last = header if final is None else final()
         writer.add_key_value_metadata({KEY: dump_header(last.without_scenes()).encode()})
+
+
+class _Sink(RawIOBase):
+    """Passes on what Arrow writes, and stays open at the end. Once the sink has raised an error nothing more goes
+    there: Arrow would try again when it lets go, and print the error."""
+
+    def __init__(self, sink: IO[bytes] | RawIOBase) -> None:
+        self._sink, self._failed = sink, False
+
+    def writable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._sink.tell()
+
+    def write(self, data: Any) -> int:
+        if not self._failed:
+            self._failed = True
+            self._sink.write(data)
+            self._failed = False
+        return len(data)
 
 
 def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:

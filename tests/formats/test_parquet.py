@@ -1,6 +1,10 @@
 """Parquet as other programs see it, and Parquet files that are not ours."""
 
+import errno
+import gc
+import io
 import json
+import math
 
 import numpy as np
 import pyarrow as pa
@@ -9,6 +13,7 @@ import pytest
 
 from scenegen.api.scenes import read_scenes
 from scenegen.errors import DataError
+from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.formats.registry import write_scenes
 
@@ -82,3 +87,38 @@ def test_of_another_program(path, tmp_path):
         assert caught.value.diagnostics[0].help
     pq.write_table(table, tmp_path / "other.parquet", compression="gzip", row_group_size=2)
     assert list(read_scenes(tmp_path / "other.parquet")) == list(read_scenes(path))
+
+
+class Room(io.BytesIO):
+    """A file with room for so many bytes; counts its writes."""
+
+    def __init__(self, room=math.inf):
+        super().__init__()
+        self.room, self.writes = room, 0
+
+    def write(self, data):
+        self.writes += 1
+        if self.tell() + len(data) > self.room:
+            raise OSError(errno.ENOSPC, "full")
+        return super().write(data)
+
+
+def test_a_file_is_written_in_large_parts(scenes):
+    """Other threads may hold Python's lock each time."""
+    sink, count = Room(), 4 * BLOCK
+    noise = np.random.default_rng(0).random((7, count))
+    parquet.write(sink, scenes.header, ("task",), [Block(noise[:6], noise[6:])])
+    assert sink.tell() > 2 * parquet.BUFFER and sink.writes <= sink.tell() / parquet.BUFFER + 3
+    assert pq.read_table(pa.BufferReader(sink.getvalue())).num_rows == count
+    assert not sink.closed
+
+
+@pytest.mark.parametrize("room", [0, 5_000_000])
+def test_a_full_disk_is_told_once(room, scenes, capfd):
+    """Arrow, which would try again when it lets go, prints nothing."""
+    count = 4 * BLOCK
+    noise = np.random.default_rng(0).random((7, count))
+    with pytest.raises(OSError, match="full"):
+        parquet.write(Room(room), scenes.header, ("task",), [Block(noise[:6], noise[6:])])
+    gc.collect()
+    assert capfd.readouterr() == ("", "")

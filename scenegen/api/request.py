@@ -115,7 +115,8 @@ def plan_of(source: Spec | Model, request: SampleRequest, budget: Budget, on_not
 
     def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
         proposer = None if model is None else replace(model.of(checked).proposer, asked=tuple(request.phi))
-        return make_plan(make_problem(checked, request, budget), budget, proposer)
+        plan = make_plan(make_problem(checked, request, budget), budget, proposer)
+        return plan.joined() if spec.counts or request.settle else plan
 
     def settled(plan: Plan) -> Plan:
         if not request.settle or not plan.reached:

@@ -16,6 +16,7 @@ from scenegen.primitives.footprint import Circle
 
 CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
 CORNERED = 10  # times as much as a sum: what a footprint with corners takes
+QUARTER = 0.25  # of the work that is allowed
 PYTHON = 200  # a few lines of Python for one node, set or tuple
 
 
@@ -52,17 +53,22 @@ class TooMuchError(Exception):
 
 @dataclass(slots=True)
 class Effort:
-    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed."""
+    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed. `on_quarter` is called once,
+    when more than a quarter of that is used."""
 
     stop: Callable[[], bool] = lambda: False
     most: float = math.inf
     used: float = 0.0
+    on_quarter: Callable[[], object] | None = None
 
     def spend(self, units: float) -> None:
         """Count work that is about to be done. Raises TooMuchError beyond `most`, StoppedError where `stop` says so."""
         self.used += units
         if self.used > self.most:
             raise TooMuchError
+        if self.on_quarter is not None and self.used > QUARTER * self.most:
+            call, self.on_quarter = self.on_quarter, None
+            call()
         self.check()
 
     def check(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -31,10 +32,10 @@ class Look:
     enough: bool = False
 
 
-def look(problem: Problem, budget: Budget, most: float) -> Look:
-    """Rejection, if pruning takes no more than that work."""
+def look(problem: Problem, budget: Budget, most: float, on_quarter: Callable[[], object] | None = None) -> Look:
+    """Rejection, if pruning takes no more than that work. `on_quarter` is called where it takes a quarter of it."""
     try:
-        trial = make_trial(problem, budget, most)
+        trial = make_trial(problem, budget, most, on_quarter)
     except TooMuchError:
         return Look(None)
     if not trial.rate.hits:

@@ -7,31 +7,51 @@ the same request and seed always get the same method.
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from functools import partial
+from typing import TYPE_CHECKING
 
+from scenegen.errors import RequestError
 from scenegen.sampling.at_once import FIRST, MANY, because, in_range, look, moving
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 
+if TYPE_CHECKING:
+    from scenegen.sampling.growth.begin import Started
+    from scenegen.sampling.parts import Part
+
 FEW = 1000  # scenes up to which growth is done before another process has started
 
 
-def choose(problem: Problem, budget: Budget) -> Plan:
-    """The plan by the better method; its `why` says why. Raises RequestError if there is no scene, or if time is up
-    before there is a plan."""
+def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
+    """The plan by the better method; its `why` says why. `whole`: the request is not to be split into independent
+    parts. Raises RequestError if there is no scene, or if time is up before there is a plan."""
     with ExitStack() as stack:
-        started = None
-        if moving(problem) > MANY and problem.request.n > FEW:
-            # Of so many objects growth will be asked, too: it can begin at once where there is a process for it.
-            from scenegen.sampling.growth.plan import start_growth
+        started: Started | None = None
+        parts: tuple[Part, ...] | None = () if whole else None
+
+        def start() -> None:
+            """Growth will be asked, too. One other process can begin with it; two would slow this one down."""
+            nonlocal started, parts
+            from scenegen.sampling.growth.begin import start_growth
+            from scenegen.sampling.parts import independent_parts
 
             started = start_growth(problem, budget)
-        if started is not None:
-            stack.enter_context(started)
-        found = look(problem, budget, FIRST)
+            if started is None:
+                return
+            if parts is None:
+                with suppress(RequestError):  # pruning comes to the same, and has its say first
+                    parts = independent_parts(problem, budget)
+            if not parts:
+                stack.enter_context(started).begin_first()
+
+        worth, many = problem.request.n > FEW, moving(problem) > MANY
+        if worth and many:
+            start()
+        found = look(problem, budget, FIRST, start if worth and not many else None)
         if found.plan is not None and found.enough:
             return because(found.plan, in_range(found.plan))
         # Loading growth and splitting takes longer than many requests for which rejection is enough.
-        from scenegen.sampling.contest import contest
+        from scenegen.sampling.contest import Contest
 
-        return contest(problem, budget, found, started=started)
+        return Contest(problem, budget, partial(choose, whole=True), started, parts).best(found)

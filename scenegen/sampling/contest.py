@@ -8,14 +8,18 @@ method that suits it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
 from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, because, in_range, look, moving, open_cells
-from scenegen.sampling.growth.plan import Stalled as NoGrowth
-from scenegen.sampling.growth.plan import Started
+from scenegen.sampling.growth.begin import Stalled as NoGrowth
+from scenegen.sampling.growth.begin import Started, start_growth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
 from scenegen.sampling.paired import Paired, pair
-from scenegen.sampling.parts import independent_parts
+from scenegen.sampling.parts import Part, independent_parts
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.rejection.sampler import Rejection, first_look, work_of
@@ -32,174 +36,182 @@ SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
 
 
-def contest(
-    problem: Problem, budget: Budget, found: Look, *, whole: bool = False, started: Started | None = None
-) -> Plan:
-    """The best plan, given what rejection came to. `whole`: do not split the request into independent parts. `started`
-    is what growth has done so far: see `start_growth`. Raises RequestError as `choose` does."""
-    if found.trial is None:
-        return (None if whole else _apart(problem, budget, started)) or _after_pruning(problem, budget, started)
-    return _after_trial(problem, budget, found, found.trial, whole=whole, started=started)
+@dataclass(frozen=True, slots=True)
+class Contest:
+    """Of the methods for one request. `started` is what growth has done so far: see `start_growth`. `parts` are the
+    independent ones, into which the request can be split; None if nobody has looked yet. `choose` makes the plan of
+    such a part."""
 
+    problem: Problem
+    budget: Budget
+    choose: Callable[[Problem, Budget], Plan]
+    started: Started | None = None
+    parts: tuple[Part, ...] | None = None
 
-def _apart(problem: Problem, budget: Budget, started: Started | None) -> Paired | None:
-    """Each independent part by the method that suits it; None if fewer than two of them are rare."""
-    parts = independent_parts(problem, budget)
-    if not parts:
-        return None
-    if started is not None:
-        started.give_up()
-    plans = [contest(part.problem, budget, look(part.problem, budget, FIRST), whole=True) for part in parts]
-    methods = ", ".join(plan.method for plan in plans)
-    return because(pair(problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
+    def best(self, found: Look) -> Plan:
+        """The best plan, given what rejection came to. Raises RequestError as `choose` does."""
+        with ExitStack() as stack:
+            contest = self
+            if self.started is None:
+                started = start_growth(self.problem, self.budget)
+                contest = self if started is None else replace(self, started=stack.enter_context(started))
+            plan = contest._best(found)
+            if isinstance(plan, Growth) and plan.started is not None:
+                plan.started.kept = True
+            return plan
 
+    def _best(self, found: Look) -> Plan:
+        if found.trial is None:
+            return self._apart() or self._after_pruning()
+        return self._after_trial(found, found.trial)
 
-def _after_pruning(problem: Problem, budget: Budget, started: Started | None) -> Plan:
-    """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else pruning
-    continues for a while."""
-    simple = _without_pruning(problem, budget)
-    if simple is not None:
-        return because(simple, in_range(simple))
-    grown = plan_growth(problem, budget, patient=False, started=started)
-    if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
-        return because(grown, "pruning takes much work, growth does not")
-    if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
-        raise no_growth(problem, grown)
-    if moving(problem) > MANY:  # neither boxes nor chains get anywhere
-        grown = plan_growth(problem, budget)
-        if isinstance(grown, Growth):
-            return because(grown, "pruning takes much work, growth less")
-        raise no_growth(problem, grown)
-    found = look(problem, budget, MOST)
-    if found.trial is None:
-        return _without_rejection(problem, budget, "pruning takes too much work", quick=grown)
-    return _after_trial(problem, budget, found, found.trial, whole=True, quick=grown)
+    def _apart(self) -> Paired | None:
+        """Each independent part by the method that suits it; None if fewer than two of them are rare."""
+        parts = independent_parts(self.problem, self.budget) if self.parts is None else self.parts
+        if not parts:
+            return None
+        if self.started is not None:
+            self.started.give_up()
+        plans = [self.choose(part.problem, self.budget).joined() for part in parts]
+        methods = ", ".join(plan.method for plan in plans)
+        return because(pair(self.problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
+    def _after_pruning(self) -> Plan:
+        """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else
+        pruning continues for a while."""
+        problem, budget = self.problem, self.budget
+        simple = self._without_pruning()
+        if simple is not None:
+            return because(simple, in_range(simple))
+        grown = plan_growth(problem, budget, patient=False, started=self.started)
+        if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
+            return because(grown, "pruning takes much work, growth does not")
+        if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
+            raise no_growth(problem, grown)
+        if moving(problem) > MANY:  # neither boxes nor chains get anywhere
+            grown = plan_growth(problem, budget)
+            if isinstance(grown, Growth):
+                return because(grown, "pruning takes much work, growth less")
+            raise no_growth(problem, grown)
+        found = look(problem, budget, MOST)
+        if found.trial is None:
+            return self._without_rejection("pruning takes too much work", quick=grown)
+        return replace(self, parts=())._after_trial(found, found.trial, quick=grown)
 
-def _without_pruning(problem: Problem, budget: Budget) -> Rejection | None:
-    """Rejection from the contracted box, or pruned for a fraction of that work, if either is cheaper than growth."""
-    plan = first_look(problem, budget)
-    if plan is None:
-        return None
-    cheap, work = max(EASY, GROWN * moving(problem) * problem.request.n), work_of(plan)
-    if 2.0 * PRUNED * FIRST < work <= PRUNED * cheap:  # less pruning has not been enough
-        try:
-            pruned = plan_rejection(problem, budget, make_trial(problem, budget, work / PRUNED), work / PRUNED)
-        except TooMuchError:
-            pass  # the box remains
+    def _without_pruning(self) -> Rejection | None:
+        """Rejection from the contracted box, or pruned for a fraction of that work, if either is cheaper than
+        growth."""
+        problem, budget = self.problem, self.budget
+        plan = first_look(problem, budget)
+        if plan is None:
+            return None
+        cheap, work = max(EASY, GROWN * moving(problem) * problem.request.n), work_of(plan)
+        if 2.0 * PRUNED * FIRST < work <= PRUNED * cheap:  # less pruning has not been enough
+            try:
+                pruned = plan_rejection(problem, budget, make_trial(problem, budget, work / PRUNED), work / PRUNED)
+            except TooMuchError:
+                pass  # the box remains
+            else:
+                less = work_of(pruned)
+                if len(pruned.reached) == len(plan.reached) and less < work:
+                    plan, work = pruned, less
+        return plan if work <= cheap else None
+
+    def _after_trial(self, found: Look, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
+        """`quick` is a plan of growth on which little was spent, where it has been made."""
+        mine = found.plan
+        if mine is not None and found.enough:
+            return because(mine, in_range(mine))
+        apart = self._apart()
+        if mine is None and apart is not None:
+            return apart
+        if mine is None and not trial.rate.hits:
+            why = f"none of {trial.tried:,} candidates of rejection is in range"
+            return self._without_rejection(why, trial, quick)
+        if mine is None:
+            return self._after_cells(trial, quick)
+        if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
+            return apart
+        return self._against(mine, quick)
+
+    def _against(self, mine: Rejection, quick: Growth | NoGrowth | None) -> Plan:
+        """Rejection, or another method that reaches more or costs much less. Growth's second population is made
+        meanwhile."""
+        problem = self.problem
+        if self.started is not None and quick is None:
+            self.started.begin_second()
+        rival = self.other(quick, ahead=False)
+        if not isinstance(rival, Growth | Splitting):
+            if _time_is_up(rival):
+                tried = f"{int(rival.evaluations):,} evaluations"
+                raise RequestError(too_early(problem, tried, open_cells(problem, mine)))
+            return because(mine, f"{in_range(mine)}; no other method got there")
+        if len(rival.reached) > len(mine.reached):
+            count = problem.cells.count
+            why = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
+        elif len(rival.reached) == len(mine.reached) and ADVANTAGE * rival.evaluations < mine.evaluations:
+            costs = _short(rival.evaluations), _short(mine.evaluations)
+            why = f"about {costs[0]} evaluations against {costs[1]} of rejection"
         else:
-            less = work_of(pruned)
-            if len(pruned.reached) == len(plan.reached) and less < work:
-                plan, work = pruned, less
-    return plan if work <= cheap else None
+            rival.close()
+            return because(mine, in_range(mine))
+        return because(rival.with_second(self.started) if isinstance(rival, Growth) else rival, why)
 
+    def _after_cells(self, trial: Trial, quick: Growth | NoGrowth | None) -> Plan:
+        """If pruning each cell takes much work: another method, or all the work if there is none."""
+        rival = self.other(quick)
+        if isinstance(rival, Growth | Splitting):
+            return because(rival, "pruning each cell takes too much work")
+        if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
+            raise _nothing(self.problem, rival)
+        try:
+            return because(plan_rejection(self.problem, self.budget, trial, MOST), "no other method got there")
+        except TooMuchError:
+            raise _nothing(self.problem, rival) from None
 
-def _after_trial(
-    problem: Problem,
-    budget: Budget,
-    found: Look,
-    trial: Trial,
-    *,
-    whole: bool,
-    quick: Growth | NoGrowth | None = None,
-    started: Started | None = None,
-) -> Plan:
-    """`quick` is a plan of growth on which little was spent, where it has been made."""
-    mine = found.plan
-    if mine is not None and found.enough:
-        return because(mine, in_range(mine))
-    apart = None if whole else _apart(problem, budget, started)
-    if mine is None and apart is not None:
-        return apart
-    if mine is None and not trial.rate.hits:
-        why = f"none of {trial.tried:,} candidates of rejection is in range"
-        return _without_rejection(problem, budget, why, trial, quick, started)
-    if mine is None:
-        return _after_cells(problem, budget, trial, quick, started)
-    if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
-        return apart
-    rival = _other(problem, budget, quick, started, ahead=False)
-    if not isinstance(rival, Growth | Splitting):
-        if _time_is_up(rival):
-            raise RequestError(too_early(problem, f"{int(rival.evaluations):,} evaluations", open_cells(problem, mine)))
-        return because(mine, f"{in_range(mine)}; no other method got there")
-    if len(rival.reached) > len(mine.reached):
-        count = problem.cells.count
-        reason = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
-        return because(rival, reason)
-    costs = f"about {_short(rival.evaluations)} evaluations against {_short(mine.evaluations)} of"
-    if len(rival.reached) == len(mine.reached) and ADVANTAGE * rival.evaluations < mine.evaluations:
-        return because(rival, f"{costs} rejection")
-    return because(mine, in_range(mine))
+    def _without_rejection(self, why: str, trial: Trial | None = None, quick: Growth | NoGrowth | None = None) -> Plan:
+        """If rejection has no plan, or its first candidates are all out of the range."""
+        problem, budget = self.problem, self.budget
+        plan = self.other(quick)
+        if isinstance(plan, Growth | Splitting):
+            return because(plan, why)
+        if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
+            raise _nothing(problem, plan)
+        if trial is None or (isinstance(plan, NoGrowth) and plan.crowded):
+            raise _nothing(problem, plan)
+        # A constant phi gives no levels: rejection may be lucky.
+        longer = search(problem, trial, budget, LONG_SEARCH)
+        if not longer.rate.hits:
+            raise RequestError(nothing_found(problem, longer))
+        return because(plan_rejection(problem, budget, longer), "no other method got there")
 
-
-def _after_cells(
-    problem: Problem, budget: Budget, trial: Trial, quick: Growth | NoGrowth | None, started: Started | None
-) -> Plan:
-    """If pruning each cell takes much work: another method, or all the work if there is none."""
-    why = "pruning each cell takes too much work"
-    rival = _other(problem, budget, quick, started)
-    if isinstance(rival, Growth | Splitting):
-        return because(rival, why)
-    if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
-        raise _nothing(problem, rival)
-    try:
-        return because(plan_rejection(problem, budget, trial, MOST), "no other method got there")
-    except TooMuchError:
-        raise _nothing(problem, rival) from None
-
-
-def _without_rejection(
-    problem: Problem,
-    budget: Budget,
-    why: str,
-    trial: Trial | None = None,
-    quick: Growth | NoGrowth | None = None,
-    started: Started | None = None,
-) -> Plan:
-    """If rejection has no plan, or its first candidates are all out of the range."""
-    plan = _other(problem, budget, quick, started)
-    if isinstance(plan, Growth | Splitting):
-        return because(plan, why)
-    if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
-        raise _nothing(problem, plan)
-    if trial is None or (isinstance(plan, NoGrowth) and plan.crowded):
-        raise _nothing(problem, plan)
-    # A constant phi gives no levels: rejection may be lucky.
-    longer = search(problem, trial, budget, LONG_SEARCH)
-    if not longer.rate.hits:
-        raise RequestError(nothing_found(problem, longer))
-    return because(plan_rejection(problem, budget, longer), "no other method got there")
-
-
-def _other(
-    problem: Problem,
-    budget: Budget,
-    quick: Growth | NoGrowth | None = None,
-    started: Started | None = None,
-    *,
-    ahead: bool = True,
-) -> Growth | Splitting | NoGrowth | Stalled:
-    """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
-    quick = plan_growth(problem, budget, patient=False, ahead=ahead, started=started) if quick is None else quick
-    if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
-        return quick
-    if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):
-        return quick
-    if moving(problem) > MANY:  # more patience first: chains of so much take long to get anywhere
-        quick = plan_growth(problem, budget)
-        if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof or quick.crowded:
+    def other(
+        self, quick: Growth | NoGrowth | None = None, *, ahead: bool = True
+    ) -> Growth | Splitting | NoGrowth | Stalled:
+        """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
+        problem, budget = self.problem, self.budget
+        if quick is None:
+            quick = plan_growth(problem, budget, patient=False, started=self.started)
+        if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
             return quick
-    crowded = not isinstance(quick, Growth) and quick.crowded
-    split = None if crowded else plan_splitting(problem, budget, ahead=ahead)
-    if isinstance(split, Splitting) and split.schedule.left < SLOW:
-        return split
-    if isinstance(split, Stalled) and _time_is_up(split):  # not that it came to nothing: who can tell?
-        return split
-    grown = plan_growth(problem, budget) if crowded or isinstance(quick, Growth) else quick
-    if isinstance(grown, Growth):
-        return grown
-    return split if isinstance(split, Splitting) else grown
+        if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):
+            return quick
+        if isinstance(quick, Growth):
+            quick.close()  # it will not be taken
+        if moving(problem) > MANY:  # more patience first: chains of so much take long to get anywhere
+            quick = plan_growth(problem, budget)
+            if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof or quick.crowded:
+                return quick
+        crowded = not isinstance(quick, Growth) and quick.crowded
+        split = None if crowded else plan_splitting(problem, budget, ahead=ahead)
+        if isinstance(split, Splitting) and split.schedule.left < SLOW:
+            return split
+        if isinstance(split, Stalled) and _time_is_up(split):  # not that it came to nothing: who can tell?
+            return split
+        grown = plan_growth(problem, budget) if crowded or isinstance(quick, Growth) else quick
+        if isinstance(grown, Growth):
+            return grown
+        return split if isinstance(split, Splitting) else grown
 
 
 def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:

@@ -43,6 +43,8 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None
     """The plan of a problem, by the request's method or another one. Raises what the method raises."""
     from scenegen.sampling.problem import moves
 
+    if budget.reserve is not None:
+        budget.reserve.fill()
     entry = METHODS[method or problem.request.method]
     if not entry.proposes and not moves(problem):  # all scenes have the same phi
         entry = METHODS["rejection"]

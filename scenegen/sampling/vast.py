@@ -22,8 +22,8 @@ from scenegen.bounds.requirements import push_down
 from scenegen.lang.core import REQUIRE, Junction, gated, part
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import cut
+from scenegen.sampling.growth.begin import Stalled
 from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
-from scenegen.sampling.growth.plan import Stalled
 from scenegen.sampling.growth.reading import flat
 from scenegen.sampling.growth.sampler import no_growth
 from scenegen.sampling.interval import Estimate, ratio

@@ -12,6 +12,8 @@ from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import contest
 from scenegen.sampling import problem as module
+from scenegen.sampling.auto import choose
+from scenegen.sampling.growth import begin
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
@@ -99,7 +101,7 @@ def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))
-    assert contest._other(problem, Budget(), quick) is cut
+    assert contest.Contest(problem, Budget(), choose).other(quick) is cut
 
 
 @pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])
@@ -172,3 +174,48 @@ clutter: forall c in can: exists d in can: dist(c, d) >= 1 cm & abs(x(c) - x(d))
     ranges = {"free": Range(0.0), "clutter": Range(0.0)}
     choice = make_plan(make_problem(check_text(text), SampleRequest(ranges, n=1000)), Budget(), method="auto")
     assert choice.method == "growth"
+
+
+@pytest.fixture
+def begun(monkeypatch):
+    """What `start_growth` returned, where pruning soon takes a quarter of what it may."""
+    started = []
+
+    def start(problem, budget, honest=begin.start_growth):
+        started.append(honest(problem, budget))
+        return started[-1]
+
+    monkeypatch.setattr(begin, "start_growth", start)
+    monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
+    monkeypatch.setattr(begin, "LEAST", 128)
+    monkeypatch.setattr(begin, "MOST", 256)
+    return started
+
+
+def near(n, workers):
+    spec = check_text("leftOf(a, b) & closeTo(b, c, 0.2)")
+    return make_problem(spec, SampleRequest({"task": Range(0.05)}, n=n, workers=workers))
+
+
+def test_growth_begins_elsewhere_where_pruning_takes_long(begun, monkeypatch):
+    """The plan is the same as without, and no process is left."""
+    monkeypatch.setattr("scenegen.sampling.contest.first_look", lambda problem, budget: None)
+    shared, alone = (make_plan(near(1001, workers), Budget()) for workers in (2, 1))
+    assert [one is None for one in begun] == [False, True] and begun[0].given_up
+    assert begun[0]._first._process.process.poll() is not None
+    assert shared.method == alone.method == "growth" and shared.plan_digest == alone.plan_digest
+    assert len(shared.recipe.taken) == 2 and len(alone.recipe.taken) == 1
+    for k in range(2):
+        assert shared.draw(k).rows.tobytes() == alone.draw(k).rows.tobytes()
+
+
+def test_growth_that_began_in_vain_is_given_up(begun):
+    choice = make_plan(near(1001, 2), Budget())
+    (started,) = begun
+    assert choice.method == "rejection" and started.given_up
+    assert started._first._process.process.poll() is not None
+
+
+def test_growth_of_few_scenes_does_not_begin_elsewhere(begun):
+    make_plan(near(1000, 2), Budget())
+    assert not begun

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.pose import BELOW_TURN, THETA, along
+from scenegen.sampling.growth.begin import GROWTH
 from scenegen.sampling.growth.grow import HITS, Stuck, explore
 from scenegen.sampling.growth.machine import make_machine
-from scenegen.sampling.growth.plan import GROWTH
 from scenegen.sampling.growth.tally import Tally
 from scenegen.sampling.problem import Budget, Problem
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,22 +14,14 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import SCENES_ALIKE, TABLE_TOO_FULL
 from scenegen.lang.core import REQUIRE
 from scenegen.pose import BELOW_TURN, THETA, along
+from scenegen.processes.beside import Beside
 from scenegen.sampling.digest import digest
+from scenegen.sampling.growth.begin import GROWTH, Second, Stalled, Started, generator, placed_of, with_deadline
 from scenegen.sampling.growth.grow import Stuck, grow
 from scenegen.sampling.growth.kinship import Kinship
 from scenegen.sampling.growth.machine import Machine
 from scenegen.sampling.growth.moves import sweep
-from scenegen.sampling.growth.plan import (
-    GROWTH,
-    Recipe,
-    Second,
-    Stalled,
-    Started,
-    generator,
-    make_recipe,
-    placed_of,
-    with_deadline,
-)
+from scenegen.sampling.growth.plan import Recipe, make_recipe
 from scenegen.sampling.growth.population import ISLANDS, Taken, spread_over, take
 from scenegen.sampling.growth.stuck import how_far, others, why_stuck
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
@@ -52,9 +45,14 @@ class Growth(Plan):
     machine: Machine
     recipe: Recipe
     budget: Budget
+    started: Started | None = field(default=None, kw_only=True)  # whose second population is piece 1; ends with `close`
 
     method: ClassVar[str] = "growth"
     patience: ClassVar[int] = BARREN
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        one = self.joined()
+        return _restored, (one.problem, one.machine, one.recipe, one.budget, one.why)
 
     @property
     def plan_digest(self) -> str:
@@ -115,8 +113,11 @@ class Growth(Plan):
     def _of_population(self, k: int, rng: np.random.Generator) -> Piece:
         """One of the first pieces. The second one may have been made while the plan was."""
         recipe = self.recipe
-        made_ahead = k < len(recipe.taken)
-        taken = recipe.taken[k] if made_ahead else Second(self.problem, self.budget)(recipe.size)
+        taken = recipe.taken[k] if k < len(recipe.taken) else None
+        if taken is None and self.started is not None:
+            taken = self.started.second()
+        if taken is None:
+            taken = Second(self.problem, self.budget)(recipe.size)
         if not taken.count:
             return self._nothing(taken.work)
         return self._made(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's
@@ -149,6 +150,33 @@ class Growth(Plan):
         shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), 1.0
         facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *facts]))
+
+    def with_second(self, started: Started | None) -> Growth:
+        """The plan with the second population, which has `started`. With processes that are kept for the run it may
+        become known later."""
+        if started is None or started.size != self.recipe.size or len(self.recipe.taken) != 1:
+            return self
+        plan = replace(self, started=started)
+        return plan if self.budget.reserve is not None else plan.joined()
+
+    def underway(self) -> Mapping[int, Beside[Any, Any]]:
+        going = None if self.started is None else self.started.going()
+        return {} if going is None else {1: going}
+
+    def alone(self) -> Growth:
+        return replace(self, started=None)
+
+    def joined(self) -> Growth:
+        if self.started is None:
+            return self
+        second = self.started.second()
+        self.started.give_up()
+        taken = self.recipe.taken if second is None else (*self.recipe.taken, second)
+        return replace(self, recipe=replace(self.recipe, taken=taken), started=None)
+
+    def close(self) -> None:
+        if self.started is not None:
+            self.started.give_up()
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
@@ -183,14 +211,19 @@ def plan_growth(
     problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, started: Started | None = None
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
-    spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: another process may
-    begin to draw meanwhile; `started` is what others have: see `start_growth`. The plan is the same without."""
+    spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: other processes may
+    begin to draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the
+    same without."""
     with np.errstate(all="ignore"):
         made = make_recipe(problem, budget, patient=patient, ahead=ahead, started=started)
     if isinstance(made, Stalled):
         return made
-    machine, recipe = made
-    return Growth(problem, machine, recipe, budget)
+    machine, recipe, started = made
+    return Growth(problem, machine, recipe, budget).with_second(started)
+
+
+def _restored(problem: Problem, machine: Machine, recipe: Recipe, budget: Budget, why: str | None) -> Growth:
+    return Growth(problem, machine, recipe, budget, why=why)
 
 
 def make_plan(problem: Problem, budget: Budget) -> Growth:

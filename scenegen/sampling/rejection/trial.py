@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,14 +45,17 @@ class Trial:
         return Rate(self.tried, int(self.hits.sum()))
 
 
-def make_trial(problem: Problem, budget: Budget, most: float = math.inf) -> Trial:
-    """The cover of the whole range and its first candidates.
+def make_trial(
+    problem: Problem, budget: Budget, most: float = math.inf, on_quarter: Callable[[], object] | None = None
+) -> Trial:
+    """The cover of the whole range and its first candidates. `on_quarter` is called where that takes more than a
+    quarter of `most`.
 
     Raises RequestError if the cover proves that there is no scene, or if time is up before there is a cover, and
     TooMuchError if the work exceeds `most`, which does not depend on the machine.
     """
     seed = problem.request.seed
-    effort = effort_of(budget, most)
+    effort = effort_of(budget, most, on_quarter)
     try:
         cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort, _enough(problem))
         if not cover.parts:
@@ -101,9 +104,9 @@ def nothing_found(problem: Problem, trial: Trial) -> Diagnostic:
     return shortfall(problem, 0, f"{trial.tried:,} draws", *misses(problem, trial.cover))
 
 
-def effort_of(budget: Budget, most: float = math.inf) -> Effort:
+def effort_of(budget: Budget, most: float = math.inf, on_quarter: Callable[[], object] | None = None) -> Effort:
     """Work that is stopped if time has long been up."""
-    return Effort(lambda: budget.overdrawn, most)
+    return Effort(lambda: budget.overdrawn, most, on_quarter=on_quarter)
 
 
 def make_cover(

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from scenegen.bounds.effort import StoppedError
 from scenegen.engine.run import in_memory
 from scenegen.errors import RequestError
 from scenegen.lang.check import check_text
+from scenegen.processes.reserve import Reserve
 from scenegen.sampling.growth import machine as machine_module
+from scenegen.sampling.growth.begin import start_growth
 from scenegen.sampling.growth.full import too_full
-from scenegen.sampling.growth.plan import start_growth
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.growth.stuck import how_far
 from scenegen.sampling.methods import make_plan
@@ -33,8 +35,9 @@ WORDS = {"phi": {"task": (0.0, None)}, "n": 600, "seed": 3, "method": "growth"}
 def small_populations():
     """So that a run of a few hundred scenes has several pieces."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scenegen.sampling.growth.begin.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.plan.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.plan.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.begin.MOST", 256)
         patch.setattr("scenegen.sampling.growth.grow.MOST_POSES", 1 << 17)
         yield
 
@@ -85,11 +88,17 @@ def test_a_second_population_made_ahead_is_the_piece_that_would_be_drawn(plan):
 
 
 @pytest.mark.long
-def test_a_first_population_begun_elsewhere_makes_the_same_plan(plan):
+@pytest.mark.parametrize("first", [True, False])
+def test_populations_begun_elsewhere_make_the_same_plan(first, plan):
     requests = (dataclasses.replace(plan.problem.request, workers=workers) for workers in (2, 1))
     problems = [dataclasses.replace(plan.problem, request=request) for request in requests]
     with start_growth(problems[0], Budget(600.0)) as elsewhere:
+        elsewhere.begin_second()
+        if first:
+            elsewhere.begin_first()
         begun = plan_growth(problems[0], Budget(600.0), patient=False, started=elsewhere)
+        undecided = plan_growth(problems[0], Budget(600.0), patient=False, ahead=False, started=elsewhere)
+        assert len(undecided.recipe.taken) == 1 and len(undecided.with_second(elsewhere).recipe.taken) == 2
     assert elsewhere.given_up  # so the next plan is made here
     later = plan_growth(problems[1], Budget(600.0), patient=False, started=elsewhere)
     assert start_growth(problems[1], Budget(600.0)) is None
@@ -97,6 +106,21 @@ def test_a_first_population_begun_elsewhere_makes_the_same_plan(plan):
     for k in range(3):
         one, other = begun.draw(k), later.draw(k)
         assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
+
+
+def test_a_run_does_not_wait_for_the_second_population(plan, alone):
+    """It is drawn while further pieces are; whoever pickles the plan waits for it."""
+    problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
+    with Reserve(2) as reserve:
+        budget = Budget(600.0, reserve=reserve)
+        ahead = plan_growth(problem, budget)
+        assert list(ahead.underway()) == [1] and not ahead.alone().underway() and len(ahead.recipe.taken) == 1
+        found = in_memory(ahead, budget)
+        assert np.array_equal(found.rows[:2], alone.poses[:, 0, :2].T)
+        other = plan_growth(problem, budget)
+        again = pickle.loads(pickle.dumps(other))  # noqa: S301
+        assert len(again.recipe.taken) == 2 and not again.underway()
+        assert again.draw(1).rows.tobytes() == other.draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()
 
 
 @pytest.mark.long

@@ -18,8 +18,8 @@ class Layout(BaseModel):
     `positions` and `angles` are the rows of (3N, B) storage on which phi or the requirement depends. All other rows
     are free: the base distribution has them uniform whatever phi is, so nothing about them is to be learnt. `branches`
     counts the ways in which phi is decided (scenegen.models.branches). The published networks know neither and take
-    every row: they have no positions, no angles and one branch. `partial`: the network can be told some of the labels
-    only, and is told which.
+    every row: they have no positions, no angles and one branch. `partial`: phi of some labels can be left out of the
+    network's input, which then says which.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -45,7 +45,7 @@ class Layout(BaseModel):
 
     @property
     def told(self) -> int:
-        """Numbers by which a network is told the labels: two a label, and a third where it may be left out."""
+        """Inputs of a network for the labels: two for each, three where a label may be left out."""
         return (3 if self.partial else 2) * self.labels
 
     @property

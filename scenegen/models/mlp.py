@@ -49,7 +49,7 @@ class Mlp(nn.Module):
 
 
 def one_hot(index: Tensor, count: int) -> Tensor:
-    """(B,) int64 below `count` -> (B, count) float32 of zeros and one one: how networks are told a branch."""
+    """(B,) int64 below `count` -> (B, count) float32 of zeros and a single one: a branch as input of a network."""
     zeros = torch.zeros(len(index), count, device=index.device)
     return zeros.scatter_(1, index[:, None], 1.0)
 

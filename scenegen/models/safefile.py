@@ -1,7 +1,7 @@
 """Tensors and text in one safetensors file, read with distrust.
 
 The text (a JSON card) travels in safetensors' own metadata, in an envelope with the format's name, its version and a
-SHA-256 over text and tensors: a damaged file is told from a good one before anything in it is believed. Nothing is ever
+SHA-256 over text and tensors: a damaged file is recognised before anything in it is used. Nothing is ever
 unpickled, and nothing larger than the file itself is allocated.
 """
 

@@ -68,7 +68,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
             break
         for member in todo:
             numbers = everything[member]
-            n = min(shares[member], request.n)  # a number that cannot be is told as of an ordinary spec
+            n = min(shares[member], request.n)  # an invalid number gives the same error as with an ordinary spec
             own = replace(request, n=n, seed=seed_of(request.seed, numbers))
             made = _member(spec.members[member], own, numbers, budget, draw)
             if isinstance(made, Diagnostic):

@@ -187,7 +187,7 @@ class _Expansion:
     # ---- facts
 
     def _add(self, fact: Fact, node: int, *, part: bool = True) -> int:
-        """`part`: goals that have this formula in them are told by this fact."""
+        """`part`: goals with this formula in them refer to this fact."""
         number = self._numbers[fact] = len(self.facts)
         self.facts.append(fact)
         if node in (TRUE, FALSE):

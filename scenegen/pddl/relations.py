@@ -37,7 +37,7 @@ class Relation:
 
 
 def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None) -> tuple[Relation, ...]:
-    """The relations whose facts are written. Raises RequestError for a name that is none."""
+    """The relations whose facts are written. Raises RequestError for an unknown name."""
     if own is not None:
         known = [name for name, written in own.items() if _formula(written)]
         _refuse_unknown(wanted, known)

@@ -46,7 +46,9 @@ class Beside(Companion, Generic[Item, T]):
         threading.Thread(target=wait, daemon=True).start()
 
     def _work(self, process: Process) -> None:
-        self._answer = self._ask(process, self._item)
+        answer = self._ask(process, self._item)
+        if not self._left:  # else it was given up
+            self._answer = answer
 
     def _refused(self, message: Message) -> None:
         self._answer = message

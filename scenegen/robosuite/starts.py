@@ -132,7 +132,7 @@ class StrategyStarts:
 
 
 def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> Starts:
-    """Raises RequestError for a range that is none."""
+    """Raises RequestError for an invalid range."""
     if is_strategy(wanted):
         need("gymnasium", "for starts chosen by a strategy")
         return StrategyStarts(spec, goal, wanted, seed)

@@ -135,11 +135,8 @@ class Contest:
         return self._against(mine, quick)
 
     def _against(self, mine: Rejection, quick: Growth | NoGrowth | None) -> Plan:
-        """Rejection, or another method that reaches more or costs much less. Growth's second population is made
-        meanwhile."""
+        """Rejection, or another method that reaches more or costs much less."""
         problem = self.problem
-        if self.started is not None and quick is None:
-            self.started.begin_second()
         rival = self.other(quick, ahead=False)
         if not isinstance(rival, Growth | Splitting):
             if _time_is_up(rival):
@@ -155,7 +152,7 @@ class Contest:
         else:
             rival.close()
             return because(mine, in_range(mine))
-        return because(rival.with_second(self.started) if isinstance(rival, Growth) else rival, why)
+        return because(rival, why)
 
     def _after_cells(self, trial: Trial, quick: Growth | NoGrowth | None) -> Plan:
         """If pruning each cell takes much work: another method, or all the work if there is none."""

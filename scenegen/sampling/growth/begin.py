@@ -127,8 +127,8 @@ class Started:
             return None
 
     def going(self) -> Beside[Size, Taken] | None:
-        """The work on the second one, if it has begun."""
-        return self._second
+        """The work on the second one, if it has begun and is not given up."""
+        return None if self.given_up else self._second
 
     def give_up(self) -> None:
         """End what is not done: nobody will ask for it."""

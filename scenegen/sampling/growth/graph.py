@@ -2,7 +2,7 @@
 
 What a request and the spec's requirements ask for is a conjunction of clauses: formula nodes that must lie between two
 ends. A clause depends on the poses of a few objects only; growth scores it as soon as all of these are on the table,
-and a move scores the clauses of what it moves. Three kinds are told apart:
+and a move scores the clauses of what it moves. There are three kinds:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
 * a `Choice` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says which

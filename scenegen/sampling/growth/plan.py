@@ -67,20 +67,18 @@ def make_recipe(
     budget: Budget,
     *,
     patient: bool,
-    ahead: bool,
     started: Started | None = None,
 ) -> tuple[Machine, Recipe, Started | None] | Stalled:
     """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
-    populations must do: the design effect is infinite where few ancestors are left of the first one. `ahead`: it
-    will probably be taken, so another process begins with the second population; what `started` is when this returns.
-    Before, `started` is what others have begun."""
+    populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
+    is what other processes have begun; what is returned of it has the second population, too, if there are any."""
     size = size_of(problem, AGAIN if patient else 0)
     with ExitStack() as stack:
         if started is None or started.given_up or started.size != size:
             started = start_growth(problem, budget, size)
             if started is not None:
                 stack.enter_context(started)
-        if ahead and started is not None:
+        if started is not None:
             started.begin_second()
         found = First(problem, budget)(size) if started is None else started.first()
         if isinstance(found, Stalled):
@@ -88,7 +86,7 @@ def make_recipe(
         machine, made = found
         machine.deadline = budget.ends  # by this process's clock
         stack.pop_all()  # `started` is the plan's
-        return machine, _recipe(problem, machine, size, made), started if ahead else None
+        return machine, _recipe(problem, machine, size, made), started
 
 
 def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) -> Recipe:

@@ -151,14 +151,6 @@ class Growth(Plan):
         facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *facts]))
 
-    def with_second(self, started: Started | None) -> Growth:
-        """The plan with the second population, which has `started`. With processes that are kept for the run it may
-        become known later."""
-        if started is None or started.size != self.recipe.size or len(self.recipe.taken) != 1:
-            return self
-        plan = replace(self, started=started)
-        return plan if self.budget.reserve is not None else plan.joined()
-
     def underway(self) -> Mapping[int, Beside[Any, Any]]:
         going = None if self.started is None else self.started.going()
         return {} if going is None else {1: going}
@@ -208,18 +200,22 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, ahead: bool = True, started: Started | None = None
+    problem: Problem, budget: Budget, *, patient: bool = True, started: Started | None = None
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
-    spent on it, and its design effect may be infinite: such a plan is not to be used. `ahead`: other processes may
-    begin to draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the
-    same without."""
+    spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may begin to
+    draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the same
+    without."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, ahead=ahead, started=started)
+        made = make_recipe(problem, budget, patient=patient, started=started)
     if isinstance(made, Stalled):
         return made
     machine, recipe, started = made
-    return Growth(problem, machine, recipe, budget).with_second(started)
+    plan = Growth(problem, machine, recipe, budget, started=started)
+    if not recipe.taken:  # the first population was left, and with it the second
+        plan.close()
+        return plan.alone()
+    return plan if budget.reserve is not None else plan.joined()  # who has no processes for the run may not close it
 
 
 def _restored(problem: Problem, machine: Machine, recipe: Recipe, budget: Budget, why: str | None) -> Growth:

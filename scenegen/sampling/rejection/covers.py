@@ -73,7 +73,7 @@ def own_covers(
     """The covers of cells, in their order; made by several processes if the first of them show that it is worth it.
 
     `most` is the work that is allowed when a cover is begun. Several are begun at a time, so less may be left in their
-    turn: whoever takes them compares their work with that, and the result is the same for any number of processes.
+    turn: the caller compares their work with that, and the result is the same for any number of processes.
     Raises StoppedError in the turn of a cover that time was up for, and what `Pool.map` raises.
     """
     job = _Covering(problem, budget)

@@ -64,7 +64,7 @@ def base_draw(
     spec: CheckedSpec, scenes: int, generator: torch.Generator, found_so_far: Callable[[int], None] | None = None
 ) -> Tensor:
     """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, objects that are held in
-    their place, what is required met. `found_so_far` is told how many there are. Raises RequestError where that is met
+    their place, what is required met. `found_so_far` gets their number. Raises RequestError where that is met
     too rarely for plain draws."""
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)

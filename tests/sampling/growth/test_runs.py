@@ -97,8 +97,6 @@ def test_populations_begun_elsewhere_make_the_same_plan(first, plan):
         if first:
             elsewhere.begin_first()
         begun = plan_growth(problems[0], Budget(600.0), patient=False, started=elsewhere)
-        undecided = plan_growth(problems[0], Budget(600.0), patient=False, ahead=False, started=elsewhere)
-        assert len(undecided.recipe.taken) == 1 and len(undecided.with_second(elsewhere).recipe.taken) == 2
     assert elsewhere.given_up  # so the next plan is made here
     later = plan_growth(problems[1], Budget(600.0), patient=False, started=elsewhere)
     assert start_growth(problems[1], Budget(600.0)) is None
@@ -121,6 +119,17 @@ def test_a_run_does_not_wait_for_the_second_population(plan, alone):
         again = pickle.loads(pickle.dumps(other))  # noqa: S301
         assert len(again.recipe.taken) == 2 and not again.underway()
         assert again.draw(1).rows.tobytes() == other.draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()
+
+
+@pytest.mark.long
+def test_a_plan_that_was_closed_early_draws_the_same(plan):
+    problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
+    with Reserve(2) as reserve:
+        ahead = plan_growth(problem, Budget(600.0, reserve=reserve))
+        ahead.close()
+        assert not ahead.underway()
+        assert ahead.draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()
+        assert pickle.loads(pickle.dumps(ahead)).draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()  # noqa: S301
 
 
 @pytest.mark.long

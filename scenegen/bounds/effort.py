@@ -54,16 +54,20 @@ class TooMuchError(Exception):
 @dataclass(slots=True)
 class Effort:
     """Counts work. `stop` is called whenever some is added; `most` is how much is allowed. `on_quarter` is called once,
-    when more than a quarter of that is used."""
+    when more than a quarter of that is used; `further` once, when all of it is: it returns how much is allowed then."""
 
     stop: Callable[[], bool] = lambda: False
     most: float = math.inf
     used: float = 0.0
     on_quarter: Callable[[], object] | None = None
+    further: Callable[[], float] | None = None
 
     def spend(self, units: float) -> None:
         """Count work that is about to be done. Raises TooMuchError beyond `most`, StoppedError where `stop` says so."""
         self.used += units
+        if self.used > self.most and self.further is not None:
+            ask, self.further = self.further, None
+            self.most = max(self.most, ask())
         if self.used > self.most:
             raise TooMuchError
         if self.on_quarter is not None and self.used > QUARTER * self.most:

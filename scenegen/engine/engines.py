@@ -55,10 +55,13 @@ class Writing:
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
 
     def __call__(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
-        ready = map(self._ready, blocks)
-        return make_shard(self.store, number, self.header, self.labels, ready, pieces=pieces)
+        return self.write(number, pieces, map(self.ready, blocks))
 
-    def _ready(self, block: Block) -> Block:
+    def write(self, number: int, pieces: int, blocks: Iterable[Block], *, beside: bool = False) -> Shard:
+        """A shard of blocks that are `ready`. `beside`: a part of the work is done by a thread of its own."""
+        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces, beside=beside)
+
+    def ready(self, block: Block) -> Block:
         """A block as files hold it, checked."""
         if self.plan.verified:
             self.plan.check(block.rows, block.phi)

@@ -2,7 +2,8 @@
 
 To pack and write a shard takes longer than to draw its scenes where these are easy to find. Nearly all of it is in
 libraries that let other threads run, so threads of this process do as well as processes, and nothing is sent to them.
-A shard is packed block by block while it fills, so little of the last one is left when the last scene is drawn.
+A shard is packed block by block while it fills, so little of the last one is left when the last scene is drawn. Packing
+is the longest part, so its thread does nothing else: this one checks the scenes, and a third one computes the hash.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class Local(Engine):
     def pack(self, writing: Writing, number: int, block: Held) -> None:
         if self._threads is not None:
             self._packing = self._packing or Packing(self._threads, self._room, partial(_written, writing, number))
-            self._packing.add(block)
+            self._packing.add(writing.ready(block))
 
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         self._tell = writing.store.tell
@@ -113,7 +114,7 @@ class Local(Engine):
 def _written(writing: Writing, number: int, blocks: Iterator[Block]) -> Written:
     """Runs in a thread."""
     said: list[str] = []
-    return replace(writing, store=writing.store.told_to(said.append))(number, 0, blocks), said
+    return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks, beside=True), said
 
 
 def map_each(

@@ -132,10 +132,11 @@ def make_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: Made | None = None,
+    beside: bool = False,
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
     rare its phi is. Raises OutputError."""
-    shard, packed = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
+    shard, packed = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made, beside=beside)
     store.write(shard.file, *packed.parts)
     return shard
 
@@ -149,9 +150,10 @@ def pack_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: Made | None = None,
+    beside: bool = False,
 ) -> tuple[Shard, Packed]:
-    """A shard and its bytes, not written."""
-    packed = Packed()
+    """A shard and its bytes, not written. `beside`: a thread of its own computes its hash."""
+    packed = Packed(beside=beside)
     parts: list[Array] = []  # phi of the blocks
 
     def seen() -> Iterator[Block]:

@@ -25,19 +25,30 @@ GROWN = 350.0  # work of growth for a scene and each of its moving rows, at leas
 @dataclass(frozen=True, slots=True)
 class Look:
     """What pruned rejection came to: `trial` is None if pruning takes too much work, `plan` if no candidate was in the
-    range or pruning each cell takes too much; `enough` says that no other method can be much better."""
+    range or pruning each cell takes too much; `enough` says that no other method can be much better. `longer` is a
+    trial that took more work than it first was given."""
 
     trial: Trial | None
     plan: Rejection | None = None
     enough: bool = False
+    longer: Trial | None = None
 
 
-def look(problem: Problem, budget: Budget, most: float, on_quarter: Callable[[], object] | None = None) -> Look:
-    """Rejection, if pruning takes no more than that work. `on_quarter` is called where it takes a quarter of it."""
+def look(
+    problem: Problem,
+    budget: Budget,
+    most: float,
+    on_quarter: Callable[[], object] | None = None,
+    further: Callable[[], float] | None = None,
+) -> Look:
+    """Rejection, if pruning takes no more than that work. `on_quarter` is called where it takes a quarter of it,
+    `further` where it takes more: it then goes on up to what that returns."""
     try:
-        trial = make_trial(problem, budget, most, on_quarter)
+        trial = make_trial(problem, budget, most, on_quarter, further)
     except TooMuchError:
         return Look(None)
+    if trial.work > most:
+        return Look(None, longer=trial)
     if not trial.rate.hits:
         return Look(trial)
     try:

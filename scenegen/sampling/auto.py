@@ -17,6 +17,7 @@ from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 
 if TYPE_CHECKING:
+    from scenegen.sampling.contest import Contest
     from scenegen.sampling.growth.begin import Started
     from scenegen.sampling.parts import Part
 
@@ -29,6 +30,19 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
     with ExitStack() as stack:
         started: Started | None = None
         parts: tuple[Part, ...] | None = () if whole else None
+        contest: Contest | None = None
+
+        def further() -> float:
+            """Pruning takes more work than it was given."""
+            nonlocal contest
+            contest = rivals().with_box()
+            return contest.affordable
+
+        def rivals() -> Contest:
+            # Loading growth and splitting takes longer than many requests for which rejection is enough.
+            from scenegen.sampling.contest import Contest
+
+            return Contest(problem, budget, partial(choose, whole=True), started, parts)
 
         def start() -> None:
             """Growth will be asked, too. One other process can begin with it; two would slow this one down."""
@@ -48,10 +62,7 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
         worth, many = problem.request.n > FEW, moving(problem) > MANY
         if worth and many:
             start()
-        found = look(problem, budget, FIRST, start if worth and not many else None)
+        found = look(problem, budget, FIRST, start if worth and not many else None, further)
         if found.plan is not None and found.enough:
             return because(found.plan, in_range(found.plan))
-        # Loading growth and splitting takes longer than many requests for which rejection is enough.
-        from scenegen.sampling.contest import Contest
-
-        return Contest(problem, budget, partial(choose, whole=True), started, parts).best(found)
+        return (contest or rivals()).best(found)

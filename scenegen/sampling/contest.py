@@ -9,7 +9,7 @@ method that suits it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from scenegen.bounds.effort import TooMuchError
@@ -24,7 +24,7 @@ from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.rejection.sampler import Rejection, first_look, work_of
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
-from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, make_trial, nothing_found, search
+from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, nothing_found, search
 from scenegen.sampling.report import too_early
 from scenegen.sampling.splitting.levels import Stalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
@@ -40,13 +40,32 @@ ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are o
 class Contest:
     """Of the methods for one request. `started` is what growth has done so far: see `start_growth`. `parts` are the
     independent ones, into which the request can be split; None if nobody has looked yet. `choose` makes the plan of
-    such a part."""
+    such a part. `box` is rejection without pruning; None if it has no plan."""
 
     problem: Problem
     budget: Budget
     choose: Callable[[Problem, Budget], Plan]
     started: Started | None = None
     parts: tuple[Part, ...] | None = None
+    box: Rejection | None = None
+
+    def with_box(self) -> Contest:
+        """The same with its parts, and rejection without pruning if there are none. Raises RequestError if it turns out
+        that there is no scene."""
+        parts = independent_parts(self.problem, self.budget) if self.parts is None else self.parts
+        return replace(self, parts=parts, box=None if parts else first_look(self.problem, self.budget))
+
+    @property
+    def affordable(self) -> float:
+        """The work that pruning may take: a fraction of what it can save. 0 if it has taken so much already, or would
+        save too little."""
+        work = 0.0 if self.box is None else work_of(self.box)
+        return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * self._cheap else 0.0
+
+    @property
+    def _cheap(self) -> float:
+        """The work of rejection up to which no other method is looked at."""
+        return max(EASY, GROWN * moving(self.problem) * self.problem.request.n)
 
     def best(self, found: Look) -> Plan:
         """The best plan, given what rejection came to. Raises RequestError as `choose` does."""
@@ -62,7 +81,7 @@ class Contest:
 
     def _best(self, found: Look) -> Plan:
         if found.trial is None:
-            return self._apart() or self._after_pruning()
+            return self._apart() or self._after_pruning(found.longer)
         return self._after_trial(found, found.trial)
 
     def _apart(self) -> Paired | None:
@@ -76,11 +95,11 @@ class Contest:
         methods = ", ".join(plan.method for plan in plans)
         return because(pair(self.problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
-    def _after_pruning(self) -> Plan:
-        """If pruning takes much work: rejection without pruning if that is cheap, or growth if it does well; else
-        pruning continues for a while."""
+    def _after_pruning(self, longer: Trial | None) -> Plan:
+        """If pruning takes much work: rejection if that is cheap, or growth if it does well; else pruning continues for
+        a while. `longer` is what pruning came to, if it was affordable."""
         problem, budget = self.problem, self.budget
-        simple = self._without_pruning()
+        simple = self._cheapest(longer)
         if simple is not None:
             return because(simple, in_range(simple))
         grown = plan_growth(problem, budget, patient=False, started=self.started)
@@ -98,24 +117,17 @@ class Contest:
             return self._without_rejection("pruning takes too much work", quick=grown)
         return replace(self, parts=())._after_trial(found, found.trial, quick=grown)
 
-    def _without_pruning(self) -> Rejection | None:
-        """Rejection from the contracted box, or pruned for a fraction of that work, if either is cheaper than
-        growth."""
-        problem, budget = self.problem, self.budget
-        plan = first_look(problem, budget)
+    def _cheapest(self, longer: Trial | None) -> Rejection | None:
+        """Rejection from the contracted box, or pruned, if either is cheaper than growth."""
+        plan = self.box
         if plan is None:
             return None
-        cheap, work = max(EASY, GROWN * moving(problem) * problem.request.n), work_of(plan)
-        if 2.0 * PRUNED * FIRST < work <= PRUNED * cheap:  # less pruning has not been enough
-            try:
-                pruned = plan_rejection(problem, budget, make_trial(problem, budget, work / PRUNED), work / PRUNED)
-            except TooMuchError:
-                pass  # the box remains
-            else:
-                less = work_of(pruned)
-                if len(pruned.reached) == len(plan.reached) and less < work:
-                    plan, work = pruned, less
-        return plan if work <= cheap else None
+        if longer is not None:
+            with suppress(TooMuchError):  # the box remains
+                pruned = plan_rejection(self.problem, self.budget, longer, self.affordable)
+                if len(pruned.reached) == len(plan.reached) and work_of(pruned) < work_of(plan):
+                    plan = pruned
+        return plan if work_of(plan) <= self._cheap else None
 
     def _after_trial(self, found: Look, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
         """`quick` is a plan of growth on which little was spent, where it has been made."""

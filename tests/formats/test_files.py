@@ -142,7 +142,8 @@ def test_what_begins_to_go_to_the_disk_stays_as_it_is(known, tmp_path, monkeypat
     begin_writing(io.BytesIO())
 
 
-def test_a_file_that_is_packed_in_memory():
-    packed = Packed()
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_file_that_is_packed_in_memory(beside):
+    packed = Packed(beside=beside)
     assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
     assert packed.parts == [b"abc", b"de"] and packed.sha256 == hashlib.sha256(b"abcde").hexdigest()

@@ -1,5 +1,6 @@
 """Which sampler `auto` takes: counted, never timed, and told in a few words."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -12,7 +13,9 @@ from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import contest
 from scenegen.sampling import problem as module
+from scenegen.sampling.at_once import look
 from scenegen.sampling.auto import choose
+from scenegen.sampling.digest import digest
 from scenegen.sampling.growth import begin
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
@@ -130,6 +133,22 @@ def test_where_pruning_takes_much_work_plain_candidates_may_do():
     assert choice.method == "rejection" and choice.why.endswith("of the candidates from 1 box are in range")
     found = draw(choice.problem)
     assert found.count == 200 and found.shortfall is None
+
+
+def test_pruning_that_may_take_more_goes_on_where_it_is():
+    """It comes to what it would with the larger limit from the start, and takes no more work."""
+    problem, times = near(2000, 1), []
+
+    def further():
+        times.append(1)
+        return math.inf
+
+    whole = make_trial(problem, Budget())
+    found = look(problem, Budget(), whole.work / 3, further=further)
+    assert times == [1] and found.trial is None and found.longer is not None
+    assert found.longer.work == whole.work and (found.longer.hits == whole.hits).all()
+    assert digest(found.longer.cover) == digest(whole.cover)
+    assert look(problem, Budget(), whole.work / 3, further=lambda: whole.work / 2).longer is None
 
 
 @pytest.mark.long

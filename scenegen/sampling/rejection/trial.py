@@ -46,16 +46,20 @@ class Trial:
 
 
 def make_trial(
-    problem: Problem, budget: Budget, most: float = math.inf, on_quarter: Callable[[], object] | None = None
+    problem: Problem,
+    budget: Budget,
+    most: float = math.inf,
+    on_quarter: Callable[[], object] | None = None,
+    further: Callable[[], float] | None = None,
 ) -> Trial:
     """The cover of the whole range and its first candidates. `on_quarter` is called where that takes more than a
-    quarter of `most`.
+    quarter of `most`, `further` where it takes more: the work may come to what that returns, if it is more.
 
     Raises RequestError if the cover proves that there is no scene, or if time is up before there is a cover, and
-    TooMuchError if the work exceeds `most`, which does not depend on the machine.
+    TooMuchError if the work exceeds what is allowed, which does not depend on the machine.
     """
     seed = problem.request.seed
-    effort = effort_of(budget, most, on_quarter)
+    effort = effort_of(budget, most, on_quarter, further)
     try:
         cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort, _enough(problem))
         if not cover.parts:
@@ -104,9 +108,14 @@ def nothing_found(problem: Problem, trial: Trial) -> Diagnostic:
     return shortfall(problem, 0, f"{trial.tried:,} draws", *misses(problem, trial.cover))
 
 
-def effort_of(budget: Budget, most: float = math.inf, on_quarter: Callable[[], object] | None = None) -> Effort:
+def effort_of(
+    budget: Budget,
+    most: float = math.inf,
+    on_quarter: Callable[[], object] | None = None,
+    further: Callable[[], float] | None = None,
+) -> Effort:
     """Work that is stopped if time has long been up."""
-    return Effort(lambda: budget.overdrawn, most, on_quarter=on_quarter)
+    return Effort(lambda: budget.overdrawn, most, on_quarter=on_quarter, further=further)
 
 
 def make_cover(

@@ -26,6 +26,8 @@ from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_
 
 T = TypeVar("T")
 
+REPLACED = 5  # times that a file is read again, because it was replaced meanwhile
+
 Tell = Callable[[str], None]
 
 
@@ -49,9 +51,13 @@ class Store:
         """The bytes of a file. Raises DataError."""
 
         def work() -> bytes:
-            with self.system.open_input_stream(self._path(name)) as stream:
-                data: bytes = stream.read()
-                return data
+            for _ in range(REPLACED):
+                before = self._version(name)
+                with self.system.open_input_stream(self._path(name)) as stream:
+                    data: bytes = stream.read()
+                if self._version(name) == before:
+                    return data
+            raise OSError("it changes while it is read")
 
         return self._reading(name, work)
 
@@ -116,6 +122,14 @@ class Store:
             self._writing(".", lambda: Path(self.root).mkdir(parents=True, exist_ok=True))
         self.write(".writable", b"")
         self.delete(".writable")
+
+    def _version(self, name: str) -> tuple[int, int] | None:
+        """What tells whether an object was replaced while it was read: pyarrow asks for its size, then for so many
+        bytes, which may be a part of the new one. On a disk an open file stays what it is."""
+        if self.local:
+            return None
+        found = self.system.get_file_info(self._path(name))
+        return found.size, found.mtime_ns
 
     def _path(self, name: str) -> str:
         return f"{self.root}/{name}"

@@ -62,6 +62,28 @@ def test_a_folder(tmp_path):
         store.read("gone")
 
 
+class Growing(Flaky):
+    """A file system whose file grows between the question for its size and the read, so many times."""
+
+    def __init__(self, folder, times):
+        super().__init__(folder)
+        self.times = times
+
+    def open_input_stream(self, path):
+        data = self.inner.open_input_stream(path).read()
+        if self.times:
+            self.times -= 1
+            (self.folder / "a").write_bytes(data + b"more")
+        return pyarrow.BufferReader(data)
+
+
+def test_an_object_that_is_replaced_while_it_is_read(tmp_path, waits):
+    (tmp_path / "a").write_bytes(b"1")
+    assert Store("s3://bucket/", Growing(tmp_path, 2), str(tmp_path), False).read("a") == b"1moremore"
+    with pytest.raises(DataError, match=r"it changes while it is read"):
+        Store("s3://bucket/", Growing(tmp_path, 100), str(tmp_path), False, patience=0.0).read("a")
+
+
 def test_a_store_that_fails_for_ten_seconds(tmp_path, waits):
     busy = OSError("When completing multiple part upload: AWS Error SLOW_DOWN during CompleteMultipartUpload")
     store = flaky(tmp_path, *[busy] * 6)

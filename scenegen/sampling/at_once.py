@@ -59,6 +59,11 @@ def look(
     return Look(trial, plan, cheap and open_cells(problem, plan) <= len(plan.reached))
 
 
+def at_once(found: Look) -> Rejection | None:
+    """Rejection, if it is enough."""
+    return because(found.plan, in_range(found.plan)) if found.plan is not None and found.enough else None
+
+
 def open_cells(problem: Problem, plan: Rejection) -> int:
     """Cells that are neither reached nor proved empty."""
     return len(problem.possible) - len(plan.reached) - len(plan.ruled_out)

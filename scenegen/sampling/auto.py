@@ -12,12 +12,15 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from scenegen.errors import RequestError
-from scenegen.sampling.at_once import FIRST, MANY, because, in_range, look, moving
+from scenegen.sampling.at_once import FIRST, MANY, at_once, look, moving
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 
 if TYPE_CHECKING:
-    from scenegen.sampling.contest import Contest
+    from collections.abc import Sequence
+
+    from scenegen.processes.beside import Beside
+    from scenegen.sampling.contest import Contest, Seen
     from scenegen.sampling.growth.begin import Started
     from scenegen.sampling.parts import Part
 
@@ -30,6 +33,7 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
     with ExitStack() as stack:
         started: Started | None = None
         parts: tuple[Part, ...] | None = () if whole else None
+        seen: Beside[Sequence[Part], list[Seen]] | None = None
         contest: Contest | None = None
 
         def further() -> float:
@@ -42,11 +46,12 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
             # Loading growth and splitting takes longer than many requests for which rejection is enough.
             from scenegen.sampling.contest import Contest
 
-            return Contest(problem, budget, partial(choose, whole=True), started, parts)
+            return Contest(problem, budget, partial(choose, whole=True), started, parts, seen)
 
         def start() -> None:
-            """Growth will be asked, too. One other process can begin with it; two would slow this one down."""
-            nonlocal started, parts
+            """Growth will be asked, too, or parts will be. One other process can begin with it; two would slow
+            this one down."""
+            nonlocal started, parts, seen
             from scenegen.sampling.growth.begin import start_growth
             from scenegen.sampling.parts import independent_parts
 
@@ -58,11 +63,16 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
                     parts = independent_parts(problem, budget)
             if not parts:
                 stack.enter_context(started).begin_first()
+                return
+            from scenegen.processes.beside import Beside
+            from scenegen.sampling.contest import LookAtParts
+
+            work = LookAtParts(budget, partial(choose, whole=True))
+            several: Sequence[Part] = parts
+            seen = stack.enter_context(Beside(work, several, budget.reserve))
 
         worth, many = problem.request.n > FEW, moving(problem) > MANY
         if worth and many:
             start()
         found = look(problem, budget, FIRST, start if worth and not many else None, further)
-        if found.plan is not None and found.enough:
-            return because(found.plan, in_range(found.plan))
-        return (contest or rivals()).best(found)
+        return at_once(found) or (contest or rivals()).best(found)

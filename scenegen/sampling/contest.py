@@ -8,13 +8,14 @@ method that suits it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
 from scenegen.bounds.effort import TooMuchError
 from scenegen.errors import RequestError
-from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, because, in_range, look, moving, open_cells
+from scenegen.processes.beside import Beside
+from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, at_once, because, in_range, look, moving, open_cells
 from scenegen.sampling.growth.begin import Stalled as NoGrowth
 from scenegen.sampling.growth.begin import Started, start_growth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
@@ -35,18 +36,23 @@ POOR = 3.0  # design effect that growth may leave before splitting is tried
 SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
 
+Seen = tuple[Look, Rejection | None] | RequestError
+"""What rejection came to, and rejection without pruning, if pruning takes much work; or that there is no plan."""
+
 
 @dataclass(frozen=True, slots=True)
 class Contest:
     """Of the methods for one request. `started` is what growth has done so far: see `start_growth`. `parts` are the
     independent ones, into which the request can be split; None if nobody has looked yet. `choose` makes the plan of
-    such a part. `box` is rejection without pruning; None if it has no plan."""
+    such a part; `seen` is what another process begins these plans with: see `LookAtParts`. `box` is rejection without
+    pruning; None if it has no plan."""
 
     problem: Problem
     budget: Budget
     choose: Callable[[Problem, Budget], Plan]
     started: Started | None = None
     parts: tuple[Part, ...] | None = None
+    seen: Beside[Sequence[Part], list[Seen]] | None = None
     box: Rejection | None = None
 
     def with_box(self) -> Contest:
@@ -91,9 +97,18 @@ class Contest:
             return None
         if self.started is not None:
             self.started.give_up()
-        plans = [self.choose(part.problem, self.budget).joined() for part in parts]
+        seen = [None] * len(parts) if self.seen is None else self.seen.result()
+        plans = [self._of_part(part.problem, one).joined() for part, one in zip(parts, seen, strict=True)]
         methods = ", ".join(plan.method for plan in plans)
         return because(pair(self.problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
+
+    def _of_part(self, problem: Problem, seen: Seen | None) -> Plan:
+        if seen is None:
+            return self.choose(problem, self.budget)
+        if isinstance(seen, RequestError):
+            raise seen
+        found, box = seen
+        return at_once(found) or Contest(problem, self.budget, self.choose, parts=(), box=box).best(found)
 
     def _after_pruning(self, longer: Trial | None) -> Plan:
         """If pruning takes much work: rejection if that is cheap, or growth if it does well; else pruning continues for
@@ -221,6 +236,30 @@ class Contest:
         if isinstance(grown, Growth):
             return grown
         return split if isinstance(split, Splitting) else grown
+
+
+@dataclass(frozen=True, slots=True)
+class LookAtParts:
+    """What `choose` begins with for each part, in any process."""
+
+    budget: Budget
+    choose: Callable[[Problem, Budget], Plan]
+
+    def __call__(self, parts: Sequence[Part]) -> list[Seen]:
+        return [self._look(part.problem) for part in parts]
+
+    def _look(self, problem: Problem) -> Seen:
+        contest = Contest(problem, self.budget, self.choose, parts=())
+
+        def further() -> float:
+            nonlocal contest
+            contest = contest.with_box()
+            return contest.affordable
+
+        try:
+            return look(problem, self.budget, FIRST, further=further), contest.box
+        except RequestError as error:  # that of a part before may have to be raised first
+            return error
 
 
 def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:

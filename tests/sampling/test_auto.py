@@ -9,6 +9,7 @@ import pytest
 
 from scenegen.engine.run import draw
 from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import contest
@@ -19,6 +20,7 @@ from scenegen.sampling.digest import digest
 from scenegen.sampling.growth import begin
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
+from scenegen.sampling.parts import Part
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
@@ -149,6 +151,55 @@ def test_pruning_that_may_take_more_goes_on_where_it_is():
     assert found.longer.work == whole.work and (found.longer.hits == whole.hits).all()
     assert digest(found.longer.cover) == digest(whole.cover)
     assert look(problem, Budget(), whole.work / 3, further=lambda: whole.work / 2).longer is None
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["pantry_shelf", "cutlery_drawer"])
+def test_parts_that_another_process_looks_at_get_the_same_plans(name, monkeypatch):
+    """Some are served by rejection at once, some without pruning, some by growth."""
+    told = []
+
+    def of_part(self, problem, seen, honest=contest.Contest._of_part):
+        told.append(seen is not None)
+        return honest(self, problem, seen)
+
+    monkeypatch.setattr(contest.Contest, "_of_part", of_part)
+    spec = check_text(shipped_specs()[name].read_text(encoding="utf-8"))
+    ranges = {label: Range(0.0) for label in spec.labels}
+    plans = []
+    for workers in (1, 2):
+        request = SampleRequest(ranges, n=5000, workers=workers)
+        plans.append(choose(make_problem(spec, request), Budget(600.0)))
+    count = len(told) // 2
+    assert told == [False] * count + [True] * count
+    one, two = plans
+    assert one.method == "paired" and one.plan_digest == two.plan_digest and one.why == two.why
+    for plan in plans:
+        plan.close()
+
+
+def test_a_part_without_scenes_is_reported_in_its_turn():
+    """Not before it is known what becomes of the parts before it."""
+    problem = near(2000, 1)
+    error = RequestError(NO_TIME_TO_CHECK())
+    part = Part((0,), problem)
+
+    class Done:
+        def __init__(self, *seen):
+            self.seen = seen
+
+        def result(self):
+            return [*self.seen]
+
+    begun = look(problem, Budget(), math.inf), None
+    mine = contest.Contest(problem, Budget(), choose, parts=(part, part), seen=Done(begun, error))
+    with pytest.raises(RequestError, match="time was up"):
+        mine._apart()
+    asked = []
+    mine = replace(mine, seen=Done(error, begun), choose=asked.append)
+    with pytest.raises(RequestError, match="time was up"):
+        mine._apart()
+    assert not asked
 
 
 @pytest.mark.long

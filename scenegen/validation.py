@@ -1,5 +1,5 @@
 """Arguments of public calls, held against what they can be: numpy's whole numbers are as good as Python's, and what is
-of another kind is told before any work is done."""
+of another kind is refused before any work is done."""
 
 from __future__ import annotations
 

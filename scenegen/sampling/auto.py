@@ -17,8 +17,6 @@ from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from scenegen.processes.beside import Beside
     from scenegen.sampling.contest import Contest, Seen
     from scenegen.sampling.growth.begin import Started
@@ -33,7 +31,7 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
     with ExitStack() as stack:
         started: Started | None = None
         parts: tuple[Part, ...] | None = () if whole else None
-        seen: Beside[Sequence[Part], list[Seen]] | None = None
+        seen: Beside[tuple[Part, ...], list[Seen]] | None = None
         contest: Contest | None = None
 
         def further() -> float:
@@ -49,8 +47,8 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
             return Contest(problem, budget, partial(choose, whole=True), started, parts, seen)
 
         def start() -> None:
-            """Growth will be asked, too, or parts will be. One other process can begin with it; two would slow
-            this one down."""
+            """Another process begins with what is likely to be asked for next: the parts, or else growth. Two would
+            slow this one down."""
             nonlocal started, parts, seen
             from scenegen.sampling.growth.begin import start_growth
             from scenegen.sampling.parts import independent_parts
@@ -67,9 +65,7 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
             from scenegen.processes.beside import Beside
             from scenegen.sampling.contest import LookAtParts
 
-            work = LookAtParts(budget, partial(choose, whole=True))
-            several: Sequence[Part] = parts
-            seen = stack.enter_context(Beside(work, several, budget.reserve))
+            seen = stack.enter_context(Beside(LookAtParts(budget), parts, budget.reserve))
 
         worth, many = problem.request.n > FEW, moving(problem) > MANY
         if worth and many:

@@ -8,7 +8,7 @@ method that suits it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
@@ -52,7 +52,7 @@ class Contest:
     choose: Callable[[Problem, Budget], Plan]
     started: Started | None = None
     parts: tuple[Part, ...] | None = None
-    seen: Beside[Sequence[Part], list[Seen]] | None = None
+    seen: Beside[tuple[Part, ...], list[Seen]] | None = None
     box: Rejection | None = None
 
     def with_box(self) -> Contest:
@@ -63,15 +63,8 @@ class Contest:
 
     @property
     def affordable(self) -> float:
-        """The work that pruning may take: a fraction of what it can save. 0 if it has taken so much already, or would
-        save too little."""
-        work = 0.0 if self.box is None else work_of(self.box)
-        return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * self._cheap else 0.0
-
-    @property
-    def _cheap(self) -> float:
-        """The work of rejection up to which no other method is looked at."""
-        return max(EASY, GROWN * moving(self.problem) * self.problem.request.n)
+        """The work that pruning may take."""
+        return _affordable(self.problem, self.box)
 
     def best(self, found: Look) -> Plan:
         """The best plan, given what rejection came to. Raises RequestError as `choose` does."""
@@ -142,7 +135,7 @@ class Contest:
                 pruned = plan_rejection(self.problem, self.budget, longer, self.affordable)
                 if len(pruned.reached) == len(plan.reached) and work_of(pruned) < work_of(plan):
                     plan = pruned
-        return plan if work_of(plan) <= self._cheap else None
+        return plan if work_of(plan) <= _cheap(self.problem) else None
 
     def _after_trial(self, found: Look, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
         """`quick` is a plan of growth on which little was spent, where it has been made."""
@@ -243,23 +236,34 @@ class LookAtParts:
     """What `choose` begins with for each part, in any process."""
 
     budget: Budget
-    choose: Callable[[Problem, Budget], Plan]
 
-    def __call__(self, parts: Sequence[Part]) -> list[Seen]:
+    def __call__(self, parts: tuple[Part, ...]) -> list[Seen]:
         return [self._look(part.problem) for part in parts]
 
     def _look(self, problem: Problem) -> Seen:
-        contest = Contest(problem, self.budget, self.choose, parts=())
+        box: Rejection | None = None
 
         def further() -> float:
-            nonlocal contest
-            contest = contest.with_box()
-            return contest.affordable
+            nonlocal box
+            box = first_look(problem, self.budget)
+            return _affordable(problem, box)
 
         try:
-            return look(problem, self.budget, FIRST, further=further), contest.box
+            return look(problem, self.budget, FIRST, further=further), box
         except RequestError as error:  # that of a part before may have to be raised first
             return error
+
+
+def _cheap(problem: Problem) -> float:
+    """The work of rejection up to which no other method is looked at."""
+    return max(EASY, GROWN * moving(problem) * problem.request.n)
+
+
+def _affordable(problem: Problem, box: Rejection | None) -> float:
+    """The work that pruning may take: a fraction of what it can save. 0 if it has taken so much already, or would save
+    too little."""
+    work = 0.0 if box is None else work_of(box)
+    return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * _cheap(problem) else 0.0
 
 
 def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:

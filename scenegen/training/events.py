@@ -2,7 +2,7 @@
 
 Written with TensorBoard's own writer (`pip install "scenegen[tensorboard]"`, which brings the viewer as well). Steps
 are the optimiser's. A resumed run may write into the folder of the earlier one: of steps that occur twice, TensorBoard
-is told to forget the first.
+shows the later ones.
 """
 
 from __future__ import annotations

@@ -115,8 +115,8 @@ class Windows(Feed):
 
 
 def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | None = None) -> Feed:
-    """The scenes of a run; `gathering` is told how they come along. Raises RequestError, also where it says that time
-    is up, and DataError."""
+    """The scenes of a run; `gathering` hears of each step of gathering them. Raises RequestError, also where it says
+    that time is up, and DataError."""
     gathering = gathering or Gathering()
     if not is_file(config.data):
         assert config.scenes is not None

@@ -53,9 +53,10 @@ def train(
     step under way is finished, the exact state (weights, moments, noise generator, place in the epoch) is saved and
     Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
 
-    `on_step` is told the steps that are done and planned, after each; `log_dir` gets TensorBoard event files. Neither
-    they nor validation change the model by a bit, but for `config.patience`. `on_gather` is told, while the training
-    scenes are gathered, what is being done and how many of how many are there (0 of 0 where that is not counted).
+    `on_step` is called after each step with how many are done and planned; `log_dir` gets TensorBoard event files.
+    Neither they nor validation change the model by a bit, but for `config.patience`. `on_gather` is called, while the
+    training scenes are gathered, with what is being done and how many of how many are there (0 of 0 where that is not
+    counted).
 
     After `timeout` seconds the gathering is given up, with RequestError and nothing written; training stops as on
     Ctrl-C, with the state saved, and what it has come to is the model. RequestError where that is not one epoch.

@@ -40,7 +40,7 @@ class Opened:
     request: dict[str, Any] = field(default_factory=dict)
 
     def data(self) -> dict[str, Any]:
-        """What the page is told at first; `missing` are formats with what installs them."""
+        """What the page gets at first; `missing` are formats with what installs them."""
         return {
             "text": self.text,
             "name": self.name,

@@ -49,7 +49,7 @@ class Gate:
             await self.app(scope, receive, send)
             return
         problem = self._problem(scope)
-        # files of the page need no token: whoever reads them slowly must not keep those out who have one
+        # the page itself needs no token: slow readers of its files must not keep out requests that have one
         counted = scope["type"] == "http" and not scope["path"].startswith("/static/")
         if problem is None and counted and self.under_way >= MAX_REQUESTS:
             problem = 429, "this server answers no more requests at a time; try again in a moment"

@@ -75,6 +75,10 @@ class Effort:
             call()
         self.check()
 
+    def allows(self, units: float) -> bool:
+        """Whether so much more is within what is allowed now."""
+        return self.used + units <= self.most
+
     def check(self) -> None:
         """Raises StoppedError where `stop` says so."""
         if self.stop():

@@ -2,12 +2,16 @@
 
 The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
 halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
+
+A search asks for the same cover many times: of objects that other demands do not concern, and with more boxes than are
+of use. `Grids` keeps what was made.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +27,7 @@ Array = npt.NDArray[np.float64]
 LARGEST = 1 << 21  # numbers that one contraction may work on at a time
 FEWEST = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
 SHARE = 0.25  # boxes smaller than this share of the largest are left for a later round
+KEPT = 64  # covers of one search that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,40 @@ class _Tape:
         return settled
 
 
+@dataclass(frozen=True, slots=True)
+class Grids:
+    """The latest covers that a search has made, by all that they depend on but the budget: with their work, and the
+    budgets from which up they are the same."""
+
+    _kept: dict[tuple[object, ...], tuple[Grid, float, range]] = field(default_factory=dict)
+
+    def grid(
+        self,
+        nodes: Sequence[Node],
+        names: Sequence[int],
+        lo: Array,
+        hi: Array,
+        dims: Sequence[int],
+        given: Sequence[int],
+        demands: Sequence[tuple[int, float, float]],
+        budget: int,
+        effort: Effort,
+    ) -> Grid:
+        """What `make_grid` returns for the same arguments. The same work is counted for what is at hand, so that what
+        a search finds does not depend on what is kept."""
+        key = tuple(nodes), tuple(names), lo.tobytes(), hi.tobytes(), tuple(dims), tuple(given), tuple(demands)
+        grid, work, budgets = self._kept.get(key, (None, 0.0, range(0)))
+        if grid is not None and budget in budgets and effort.allows(work):
+            effort.spend(work)
+            return grid
+        used = effort.used
+        grid, cramped = make_grid(nodes, names, lo, hi, dims, given, demands, budget, effort)
+        self._kept[key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return grid
+
+
 def make_grid(
     nodes: Sequence[Node],
     names: Sequence[int],
@@ -83,13 +122,13 @@ def make_grid(
     demands: Sequence[tuple[int, float, float]],
     budget: int,
     effort: Effort,
-) -> Grid:
+) -> tuple[Grid, bool]:
     """Cover what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
 
     `dims` are the positions to cover (called `names` in the result), `given` those whose intervals are kept when bounds
     are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
-    not split further. At most `budget` boxes. An empty grid proves that there is no solution. Raises what `effort`
-    raises.
+    not split further. At most `budget` boxes; returns whether more would have been of use, too. An empty grid proves
+    that there is no solution. Raises what `effort` raises.
     """
     lo, hi = lo[:, None].copy(), hi[:, None].copy()
     tape = _Tape(nodes, make_batches(nodes), tuple(given), tuple(demands), effort)
@@ -99,13 +138,16 @@ def make_grid(
     whole_width = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
     open_ = ~tape.settled(lo, hi)
     volume = _volume(lo, hi, where)
+    cramped = False
     while open_.any() and lo.shape[1] < budget:
         largest = volume[open_].max()
         chosen = np.flatnonzero(open_ & (volume >= SHARE * largest))
         if largest <= 0.0:
             break
-        room = max(1, min(budget - lo.shape[1], LARGEST // (2 * len(where) * len(nodes))))
+        most = LARGEST // (2 * len(where) * len(nodes))
+        room = max(1, min(budget - lo.shape[1], most))
         if len(chosen) > room:
+            cramped |= room < most
             chosen = np.sort(chosen[np.argsort(-volume[chosen], kind="stable")[:room]])
         before = float(volume.sum())
         new_lo, new_hi = _split(tape, lo[:, chosen], hi[:, chosen], where, whole_width)
@@ -118,9 +160,11 @@ def make_grid(
         # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
         if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / max(1, lo.shape[1])) * before:
             break
+    else:
+        cramped |= bool(open_.any())
     total = float(volume.sum())
     alias = make_alias(volume if total > 0.0 else np.ones(1))
-    return Grid(tuple(names), lo[where], hi[where], total, alias)
+    return Grid(tuple(names), lo[where], hi[where], total, alias), cramped
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.chain import Chain, make_chain
 from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_at, trees, variables
 from scenegen.bounds.effort import PYTHON, Effort
-from scenegen.bounds.grid import Grid, make_grid
+from scenegen.bounds.grid import Grid, Grids
 from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.patches import Step
 from scenegen.bounds.standing import Stand, steps_for
@@ -103,13 +103,14 @@ def propose(
     relative: bool,
     budget: int,
     effort: Effort,
+    known: Grids,
     stands: Collection[Stand] = (),
 ) -> Proposal | None:
     """The proposal for one contracted box lo, hi (T,). None where a cover comes out empty: there is no solution.
 
     `pending` are the demands that the box leaves open; those whose core node is in `coupling` are worth a grid.
     `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
-    to nothing else. Raises what `effort` raises.
+    to nothing else. Grids are taken from those `known`, and added to them. Raises what `effort` raises.
     """
     steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
     if steps is None:
@@ -135,7 +136,7 @@ def propose(
         few = len(names) <= MOST_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):
             continue
-        grid = _grid(tape, forest, lo, hi, names, pending, budget if few else 1, effort)
+        grid = _grid(tape, forest, lo, hi, names, pending, budget if few else 1, effort, known)
         if grid.volume <= 0.0:
             return None
         for position, name in enumerate(names):
@@ -206,6 +207,7 @@ def _grid(
     pending: Sequence[Open],
     budget: int,
     effort: Effort,
+    known: Grids,
 ) -> Grid:
     """The cover of one group by boxes, from the demands that depend on nothing else."""
     effort.spend(PYTHON * sum(len(one.support) for one in pending) + 50 * len(tape.nodes))
@@ -222,4 +224,4 @@ def _grid(
     dims = [number[name] for name in names]
     given = [number[index] for index in old if index in tape.differences]
     ends = [(number[one.node], one.low, one.high) for one in demands]
-    return make_grid(nodes, names, lo[old], hi[old], dims, given, ends, budget, effort)
+    return known.grid(nodes, names, lo[old], hi[old], dims, given, ends, budget, effort)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.contract import ROUNDS, contract, start
 from scenegen.bounds.coupling import Open, open_nodes
 from scenegen.bounds.effort import PYTHON, Effort, scoring
+from scenegen.bounds.grid import Grids
 from scenegen.bounds.proposal import Proposal, propose
 from scenegen.bounds.requirements import Ends, alternatives, push_down
 from scenegen.bounds.standing import Stand
@@ -185,6 +186,7 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
+    grids: Grids = field(default_factory=Grids)
 
     def open_up(
         self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]], *, couple: bool = True
@@ -266,6 +268,7 @@ class _Search:
             relative,
             budget,
             self.effort,
+            self.grids,
             self.stands,
         )
 

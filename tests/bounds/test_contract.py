@@ -1,6 +1,7 @@
 """Contraction, alternatives and covers lose no scene that meets the demand, and count none twice."""
 
 import math
+import pickle
 import runpy
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenegen.bounds import grid as grids
 from scenegen.bounds.batches import make_batches
 from scenegen.bounds.contract import contract, start
+from scenegen.bounds.effort import Effort, TooMuchError
 from scenegen.bounds.prune import prune
 from scenegen.bounds.requirements import alternatives, push_down
 from scenegen.bounds.tape import make_tape
@@ -167,3 +170,28 @@ def test_a_cover_holds_every_scene_of_the_range_once(text):
     # and the probability that follows from volume and acceptance is the share of plain hits
     share = math.exp(cover.log_share) * cover.expected
     assert share == pytest.approx(len(hits) / 400_000, rel=0.25)
+
+
+@pytest.mark.parametrize("text", [*FORMULAS, "closeTo(a, b, 0.1) & closeTo(c, d, 0.1) & farFrom(a, c, 0.5)"])
+def test_grids_that_are_kept_change_neither_covers_nor_counts(text, monkeypatch):
+    made = []
+    make = grids.make_grid
+    monkeypatch.setattr(grids, "make_grid", lambda *args: made.append(1) or make(*args))
+    spec = check_text(text)
+
+    def covered(most=math.inf):
+        made.clear()
+        effort = Effort(most=most)
+        try:
+            cover = prune(spec.core, *spec.box(), {spec.core.labels["task"]: (0.0, 0.02)}, effort=effort)
+        except TooMuchError:
+            cover = None
+        return pickle.dumps(cover), effort.used, len(made)
+
+    kept = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
+    monkeypatch.setattr(grids, "KEPT", 0)
+    plain = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
+    assert [one[:2] for one in kept] == [one[:2] for one in plain]
+    assert kept[0][2] <= plain[0][2]
+    if "d" in spec.objects:
+        assert kept[0][2] < plain[0][2]

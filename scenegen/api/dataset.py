@@ -26,8 +26,8 @@ from scenegen.scene.data import RequestData
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
     from scenegen.formats.made import Made, Rareness
-    from scenegen.formats.packed import Packed
     from scenegen.formats.sets import Manifest, Shard
     from scenegen.formats.stores import Store
 
@@ -43,24 +43,34 @@ class Draw:
     timeout: float
 
     def __call__(self, item: ShardJob) -> Shard:
-        shard, packed = self.pack(item)
-        item.store.write(shard.file, *packed.parts)
-        return shard
+        from scenegen.formats.sets import make_shard
 
-    def pack(self, item: ShardJob) -> tuple[Shard, Packed]:
+        scenes = self._drawn(item)
+        return make_shard(
+            item.store, item.number, scenes.header, tuple(scenes.phi), scenes.blocks(),
+            pieces=0, rarity=item.rarity, made=item.made,
+        )  # fmt: skip
+
+    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes]]:
         """The shard and its bytes, not written."""
-        from scenegen.api.sample import draw_scenes
+        from scenegen.formats.packed import Parts
         from scenegen.formats.sets import pack_shard
+
+        scenes, sink = self._drawn(item), Parts()
+        shard = pack_shard(
+            sink, item.number, scenes.header, tuple(scenes.phi), scenes.blocks(),
+            pieces=0, rarity=item.rarity, made=item.made,
+        )  # fmt: skip
+        return shard, sink.parts
+
+    def _drawn(self, item: ShardJob) -> SceneSet:
+        from scenegen.api.sample import draw_scenes
 
         made = item.made
         phi = {label: Range(*ends) for label, ends in made.phi.items()}
         # any one worker: the scenes do not depend on it, and jobs share the cores
         request = SampleRequest(phi, made.n, seed=made.seed, timeout=self.timeout, workers=1)
-        scenes = draw_scenes(parse(item.source), request)
-        blocks = list(scenes.blocks())
-        return pack_shard(
-            item.number, scenes.header, tuple(scenes.phi), blocks, pieces=0, rarity=item.rarity, made=made
-        )  # fmt: skip
+        return draw_scenes(parse(item.source), request)
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,12 +250,12 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, packed = Draw(timeout).pack(job)
+    again, parts = Draw(timeout).pack(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))
     there = stored.files().get(shard.file) == shard.bytes
     whole = there and hashlib.sha256(stored.store.read(shard.file)).hexdigest() == shard.sha256
     if not whole:
-        stored.store.write(shard.file, *packed.parts)
+        stored.store.write(shard.file, *parts)
     return again, not whole

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,9 +126,9 @@ class Engine(ABC):
         """Begin to write shard `number`. Waits if too many are being written."""
 
     @abstractmethod
-    def written(self, *, wait: bool) -> list[Shard]:
-        """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing
-        raises."""
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing the
+        next one raises, each time."""
 
     @abstractmethod
     def close(self) -> None:

@@ -47,7 +47,7 @@ class Local(Engine):
         self._tell: Tell | None = None
         self._packing: Packing[Written] | None = None  # the shard that is being filled
         self._packed: deque[tuple[Packing[Written], int]] = deque()  # those that are full, and their pieces
-        self._shards: list[Shard] = []  # written by this process, in order
+        self._shards: deque[Shard] = deque()  # written by this process, in order
 
     def prepare(self, drawing: Drawing) -> None:
         self._results = draw_pieces(drawing, self._numbers(), self._workers, self._reserve)
@@ -90,16 +90,17 @@ class Local(Engine):
         self._packed.append((self._packing, pieces))
         self._packing = None
 
-    def written(self, *, wait: bool) -> list[Shard]:
-        shards, self._shards = self._shards, []
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        while self._shards:
+            yield self._shards.popleft()
         while self._packed and (wait or self._packed[0][0].done):
-            packing, pieces = self._packed.popleft()
+            packing, pieces = self._packed[0]
             shard, said = packing.result()
+            self._packed.popleft()
             for line in said:
                 if self._tell is not None:
                     self._tell(line)
-            shards.append(shard.model_copy(update={"pieces": pieces}))
-        return shards
+            yield shard.model_copy(update={"pieces": pieces})
 
     def close(self) -> None:
         """Full shards are written, or fail, unseen."""

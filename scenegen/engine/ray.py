@@ -123,16 +123,13 @@ class Cluster(Engine):
             self._write.remote(self._sent(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
         )
 
-    def written(self, *, wait: bool) -> list[Shard]:
-        done = []
-        while self._writing:
-            if not wait and not self._ray.wait([self._writing[0]], timeout=0)[0]:
-                break
-            shard, said = self._get(self._writing.popleft(), "a shard")
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        while self._writing and (wait or self._ray.wait([self._writing[0]], timeout=0)[0]):
+            shard, said = self._get(self._writing[0], "a shard")
+            self._writing.popleft()
             for line in said:
                 self._tell(line)
-            done.append(shard)
-        return done
+            yield shard
 
     def close(self) -> None:
         self._jobs.clear()

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from scenegen.engine.blocks import BlockAssembler
 from scenegen.engine.drawing import Drawing
 from scenegen.engine.engines import Drawn, Engine, Held, Writing
 from scenegen.engine.stream import Progress, Standing
+from scenegen.errors import OutputError, ScenegenError
 from scenegen.errors.program import INTERRUPTED
 from scenegen.formats.blocks import BLOCK, Array, Block
 from scenegen.formats.sets import (
@@ -78,7 +79,12 @@ def write_set(
             except StoppedError as stopped:  # time was up in the midst of the piece
                 standing.cut = stopped.how_far
                 break
-            run.take(drawn)
+            try:
+                run.take(drawn)
+            except OutputError:
+                with suppress(ScenegenError):  # the same one
+                    run.publish(wait=True)  # those before it
+                raise
             if progress is not None:
                 progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
             if stop.asked:

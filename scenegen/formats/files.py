@@ -32,6 +32,7 @@ _WRITE_HELP = {
     errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
 
+UNFINISHED = ".part"  # how the names of temporary files end, which begin with a dot
 STEP = 1 << 24  # bytes of a large file after which the disk begins to work
 _WRITE = 2  # SYNC_FILE_RANGE_WRITE
 
@@ -131,7 +132,7 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
         _refuse_special(path)
         path = target(path)  # a link stays, its target is written
         # the name may have the maximum length, so the temporary name uses only its beginning
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:32]}.", suffix=".part")
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:32]}.", suffix=UNFINISHED)
         try:
             with os.fdopen(handle, "wb") as file:
                 yield file
@@ -148,13 +149,23 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
 def write_whole(path: Path, *parts: bytes | memoryview) -> None:
     """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
     with whole_file(path) as file:
-        ahead = 0
+        steady = Steady(file)
         for part in parts:
-            file.write(part)
-            ahead += len(part)
-            if ahead > STEP:
-                begin_writing(file)
-                ahead = 0
+            steady.write(part)
+
+
+class Steady:
+    """Writes to a large file so that the disk begins to work while there is more to come."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file, self._ahead = file, 0
+
+    def write(self, part: bytes | memoryview) -> None:
+        self._file.write(part)
+        self._ahead += len(part)
+        if self._ahead > STEP:
+            begin_writing(self._file)
+            self._ahead = 0
 
 
 def begin_writing(file: IO[bytes]) -> None:

@@ -1,28 +1,45 @@
-"""The bytes of a file that is packed in memory, to be written as a whole."""
+"""The bytes of a file that is packed in parts, and their hash."""
 
 from __future__ import annotations
 
 import hashlib
 import io
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, Protocol
+
+
+class Sink(Protocol):
+    """Takes the parts of a file."""
+
+    def write(self, part: bytes, /) -> object: ...
+
+
+class Parts:
+    """Keeps the parts of a file as they are: nothing is moved when it grows."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+
+    def write(self, part: bytes) -> None:
+        self.parts.append(part)
 
 
 class Packed(io.RawIOBase):
-    """A file to write to that keeps the parts in which it was written: nothing is moved when it grows, and its hash is
-    known with its last byte. `beside`: the hash is computed by a thread of its own, and waited for at the end."""
+    """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `beside`: a thread
+    of its own does both, and is waited for at the end. What the sink raises is raised by a later `write`, or then."""
 
-    def __init__(self, *, beside: bool = False) -> None:
-        self.parts: list[bytes] = []
+    def __init__(self, sink: Sink, *, beside: bool = False) -> None:
         self.size = 0
-        self._hash = hashlib.sha256()
+        self._sink, self._hash = sink, hashlib.sha256()
         self._thread = ThreadPoolExecutor(1) if beside else None
+        self._failed: Exception | None = None
 
     @property
     def sha256(self) -> str:
         """Of all parts; nothing can be written after that."""
         if self._thread is not None:
             self._thread.shutdown()
+        self._check()
         return self._hash.hexdigest()
 
     def writable(self) -> bool:
@@ -32,11 +49,32 @@ class Packed(io.RawIOBase):
         return self.size
 
     def write(self, data: Any) -> int:
+        self._check()
         part = bytes(data)  # no copy of bytes
-        self.parts.append(part)
         self.size += len(part)
         if self._thread is None:
-            self._hash.update(part)
+            self._pass(part)
         else:
-            self._thread.submit(self._hash.update, part)
+            self._thread.submit(self._pass_beside, part)
         return len(part)
+
+    def close(self) -> None:
+        """The thread has nothing left to do after this."""
+        if self._thread is not None:
+            self._thread.shutdown(cancel_futures=True)
+        super().close()
+
+    def _pass(self, part: bytes) -> None:
+        self._sink.write(part)
+        self._hash.update(part)
+
+    def _pass_beside(self, part: bytes) -> None:
+        if self._failed is None:
+            try:
+                self._pass(part)
+            except Exception as error:
+                self._failed = error
+
+    def _check(self) -> None:
+        if self._failed is not None:
+            raise self._failed

@@ -3,7 +3,7 @@
 Every shard is a scene file of its own. The manifest has the request, a line for each shard (scenes, bytes, SHA-256, the
 range of phi) and, as long as the run goes on, where it stands. It replaces the one before in one step, after the shards
 that it names are complete; so it is valid whatever happens, and a run goes on from it with the same bytes. Files whose
-names begin with `_` belong to an unfinished run; readers of Parquet folders skip them.
+names begin with `_` or a dot belong to an unfinished run; readers of Parquet folders skip them.
 """
 
 from __future__ import annotations
@@ -28,15 +28,17 @@ from scenegen.errors.stores import (
 )
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
+from scenegen.formats.files import UNFINISHED
 from scenegen.formats.header import load_header
 from scenegen.formats.made import Made, Rareness
-from scenegen.formats.packed import Packed
+from scenegen.formats.packed import Packed, Sink
 from scenegen.formats.stores import Store
 from scenegen.pose import row_count
 from scenegen.scene.data import SceneFile
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
+SHARDS = "part-"  # how the names of shards begin
 RUN = "_run"  # the folder of what only an unfinished run needs
 SHARD_BYTES = 1 << 28  # of a shard's numbers, as long as --shard-size does not say otherwise
 SHARD_SCENES = 1 << 20
@@ -136,12 +138,12 @@ def make_shard(
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
     rare its phi is. Raises OutputError."""
-    shard, packed = pack_shard(number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made, beside=beside)
-    store.write(shard.file, *packed.parts)
-    return shard
+    with store.whole(shard_name(number)) as sink:
+        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made, beside=beside)
 
 
 def pack_shard(
+    sink: Sink,
     number: int,
     header: SceneFile,
     labels: Sequence[str],
@@ -151,9 +153,9 @@ def pack_shard(
     rarity: Mapping[str, Rareness] | None = None,
     made: Made | None = None,
     beside: bool = False,
-) -> tuple[Shard, Packed]:
-    """A shard and its bytes, not written. `beside`: a thread of its own computes its hash."""
-    packed = Packed(beside=beside)
+) -> Shard:
+    """Pass the bytes of a shard to a sink. `beside`: a thread of its own does that and computes the hash. Raises what
+    the sink raises."""
     parts: list[Array] = []  # phi of the blocks
 
     def seen() -> Iterator[Block]:
@@ -165,21 +167,21 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
+    with Packed(sink, beside=beside) as packed:
+        parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
+        size, digest = packed.size, packed.sha256
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, rows, strict=True)
     }
-    name = shard_name(number)
-    count = sum(part.shape[1] for part in parts)
-    size, digest = packed.size, packed.sha256
-    return Shard(file=name, scenes=count, bytes=size, sha256=digest, pieces=pieces, phi=phi, made=made), packed
+    name, count = shard_name(number), sum(part.shape[1] for part in parts)
+    return Shard(file=name, scenes=count, bytes=size, sha256=digest, pieces=pieces, phi=phi, made=made)
 
 
 def shard_name(number: int) -> str:
     """The file of a shard, counted from 0."""
-    return f"part-{number:06d}.parquet"
+    return f"{SHARDS}{number:06d}.parquet"
 
 
 def waiting_name(number: int) -> str:
@@ -284,7 +286,12 @@ def finish(store: Store, manifest: Manifest) -> None:
 
 def _remove_others(store: Store, manifest: Manifest) -> None:
     known = {shard.file for shard in manifest.shards}
-    ours = (name for name in store.sizes() if name.startswith((RUN, "part-")))
+    unfinished = tuple(f".{name}" for name in (SHARDS, MANIFEST, CARD))  # of a run that was killed
+    ours = (
+        name
+        for name in store.sizes()
+        if name.startswith((RUN, SHARDS)) or (name.startswith(unfinished) and name.endswith(UNFINISHED))
+    )
     store.delete(*(name for name in ours if name not in known))
     store.delete_folder(RUN)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,8 +20,9 @@ import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.stores import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
-from scenegen.formats.files import FULL, write_whole
+from scenegen.formats.files import FULL, Steady, whole_file, write_whole
 from scenegen.formats.locations import is_url
+from scenegen.formats.packed import Parts, Sink
 from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_of
 
 T = TypeVar("T")
@@ -83,6 +84,28 @@ class Store:
                     stream.write(part)
 
         self._writing(name, work)
+
+    @contextlib.contextmanager
+    def whole(self, name: str) -> Iterator[Sink]:
+        """A file to write to, part by part, which appears whole when the block ends, or not at all if it raises. Parts
+        go to a disk at once; for an object store they are kept until the end, since that may be asked again. OSErrors
+        of the block count as failures to write. Raises OutputError."""
+        if not self.local:
+            kept = Parts()
+            yield kept
+            self.write(name, *kept.parts)
+            return
+        path = Path(self.root) / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(path) as file:
+                yield Steady(file)
+        except OutputError as error:
+            if isinstance(error.__cause__, OSError):  # a set's own words say what is kept
+                raise self._not_written(name, error.__cause__) from error.__cause__
+            raise
+        except OSError as error:
+            raise self._not_written(name, error) from error
 
     def sizes(self) -> dict[str, int]:
         """The files of the folder and its subfolders, with their sizes; none if it does not exist. Raises DataError."""
@@ -150,13 +173,16 @@ class Store:
         except OutputError:
             raise
         except FAILURES as error:
-            full = isinstance(error, OSError) and error.errno in FULL
-            known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
-            remedy = next((words for holds, words in known if holds), "see whether you may write there")
             facts = {"tries": attempts.tries, "seconds": attempts.seconds} if attempts.tries > 1 else {}
-            raise OutputError(
-                CANNOT_WRITE_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
-            ) from error
+            raise self._not_written(name, error, **facts) from error
+
+    def _not_written(self, name: str, error: Exception, **facts: float) -> OutputError:
+        full = isinstance(error, OSError) and error.errno in FULL
+        known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
+        remedy = next((words for holds, words in known if holds), "see whether you may write there")
+        return OutputError(
+            CANNOT_WRITE_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
+        )
 
     def _attempts(self, name: str) -> Attempts:
         def tell(error: Exception) -> None:

@@ -1,8 +1,10 @@
 """Stores that fail while a set is written: one diagnostic with the file's name, the rest intact; `resume` goes on."""
 
 import errno
+import hashlib
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 import pyarrow.fs
@@ -10,8 +12,7 @@ import pytest
 
 from scenegen.engine.local import Local
 from scenegen.errors import OutputError
-from scenegen.formats import stores, trying
-from scenegen.formats.files import output_error
+from scenegen.formats import files, stores, trying
 from scenegen.formats.sets import read_manifest
 from scenegen.formats.stores import Store, store_at
 
@@ -69,23 +70,46 @@ def one_diagnostic(caught, *words):
     ("number", "reason", "remedy"),
     [(errno.ENOSPC, "no space left on device", "make room"), (errno.EACCES, "permission denied", "may write there")],
 )
-def test_a_disk_that_fails(number, reason, remedy, plain, tmp_path, monkeypatch):
-    folder, write = tmp_path / "set", stores.write_whole
+@pytest.mark.parametrize("moment", ["opening", "writing", "ending"])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_disk_that_fails(workers, moment, number, reason, remedy, plain, tmp_path, monkeypatch):
+    folder, open_file, write, sync = tmp_path / "set", tempfile.mkstemp, stores.Steady.write, os.fsync
 
-    def failing(path, *parts):
-        if path.name == SHARD:
-            error = OSError(number, os.strerror(number))
-            raise output_error(path, error) from error
-        write(path, *parts)
+    def fail(now, name):
+        if now == moment and f".{SHARD}." in name:
+            raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(stores, "write_whole", failing)
-    with pytest.raises(OutputError) as caught:
-        run(folder)
+    def opened(**options):
+        fail("opening", options["prefix"])
+        return open_file(**options)
+
+    def written(steady, part):
+        fail("writing", str(Path(f"/proc/self/fd/{steady._file.fileno()}").readlink()))
+        write(steady, part)
+
+    def synced(handle):
+        fail("ending", str(Path(f"/proc/self/fd/{handle}").readlink()))
+        sync(handle)
+
+    monkeypatch.setattr(files.tempfile, "mkstemp", opened)
+    monkeypatch.setattr(stores.Steady, "write", written)
+    monkeypatch.setattr(files.os, "fsync", synced)
+    with Local(workers) as engine, pytest.raises(OutputError) as caught:
+        run(folder, engine)
+    monkeypatch.undo()
     one_diagnostic(caught, f"cannot write {SHARD} in {folder}/: {reason}", remedy, "what is complete stays there")
     assert [shard.file for shard in read_manifest(store_at(str(folder))).shards] == ["part-000000.parquet"]
-    monkeypatch.undo()
+    assert not [path.name for path in folder.iterdir() if path.name.startswith(".")]
     run(folder, resume=True)
     assert digest(folder) == plain
+
+
+def test_what_a_killed_run_leaves_unfinished_is_removed(plain, tmp_path):
+    (tmp_path / ".part-000002.parquet.abc123.part").write_bytes(b"half a shard")
+    (tmp_path / ".manifest.json.abc123.part").write_bytes(b"{")
+    (tmp_path / ".mine.part").write_bytes(b"of somebody else")
+    run(tmp_path)
+    assert digest(tmp_path).items() - plain.items() == {(".mine.part", hashlib.sha256(b"of somebody else").hexdigest())}
 
 
 def test_a_store_that_is_away_for_ten_seconds(plain, tmp_path, clock):

@@ -54,7 +54,7 @@ class Elsewhere(Local):
     def written(self, *, wait):
         ready = self.begun if wait else self.begun[: max(0, len(self.begun) - self.late)]
         self.begun = self.begun[len(ready) :]
-        return [writing(number, pieces, blocks) for writing, number, pieces, blocks in ready]
+        yield from (writing(number, pieces, blocks) for writing, number, pieces, blocks in ready)
 
 
 @pytest.fixture(scope="module")

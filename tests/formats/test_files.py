@@ -11,7 +11,7 @@ import pytest
 from scenegen.errors import DataError, OutputError
 from scenegen.formats import files
 from scenegen.formats.files import begin_writing, check_folder, check_writable, ensure_folder, read_bytes, write_whole
-from scenegen.formats.packed import Packed
+from scenegen.formats.packed import Packed, Parts
 
 
 def failing(code):
@@ -143,7 +143,24 @@ def test_what_begins_to_go_to_the_disk_stays_as_it_is(known, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_a_file_that_is_packed_in_memory(beside):
-    packed = Packed(beside=beside)
-    assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
-    assert packed.parts == [b"abc", b"de"] and packed.sha256 == hashlib.sha256(b"abcde").hexdigest()
+def test_a_file_that_is_packed(beside):
+    sink = Parts()
+    with Packed(sink, beside=beside) as packed:
+        assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
+        assert packed.sha256 == hashlib.sha256(b"abcde").hexdigest()
+    assert sink.parts == [b"abc", b"de"]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize("last", [False, True])
+def test_a_sink_that_fails_while_a_file_is_packed(last, beside):
+    class Full:
+        def write(self, part):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match="No space left"), Packed(Full(), beside=beside) as packed:
+        while packed.size < 1_000_000:
+            packed.write(b"abc")
+            if last:
+                break
+        _ = packed.sha256

@@ -110,8 +110,9 @@ class Engine(ABC):
         """The same for `write` alone: they may stay where they are until then."""
         return self.choose(which, parts)
 
-    def pack(self, writing: Writing, number: int, block: Held) -> None:  # noqa: B027 - most engines wait for the whole
-        """One more block of shard `number`, before `write` names all of them: it may be packed already."""
+    def pack(self, writing: Writing, number: int, block: Held) -> Held:
+        """One more block of shard `number`, which may be packed already. Returns what `write` needs of it."""
+        return block
 
     @abstractmethod
     def fetch(self, scenes: Held) -> Block:
@@ -123,7 +124,8 @@ class Engine(ABC):
 
     @abstractmethod
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
-        """Begin to write shard `number`. Waits if too many are being written."""
+        """Begin to write shard `number`; `blocks` are what `pack` has returned. Waits if too many are being
+        written."""
 
     @abstractmethod
     def written(self, *, wait: bool) -> Iterator[Shard]:

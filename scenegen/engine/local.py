@@ -75,10 +75,12 @@ class Local(Engine):
     def hold(self, scenes: Block) -> Held:
         return scenes
 
-    def pack(self, writing: Writing, number: int, block: Held) -> None:
-        if self._threads is not None:
-            self._packing = self._packing or Packing(self._threads, self._room, partial(_written, writing, number))
-            self._packing.add(writing.ready(block))
+    def pack(self, writing: Writing, number: int, block: Held) -> Held:
+        if self._threads is None:
+            return block
+        self._packing = self._packing or Packing(self._threads, self._room, partial(_written, writing, number))
+        self._packing.add(writing.ready(block))
+        return None
 
     def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
         self._tell = writing.store.tell

@@ -212,8 +212,8 @@ class _Run:
         end = self.standing.assembler.done
         if end <= self._done:
             return
-        self._blocks.append(self.engine.pick(places, self._parts))
-        self.engine.pack(self.writing, self._number, self._blocks[-1])
+        block = self.engine.pick(places, self._parts)
+        self._blocks.append(self.engine.pack(self.writing, self._number, block))
         self._count += places.shape[1]
         if self._count >= self.manifest.shard_size or end == self.plan.wanted:
             assert before is not None

@@ -41,7 +41,7 @@ class Reserve:
 
     def take(self, what: str) -> Process:
         """A process. Raises ScenegenError if none can start."""
-        return self._idle.pop() if self._idle else Process(what, self._load)
+        return self._idle.pop(0) if self._idle else Process(what, self._load)  # the first has loaded first
 
     def bring_back(self, process: Process) -> None:
         """A process that may be used again, unless it is at work, or has ended: then it is ended."""

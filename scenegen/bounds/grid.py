@@ -3,7 +3,7 @@
 The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
 halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
 
-A search asks for the same cover many times: of objects that other demands do not concern, and with more boxes than are
+A search asks for the same grid many times: of objects that other demands do not concern, and with more boxes than are
 of use. `Grids` keeps what was made.
 """
 
@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 LARGEST = 1 << 21  # numbers that one contraction may work on at a time
 FEWEST = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
 SHARE = 0.25  # boxes smaller than this share of the largest are left for a later round
-KEPT = 64  # covers of one search that are kept
+KEPT = 64  # grids of one search that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class _Tape:
-    """What boxes are contracted by, and what makes one whole; see make_grid."""
+    """What boxes are contracted by, and what makes one whole; see Coupled."""
 
     nodes: Sequence[Node]
     batches: Batches | None
@@ -79,62 +79,58 @@ class _Tape:
 
 
 @dataclass(frozen=True, slots=True)
+class Coupled:
+    """What a grid covers: what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
+
+    `dims` are the positions to cover (called `names` in the grid), `given` those whose intervals are kept when bounds
+    are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
+    not split further.
+    """
+
+    nodes: tuple[Node, ...]
+    names: tuple[int, ...]
+    lo: Array
+    hi: Array
+    dims: tuple[int, ...]
+    given: tuple[int, ...]
+    demands: tuple[tuple[int, float, float], ...]
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        return self.nodes, self.names, self.lo.tobytes(), self.hi.tobytes(), self.dims, self.given, self.demands
+
+
+@dataclass(frozen=True, slots=True)
 class Grids:
-    """The latest covers that a search has made, by all that they depend on but the budget: with their work, and the
-    budgets from which up they are the same."""
+    """The latest grids that a search has made, by what they cover: with their work, and the budgets for which they are
+    the same."""
 
     _kept: dict[tuple[object, ...], tuple[Grid, float, range]] = field(default_factory=dict)
 
-    def grid(
-        self,
-        nodes: Sequence[Node],
-        names: Sequence[int],
-        lo: Array,
-        hi: Array,
-        dims: Sequence[int],
-        given: Sequence[int],
-        demands: Sequence[tuple[int, float, float]],
-        budget: int,
-        effort: Effort,
-    ) -> Grid:
-        """What `make_grid` returns for the same arguments. The same work is counted for what is at hand, so that what
-        a search finds does not depend on what is kept."""
-        key = tuple(nodes), tuple(names), lo.tobytes(), hi.tobytes(), tuple(dims), tuple(given), tuple(demands)
-        grid, work, budgets = self._kept.get(key, (None, 0.0, range(0)))
+    def grid(self, what: Coupled, budget: int, effort: Effort) -> Grid:
+        """The grid of `make_grid`. The same work is counted for one that is at hand, so that what a search finds does
+        not depend on what is kept."""
+        grid, work, budgets = self._kept.get(what.key, (None, 0.0, range(0)))
         if grid is not None and budget in budgets and effort.allows(work):
             effort.spend(work)
             return grid
         used = effort.used
-        grid, cramped = make_grid(nodes, names, lo, hi, dims, given, demands, budget, effort)
-        self._kept[key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
+        grid, cramped = make_grid(what, budget, effort)
+        self._kept[what.key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
         return grid
 
 
-def make_grid(
-    nodes: Sequence[Node],
-    names: Sequence[int],
-    lo: Array,
-    hi: Array,
-    dims: Sequence[int],
-    given: Sequence[int],
-    demands: Sequence[tuple[int, float, float]],
-    budget: int,
-    effort: Effort,
-) -> tuple[Grid, bool]:
-    """Cover what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
-
-    `dims` are the positions to cover (called `names` in the result), `given` those whose intervals are kept when bounds
-    are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
-    not split further. At most `budget` boxes; returns whether more would have been of use, too. An empty grid proves
-    that there is no solution. Raises what `effort` raises.
-    """
-    lo, hi = lo[:, None].copy(), hi[:, None].copy()
-    tape = _Tape(nodes, make_batches(nodes), tuple(given), tuple(demands), effort)
+def make_grid(what: Coupled, budget: int, effort: Effort) -> tuple[Grid, bool]:
+    """A cover by at most `budget` boxes, and whether more would have been of use, too. An empty grid proves that there
+    is no solution. Raises what `effort` raises."""
+    nodes = what.nodes
+    lo, hi = what.lo[:, None].copy(), what.hi[:, None].copy()
+    tape = _Tape(nodes, make_batches(nodes), what.given, what.demands, effort)
     alive = tape.contract(lo, hi)
     lo, hi = lo[:, alive], hi[:, alive]
-    where = list(dims)
+    where = list(what.dims)
     whole_width = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
     open_ = ~tape.settled(lo, hi)
     volume = _volume(lo, hi, where)
@@ -164,7 +160,7 @@ def make_grid(
         cramped |= bool(open_.any())
     total = float(volume.sum())
     alias = make_alias(volume if total > 0.0 else np.ones(1))
-    return Grid(tuple(names), lo[where], hi[where], total, alias), cramped
+    return Grid(what.names, lo[where], hi[where], total, alias), cramped
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scenegen.bounds.chain import Chain, make_chain
 from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_at, trees, variables
 from scenegen.bounds.effort import PYTHON, Effort
-from scenegen.bounds.grid import Grid, Grids
+from scenegen.bounds.grid import Coupled, Grid, Grids
 from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.patches import Step
 from scenegen.bounds.standing import Stand, steps_for
@@ -221,7 +221,13 @@ def _grid(
     if loops:
         nodes, number = tape.restrict([*wanted, *loops])
     old = sorted(number, key=lambda index: number[index])
-    dims = [number[name] for name in names]
-    given = [number[index] for index in old if index in tape.differences]
-    ends = [(number[one.node], one.low, one.high) for one in demands]
-    return known.grid(nodes, names, lo[old], hi[old], dims, given, ends, budget, effort)
+    what = Coupled(
+        nodes,
+        tuple(names),
+        lo[old],
+        hi[old],
+        dims=tuple(number[name] for name in names),
+        given=tuple(number[index] for index in old if index in tape.differences),
+        demands=tuple((number[one.node], one.low, one.high) for one in demands),
+    )
+    return known.grid(what, budget, effort)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import io
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Protocol
+
+AHEAD = 8  # parts, of 4 MB in files of scenes, that may wait for a slow disk
 
 
 class Sink(Protocol):
@@ -26,12 +29,14 @@ class Parts:
 
 class Packed(io.RawIOBase):
     """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `beside`: a thread
-    of its own does both, and is waited for at the end. What the sink raises is raised by a later `write`, or then."""
+    of its own does both, at most AHEAD parts behind, and is waited for at the end. What the sink raises is raised by a
+    later `write`, or then."""
 
     def __init__(self, sink: Sink, *, beside: bool = False) -> None:
         self.size = 0
         self._sink, self._hash = sink, hashlib.sha256()
         self._thread = ThreadPoolExecutor(1) if beside else None
+        self._behind: deque[Future[None]] = deque()
         self._failed: Exception | None = None
 
     @property
@@ -55,7 +60,9 @@ class Packed(io.RawIOBase):
         if self._thread is None:
             self._pass(part)
         else:
-            self._thread.submit(self._pass_beside, part)
+            self._behind.append(self._thread.submit(self._pass_beside, part))
+            if len(self._behind) > AHEAD:
+                self._behind.popleft().result()
         return len(part)
 
     def close(self) -> None:

@@ -5,13 +5,14 @@ import hashlib
 import io
 import os
 import stat
+import threading
 
 import pytest
 
 from scenegen.errors import DataError, OutputError
 from scenegen.formats import files
 from scenegen.formats.files import begin_writing, check_folder, check_writable, ensure_folder, read_bytes, write_whole
-from scenegen.formats.packed import Packed, Parts
+from scenegen.formats.packed import AHEAD, Packed, Parts
 
 
 def failing(code):
@@ -164,3 +165,21 @@ def test_a_sink_that_fails_while_a_file_is_packed(last, beside):
             if last:
                 break
         _ = packed.sha256
+
+
+def test_a_slow_sink_is_waited_for():
+    written, go = [], threading.Event()
+
+    class Slow:
+        def write(self, part):
+            go.wait(10)
+            written.append(part)
+
+    with Packed(Slow(), beside=True) as packed:
+        writer = threading.Thread(target=lambda: [packed.write(b"x") for _ in range(100)])
+        writer.start()
+        writer.join(0.2)
+        assert writer.is_alive() and packed.size <= AHEAD + 1
+        go.set()
+        writer.join()
+        assert packed.sha256 == hashlib.sha256(b"x" * 100).hexdigest() and len(written) == 100

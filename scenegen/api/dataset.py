@@ -51,7 +51,7 @@ class Draw:
             pieces=0, rarity=item.rarity, made=item.made,
         )  # fmt: skip
 
-    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes]]:
+    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
         from scenegen.formats.packed import Parts
         from scenegen.formats.sets import pack_shard

@@ -14,16 +14,16 @@ AHEAD = 8  # parts, of 4 MB in files of scenes, that may wait for a slow disk
 class Sink(Protocol):
     """Takes the parts of a file."""
 
-    def write(self, part: bytes, /) -> object: ...
+    def write(self, part: bytes | memoryview, /) -> object: ...
 
 
 class Parts:
     """Keeps the parts of a file as they are: nothing is moved when it grows."""
 
     def __init__(self) -> None:
-        self.parts: list[bytes] = []
+        self.parts: list[bytes | memoryview] = []
 
-    def write(self, part: bytes) -> None:
+    def write(self, part: bytes | memoryview) -> None:
         self.parts.append(part)
 
 

@@ -20,7 +20,7 @@ import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.stores import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
-from scenegen.formats.files import FULL, Steady, whole_file, write_whole
+from scenegen.formats.files import FULL, Steady, whole_file
 from scenegen.formats.locations import is_url
 from scenegen.formats.packed import Parts, Sink
 from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_of
@@ -70,15 +70,13 @@ class Store:
     def write(self, name: str, *parts: bytes | memoryview) -> None:
         """Write a file, which appears whole or not at all. Raises OutputError."""
 
+        if self.local:
+            with self.whole(name) as file:
+                for part in parts:
+                    file.write(part)
+            return
+
         def work() -> None:
-            if self.local:
-                path = Path(self.root) / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                try:
-                    write_whole(path, *parts)
-                except OutputError as error:  # a set's own words say what is kept
-                    raise (error.__cause__ if isinstance(error.__cause__, OSError) else error) from None
-                return
             with self.system.open_output_stream(self._path(name)) as stream:
                 for part in parts:
                     stream.write(part)

@@ -1,6 +1,7 @@
 """Folders by path and URL: written whole, tried again where that can help, and every failure in plain words."""
 
 import errno
+import os
 import pickle
 
 import pyarrow.fs
@@ -116,13 +117,35 @@ def test_final_answers_are_not_asked_for_again(error, said, tmp_path, waits):
     assert store.system.calls == 1 and not waits
 
 
-def test_a_full_disk(tmp_path, monkeypatch):
-    def full(path, data):
-        raise stores.OutputError(stores.CANNOT_WRITE_STORE(file="x", location="y", reason="full", remedy="make room"))
+@pytest.mark.parametrize("parts", [[b"x"], [b"1", memoryview(b"23"), b""]])
+def test_a_full_disk(parts, tmp_path, monkeypatch):
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(stores, "write_whole", full)
-    with pytest.raises(OutputError, match="full"):
-        store_at(str(tmp_path)).write("x", b"x")
+    store = store_at(str(tmp_path))
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(OutputError, match=r"cannot write x in .*: no space left on device\n(.|\n)*make room"):
+            store.write("x", *parts)
+    assert not list(tmp_path.iterdir())
+    store.write("x", *parts)
+    assert store.read("x") == b"".join(parts)
+
+
+@pytest.mark.parametrize("local", [True, False])
+def test_a_file_that_is_written_in_parts(local, tmp_path, waits):
+    """The object store fails twice at the end."""
+    busy = OSError("AWS Error UNKNOWN (HTTP status 503) during PutObject operation")
+    store = store_at(str(tmp_path)) if local else flaky(tmp_path, busy, busy)
+    with store.whole("x") as file:
+        file.write(b"12")
+        file.write(b"3")
+        assert not (tmp_path / "x").exists()
+    assert (tmp_path / "x").read_bytes() == b"123" and len(waits) == (0 if local else 2)
+    with pytest.raises(ValueError, match="mine"), store.whole("y") as file:
+        file.write(b"12")
+        raise ValueError("mine")
+    assert [path.name for path in tmp_path.iterdir()] == ["x"]
 
 
 def test_urls(tmp_path):

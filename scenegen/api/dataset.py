@@ -28,6 +28,7 @@ from scenegen.validation import as_int
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
     from scenegen.formats.made import Made, Rareness
+    from scenegen.formats.packed import Sink
     from scenegen.formats.sets import Manifest, Shard
     from scenegen.formats.stores import Store
 
@@ -43,25 +44,18 @@ class Draw:
     timeout: float
 
     def __call__(self, item: ShardJob) -> Shard:
-        from scenegen.formats.sets import make_shard
+        from scenegen.formats.sets import shard_name
 
         scenes = self._drawn(item)
-        return make_shard(
-            item.store, item.number, scenes.header, tuple(scenes.phi), scenes.blocks(),
-            pieces=0, rarity=item.rarity, made=item.made,
-        )  # fmt: skip
+        with item.store.whole(shard_name(item.number)) as sink:
+            return _pack(item, scenes, sink)
 
-    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
+    def packed(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
         from scenegen.formats.packed import Parts
-        from scenegen.formats.sets import pack_shard
 
-        scenes, sink = self._drawn(item), Parts()
-        shard = pack_shard(
-            sink, item.number, scenes.header, tuple(scenes.phi), scenes.blocks(),
-            pieces=0, rarity=item.rarity, made=item.made,
-        )  # fmt: skip
-        return shard, sink.parts
+        sink = Parts()
+        return _pack(item, self._drawn(item), sink), sink.parts
 
     def _drawn(self, item: ShardJob) -> SceneSet:
         from scenegen.api.sample import draw_scenes
@@ -71,6 +65,15 @@ class Draw:
         # any one worker: the scenes do not depend on it, and jobs share the cores
         request = SampleRequest(phi, made.n, seed=made.seed, timeout=self.timeout, workers=1)
         return draw_scenes(parse(item.source), request)
+
+
+def _pack(item: ShardJob, scenes: SceneSet, sink: Sink) -> Shard:
+    from scenegen.formats.sets import pack_shard
+
+    labels = tuple(scenes.phi)
+    return pack_shard(
+        sink, item.number, scenes.header, labels, scenes.blocks(), pieces=0, rarity=item.rarity, made=item.made
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +253,7 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, parts = Draw(timeout).pack(job)
+    again, parts = Draw(timeout).packed(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))

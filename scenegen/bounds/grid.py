@@ -56,35 +56,12 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True)
-class _Tape:
-    """What boxes are contracted by, and what makes one whole; see Coupled."""
-
-    nodes: Sequence[Node]
-    batches: Batches | None
-    given: tuple[int, ...]
-    demands: tuple[tuple[int, float, float], ...]
-    effort: Effort
-
-    def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
-        return contract(self.nodes, lo, hi, rounds, batches=self.batches, effort=self.effort)
-
-    def settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
-        """Boxes in which every scene meets the demands, as far as bounds can tell."""
-        low, high = forward(self.nodes, lo, hi, self.given, batches=self.batches, effort=self.effort)
-        settled = np.ones(lo.shape[1], dtype=bool)
-        for node, least, most in self.demands:
-            room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
-            settled &= (low[node] >= least - room) & (high[node] <= most + room)
-        return settled
-
-
-@dataclass(frozen=True, slots=True)
 class Coupled:
     """What a grid covers: what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
 
-    `dims` are the positions to cover (called `names` in the grid), `given` those whose intervals are kept when bounds
-    are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of them is
-    not split further.
+    `dims` are the positions to cover, and `names` what the grid calls them, `given` those whose intervals are kept when
+    bounds are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of
+    them is not split further.
     """
 
     nodes: tuple[Node, ...]
@@ -97,7 +74,29 @@ class Coupled:
 
     @property
     def key(self) -> tuple[object, ...]:
+        """The same for the same grids: arrays have no hash."""
         return self.nodes, self.names, self.lo.tobytes(), self.hi.tobytes(), self.dims, self.given, self.demands
+
+
+@dataclass(frozen=True, slots=True)
+class _Tape:
+    """What boxes are contracted by, and what makes one whole."""
+
+    what: Coupled
+    batches: Batches | None
+    effort: Effort
+
+    def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
+        return contract(self.what.nodes, lo, hi, rounds, batches=self.batches, effort=self.effort)
+
+    def settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
+        """Boxes in which every scene meets the demands, as far as bounds can tell."""
+        low, high = forward(self.what.nodes, lo, hi, self.what.given, batches=self.batches, effort=self.effort)
+        settled = np.ones(lo.shape[1], dtype=bool)
+        for node, least, most in self.what.demands:
+            room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
+            settled &= (low[node] >= least - room) & (high[node] <= most + room)
+        return settled
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,24 +109,24 @@ class Grids:
     def grid(self, what: Coupled, budget: int, effort: Effort) -> Grid:
         """The grid of `make_grid`. The same work is counted for one that is at hand, so that what a search finds does
         not depend on what is kept."""
-        grid, work, budgets = self._kept.get(what.key, (None, 0.0, range(0)))
+        key = what.key
+        grid, work, budgets = self._kept.get(key, (None, 0.0, range(0)))
         if grid is not None and budget in budgets and effort.allows(work):
             effort.spend(work)
             return grid
         used = effort.used
         grid, cramped = make_grid(what, budget, effort)
-        self._kept[what.key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
+        self._kept[key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
         return grid
 
 
 def make_grid(what: Coupled, budget: int, effort: Effort) -> tuple[Grid, bool]:
-    """A cover by at most `budget` boxes, and whether more would have been of use, too. An empty grid proves that there
-    is no solution. Raises what `effort` raises."""
-    nodes = what.nodes
+    """A cover by at most `budget` boxes, and whether a larger budget could give another one. An empty grid proves that
+    there is no solution. Raises what `effort` raises."""
     lo, hi = what.lo[:, None].copy(), what.hi[:, None].copy()
-    tape = _Tape(nodes, make_batches(nodes), what.given, what.demands, effort)
+    tape = _Tape(what, make_batches(what.nodes), effort)
     alive = tape.contract(lo, hi)
     lo, hi = lo[:, alive], hi[:, alive]
     where = list(what.dims)
@@ -140,7 +139,7 @@ def make_grid(what: Coupled, budget: int, effort: Effort) -> tuple[Grid, bool]:
         chosen = np.flatnonzero(open_ & (volume >= SHARE * largest))
         if largest <= 0.0:
             break
-        most = LARGEST // (2 * len(where) * len(nodes))
+        most = LARGEST // (2 * len(where) * len(what.nodes))
         room = max(1, min(budget - lo.shape[1], most))
         if len(chosen) > room:
             cramped |= room < most

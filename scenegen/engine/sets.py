@@ -79,12 +79,7 @@ def write_set(
             except StoppedError as stopped:  # time was up in the midst of the piece
                 standing.cut = stopped.how_far
                 break
-            try:
-                run.take(drawn)
-            except OutputError:
-                with suppress(ScenegenError):  # the same one
-                    run.publish(wait=True)  # those before it
-                raise
+            run.take(drawn)
             if progress is not None:
                 progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
             if stop.asked:
@@ -213,7 +208,12 @@ class _Run:
         if end <= self._done:
             return
         block = self.engine.pick(places, self._parts)
-        self._blocks.append(self.engine.pack(self.writing, self._number, block))
+        try:
+            self._blocks.append(self.engine.pack(self.writing, self._number, block))
+        except OutputError:
+            with suppress(ScenegenError):  # the one that is raised tells more
+                self.publish(wait=True)  # the shards before this one are kept
+            raise
         self._count += places.shape[1]
         if self._count >= self.manifest.shard_size or end == self.plan.wanted:
             assert before is not None

@@ -36,15 +36,12 @@ class Packed(io.RawIOBase):
         self.size = 0
         self._sink, self._hash = sink, hashlib.sha256()
         self._thread = ThreadPoolExecutor(1) if beside else None
-        self._behind: deque[Future[None]] = deque()
-        self._failed: Exception | None = None
+        self._behind: deque[Future[None]] = deque()  # parts that the thread has been given, in order
 
     @property
     def sha256(self) -> str:
-        """Of all parts; nothing can be written after that."""
-        if self._thread is not None:
-            self._thread.shutdown()
-        self._check()
+        """Of all parts so far, once the sink has them. Raises what the sink raises."""
+        self._wait(0)
         return self._hash.hexdigest()
 
     def writable(self) -> bool:
@@ -54,15 +51,13 @@ class Packed(io.RawIOBase):
         return self.size
 
     def write(self, data: Any) -> int:
-        self._check()
         part = bytes(data)  # no copy of bytes
         self.size += len(part)
         if self._thread is None:
             self._pass(part)
         else:
-            self._behind.append(self._thread.submit(self._pass_beside, part))
-            if len(self._behind) > AHEAD:
-                self._behind.popleft().result()
+            self._behind.append(self._thread.submit(self._pass, part))
+            self._wait(AHEAD)
         return len(part)
 
     def close(self) -> None:
@@ -75,13 +70,7 @@ class Packed(io.RawIOBase):
         self._sink.write(part)
         self._hash.update(part)
 
-    def _pass_beside(self, part: bytes) -> None:
-        if self._failed is None:
-            try:
-                self._pass(part)
-            except Exception as error:
-                self._failed = error
-
-    def _check(self) -> None:
-        if self._failed is not None:
-            raise self._failed
+    def _wait(self, most: int) -> None:
+        """Until the thread is at most so many parts behind."""
+        while len(self._behind) > most:
+            self._behind.popleft().result()

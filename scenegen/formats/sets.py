@@ -260,6 +260,7 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
         if there.get(shard.file) != shard.bytes:
             reason = "it is missing" if shard.file not in there else "its size is not that of the manifest"
             raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
+    store.delete(*filter(_is_unfinished, there))
     return found
 
 
@@ -286,14 +287,14 @@ def finish(store: Store, manifest: Manifest) -> None:
 
 def _remove_others(store: Store, manifest: Manifest) -> None:
     known = {shard.file for shard in manifest.shards}
-    unfinished = tuple(f".{name}" for name in (SHARDS, MANIFEST, CARD))  # of a run that was killed
-    ours = (
-        name
-        for name in store.sizes()
-        if name.startswith((RUN, SHARDS)) or (name.startswith(unfinished) and name.endswith(UNFINISHED))
-    )
+    ours = (name for name in store.sizes() if name.startswith((RUN, SHARDS)) or _is_unfinished(name))
     store.delete(*(name for name in ours if name not in known))
     store.delete_folder(RUN)
+
+
+def _is_unfinished(name: str) -> bool:
+    """Whether a file is a temporary one of this set, left by a run that was killed."""
+    return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD)))
 
 
 def read_set(store: Store, shards: Iterable[Shard] | None = None) -> Reading:

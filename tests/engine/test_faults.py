@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -10,8 +11,10 @@ from pathlib import Path
 import pyarrow.fs
 import pytest
 
+from scenegen.engine import sets
 from scenegen.engine.local import Local
 from scenegen.errors import OutputError
+from scenegen.errors.stores import CANNOT_WRITE_STORE
 from scenegen.formats import files, stores, trying
 from scenegen.formats.sets import read_manifest
 from scenegen.formats.stores import Store, store_at
@@ -102,6 +105,45 @@ def test_a_disk_that_fails(workers, moment, number, reason, remedy, plain, tmp_p
     assert not [path.name for path in folder.iterdir() if path.name.startswith(".")]
     run(folder, resume=True)
     assert digest(folder) == plain
+
+
+class InPairs(Local):
+    """Names shards two at a time."""
+
+    def written(self, *, wait):
+        return super().written(wait=True) if wait or len(self._packed) >= 2 else iter(())
+
+
+@pytest.mark.parametrize("what", ["write_array", "write_manifest"])
+def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, tmp_path, monkeypatch):
+    """Neither does the one after it take its place."""
+    folder, write, calls = tmp_path / "set", getattr(sets, what), []
+
+    def full(store, *args):
+        calls.append(1)
+        if len(calls) == 1:
+            raise OutputError(CANNOT_WRITE_STORE(file="x", location="y", reason="full", remedy="make room"))
+        write(store, *args)
+
+    monkeypatch.setattr(sets, what, full)
+    with InPairs(2) as engine, pytest.raises(OutputError, match="full"):
+        run(folder, engine)
+    monkeypatch.undo()
+    shards = [shard.file for shard in read_manifest(store_at(str(folder))).shards]
+    assert shards == ["part-000000.parquet", "part-000001.parquet"][: len(shards)]
+    run(folder, resume=True)
+    assert digest(folder) == plain
+
+
+def test_what_a_run_leaves_that_is_killed_again_is_removed_at_once(tmp_path, plain):
+    folder = tmp_path / "set"
+    with pytest.raises(KeyboardInterrupt):
+        run(folder, progress=lambda found, wanted, candidates: found >= 1300 and os.kill(os.getpid(), signal.SIGINT))
+    assert read_manifest(store_at(str(folder))).shards
+    (folder / ".part-000002.parquet.abc123.part").write_bytes(b"half a shard")
+    seen = []
+    run(folder, resume=True, progress=lambda *_: seen.append(sorted(path.name for path in folder.glob(".*.part"))))
+    assert seen and not seen[0] and digest(folder) == plain
 
 
 def test_what_a_killed_run_leaves_unfinished_is_removed(plain, tmp_path):

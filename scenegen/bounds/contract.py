@@ -28,6 +28,7 @@ Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 LEAST = 0.02  # a sweep that takes less than this share off every box is the last
+KEPT = 4  # contracted boxes of a tape that are kept
 SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
 
 
@@ -95,6 +96,29 @@ def contract(
                 break
             before = after
     return alive
+
+
+def contract_box(
+    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = ROUNDS
+) -> tuple[Array, Array, bool]:
+    """The intervals of all nodes, (T,) each, that contraction leaves of one box lowest..highest, (3N,), with a demand;
+    and whether it may hold a solution. Raises what `effort` raises.
+
+    The check of a request, pruning, and the look at rejection without it all begin with the same box. The tape keeps
+    the latest ones, and the same work is counted for one that is at hand.
+    """
+    key = lowest.tobytes(), highest.tobytes(), tuple(sorted(demand.items())), rounds
+    lo, hi, alive, work = tape.contracted.get(key, (None, None, False, 0.0))
+    if lo is not None and hi is not None and effort.allows(work):
+        effort.spend(work)
+        return lo.copy(), hi.copy(), alive
+    used = effort.used
+    low, high = start(tape, [demand], lowest[:, None], highest[:, None])
+    alive = bool(contract(tape.nodes, low, high, rounds, batches=tape.batches, effort=effort)[0])
+    tape.contracted[key] = low[:, 0].copy(), high[:, 0].copy(), alive, effort.used - used
+    if len(tape.contracted) > KEPT:
+        del tape.contracted[next(iter(tape.contracted))]
+    return low[:, 0], high[:, 0], alive
 
 
 def forward(

@@ -3,8 +3,8 @@
 The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
 halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
 
-A search asks for the same grid many times: of objects that other demands do not concern, and with more boxes than are
-of use. `Grids` keeps what was made.
+A search asks for the same grid many times: of objects that other demands do not concern, and with more boxes than
+before. `Grids` keeps what was made.
 """
 
 from __future__ import annotations
@@ -100,66 +100,115 @@ class _Tape:
 
 
 @dataclass(frozen=True, slots=True)
-class Grids:
-    """The latest grids that a search has made, by what they cover: with their work, and the budgets for which they are
-    the same."""
+class _Boxes:
+    """K disjoint boxes: the intervals lo, hi (T, K) of all nodes, which boxes are worth a cut, `open_`, and how much
+    they cover, `volume`. `whole` (d,) is how wide they were before the first cut."""
 
-    _kept: dict[tuple[object, ...], tuple[Grid, float, range]] = field(default_factory=dict)
+    lo: Array
+    hi: Array
+    open_: npt.NDArray[np.bool_]
+    volume: Array
+    whole: Array
+
+    @property
+    def count(self) -> int:
+        return len(self.volume)
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A grid, its work, and the budgets for which it is the same. With a larger one, it goes on from the boxes of
+    `last`, which took the work beside them; None where they are not kept."""
+
+    grid: Grid
+    work: float
+    budgets: range
+    last: tuple[_Boxes, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Grids:
+    """The latest grids that a search has made, by what they cover."""
+
+    _kept: dict[tuple[object, ...], Made] = field(default_factory=dict)
 
     def grid(self, what: Coupled, budget: int, effort: Effort) -> Grid:
-        """The grid of `make_grid`. The same work is counted for one that is at hand, so that what a search finds does
-        not depend on what is kept."""
+        """The grid of `make_grid`. The same work is counted for what is at hand, so that what a search finds does not
+        depend on what is kept."""
         key = what.key
-        grid, work, budgets = self._kept.get(key, (None, 0.0, range(0)))
-        if grid is not None and budget in budgets and effort.allows(work):
-            effort.spend(work)
-            return grid
-        used = effort.used
-        grid, cramped = make_grid(what, budget, effort)
-        self._kept[key] = grid, effort.used - used, range(budget, budget + 1 if cramped else sys.maxsize)
+        known = self._kept.get(key)
+        if known is not None and budget in known.budgets and effort.allows(known.work):
+            effort.spend(known.work)
+            return known.grid
+        made = make_grid(what, budget, effort, known)
+        self._kept[key] = made
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
-        return grid
+        return made.grid
 
 
-def make_grid(what: Coupled, budget: int, effort: Effort) -> tuple[Grid, bool]:
-    """A cover by at most `budget` boxes, and whether a larger budget could give another one. An empty grid proves that
-    there is no solution. Raises what `effort` raises."""
-    lo, hi = what.lo[:, None].copy(), what.hi[:, None].copy()
+def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None = None) -> Made:
+    """A cover by at most `budget` boxes. An empty grid proves that there is no solution. `smaller` may be one of the
+    same: it is continued, which gives the same grid and counts as the same work as one from the start. Raises what
+    `effort` raises."""
+    used = effort.used
     tape = _Tape(what, make_batches(what.nodes), effort)
-    alive = tape.contract(lo, hi)
-    lo, hi = lo[:, alive], hi[:, alive]
-    where = list(what.dims)
-    whole_width = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    open_ = ~tape.settled(lo, hi)
-    volume = _volume(lo, hi, where)
-    cramped = False
-    while open_.any() and lo.shape[1] < budget:
-        largest = volume[open_].max()
-        chosen = np.flatnonzero(open_ & (volume >= SHARE * largest))
+    begun = None if smaller is None or smaller.budgets.start >= budget else smaller.last
+    if begun is not None and effort.allows(begun[1]):
+        boxes, work = begun
+        effort.spend(work)
+    else:
+        begun, boxes = None, _first(tape)
+    last: tuple[_Boxes, float] | None = None
+    while boxes.open_.any() and boxes.count < budget:
+        largest = boxes.volume[boxes.open_].max()
+        chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= SHARE * largest))
         if largest <= 0.0:
             break
-        most = LARGEST // (2 * len(where) * len(what.nodes))
-        room = max(1, min(budget - lo.shape[1], most))
+        most = LARGEST // (2 * len(what.dims) * len(what.nodes))
+        room = max(1, min(budget - boxes.count, most))
         if len(chosen) > room:
-            cramped |= room < most
-            chosen = np.sort(chosen[np.argsort(-volume[chosen], kind="stable")[:room]])
-        before = float(volume.sum())
-        new_lo, new_hi = _split(tape, lo[:, chosen], hi[:, chosen], where, whole_width)
-        kept = np.ones(lo.shape[1], dtype=bool)
-        kept[chosen] = False
-        settled = tape.settled(new_lo, new_hi)
-        lo, hi = np.concatenate([lo[:, kept], new_lo], axis=1), np.concatenate([hi[:, kept], new_hi], axis=1)
-        open_ = np.concatenate([open_[kept], ~settled])
-        volume = np.concatenate([volume[kept], _volume(new_lo, new_hi, where)])
+            if room < most and last is None:
+                last = boxes, effort.used - used
+            chosen = np.sort(chosen[np.argsort(-boxes.volume[chosen], kind="stable")[:room]])
+        before = float(boxes.volume.sum())
+        boxes = _cut(tape, boxes, chosen)
         # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
-        if len(chosen) >= 32 and volume.sum() > (1.0 - (1.0 - FEWEST) * len(chosen) / max(1, lo.shape[1])) * before:
+        least = 1.0 - (1.0 - FEWEST) * len(chosen) / max(1, boxes.count)
+        if len(chosen) >= 32 and boxes.volume.sum() > least * before:
             break
     else:
-        cramped |= bool(open_.any())
-    total = float(volume.sum())
-    alias = make_alias(volume if total > 0.0 else np.ones(1))
-    return Grid(what.names, lo[where], hi[where], total, alias), cramped
+        if boxes.open_.any() and last is None:
+            last = boxes, effort.used - used
+    total = float(boxes.volume.sum())
+    alias = make_alias(boxes.volume if total > 0.0 else np.ones(1))
+    where = list(what.dims)
+    grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
+    budgets = range(budget, sys.maxsize if last is None else budget + 1)
+    # Many boxes are not worth their memory: nobody asks for more than twice.
+    return Made(grid, effort.used - used, budgets, last if begun is None else None)
+
+
+def _first(tape: _Tape) -> _Boxes:
+    """The one box that all begins with, or none."""
+    lo, hi = tape.what.lo[:, None].copy(), tape.what.hi[:, None].copy()
+    alive = tape.contract(lo, hi)
+    lo, hi = lo[:, alive], hi[:, alive]
+    where = list(tape.what.dims)
+    whole = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
+    return _Boxes(lo, hi, ~tape.settled(lo, hi), _volume(lo, hi, where), whole)
+
+
+def _cut(tape: _Tape, boxes: _Boxes, chosen: npt.NDArray[np.intp]) -> _Boxes:
+    """The boxes with both halves of those `chosen` (C,) in their place, as far as there is something left of them."""
+    where = list(tape.what.dims)
+    lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], where, boxes.whole)
+    kept = np.ones(boxes.count, dtype=bool)
+    kept[chosen] = False
+    open_ = np.concatenate([boxes.open_[kept], ~tape.settled(lo, hi)])
+    volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, where)])
+    lo, hi = np.concatenate([boxes.lo[:, kept], lo], axis=1), np.concatenate([boxes.hi[:, kept], hi], axis=1)
+    return _Boxes(lo, hi, open_, volume, boxes.whole)
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:

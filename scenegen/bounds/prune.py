@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.contract import ROUNDS, contract, start
+from scenegen.bounds.contract import ROUNDS, contract, contract_box, start
 from scenegen.bounds.coupling import Open, open_nodes
 from scenegen.bounds.effort import PYTHON, Effort, scoring
 from scenegen.bounds.grid import Grids
@@ -40,11 +40,18 @@ COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
 LARGE = 20_000  # nodes of a tape from which on one sweep must do
 
 
+Apart = tuple[tuple[int, float, float], ...]
+"""Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
+
+Entry = tuple[Mapping[int, Ends], Apart]
+"""An alternative before anything is known of it: its demand, and what sets it apart."""
+
+
 @dataclass(slots=True)
 class Part:
-    """One alternative: `apart` are the formula nodes (of the core) and ends that tell its scenes from the others'."""
+    """One alternative."""
 
-    apart: tuple[tuple[int, float, float], ...]
+    apart: Apart
     demand: Mapping[int, Ends]
     lo: Array
     hi: Array
@@ -188,25 +195,29 @@ class _Search:
     stands: Collection[Stand] = ()
     grids: Grids = field(default_factory=Grids)
 
-    def open_up(
-        self, entries: Sequence[tuple[dict[int, Ends], tuple[tuple[int, float, float], ...]]], *, couple: bool = True
-    ) -> list[Part]:
+    def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
         """Parts for demands, contracted together; those proved empty are left out."""
         if not entries:
             return []
-        columns = (len(self.lowest), len(entries))
-        rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
-        boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
-        lo, hi = start(self.tape, [demand for demand, _ in entries], *boxes)
-        alive = contract(self.tape.nodes, lo, hi, rounds, batches=self.tape.batches, effort=self.effort)
         found = []
-        for column in np.flatnonzero(alive):
-            demand, apart = entries[int(column)]
-            part = Part(apart, demand, lo[:, column].copy(), hi[:, column].copy())
+        for (demand, apart), lo, hi in self._contracted(entries):
+            part = Part(apart, demand, lo, hi)
             part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
             if self._equip(part, COARSE, couple):
                 found.append(part)
         return found
+
+    def _contracted(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
+        """Those that are not proved empty, and what is left of the intervals of all nodes, (T,)."""
+        rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
+        if len(entries) == 1:
+            lo, hi, alive = contract_box(self.tape, self.lowest, self.highest, entries[0][0], self.effort, rounds)
+            return [(entries[0], lo, hi)] if alive else []
+        columns = (len(self.lowest), len(entries))
+        boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
+        low, high = start(self.tape, [demand for demand, _ in entries], *boxes)
+        kept = contract(self.tape.nodes, low, high, rounds, batches=self.tape.batches, effort=self.effort)
+        return [(entries[at], low[:, at].copy(), high[:, at].copy()) for at in map(int, np.flatnonzero(kept))]
 
     def improve(self, part: Part, room: int) -> list[Part]:
         """What to put in the place of a part that wastes too much."""

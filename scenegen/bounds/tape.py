@@ -8,7 +8,7 @@ Atoms are their margins; coordinates of objects that are held in place are const
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,12 +56,17 @@ class Form:
         return Form(self.constant * factor, tuple((node, value * factor) for node, value in self.terms))
 
 
+Contracted = tuple[Array, Array, bool, float]
+"""Intervals of all nodes, (T,), whether there may be a solution in them, and the work of finding that."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tape:
     """`where[i]` is the tape's node with the value of core node i. `rows` maps a storage row to its node;
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
     coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
-    three objects, two differences add up to the third. `batches` are those of a large tape."""
+    three objects, two differences add up to the third. `batches` are those of a large tape; `contracted` are boxes that
+    `contract_box` keeps."""
 
     nodes: tuple[Node, ...]
     where: tuple[int, ...]
@@ -70,6 +75,7 @@ class Tape:
     affine: dict[int, int]
     loops: tuple[int, ...]
     batches: Batches | None = None
+    contracted: dict[Hashable, Contracted] = field(default_factory=dict, compare=False, repr=False)
 
     def support(self, node: int) -> frozenset[int]:
         """The coordinates and differences that a node is computed from; what is below a difference is not looked at."""

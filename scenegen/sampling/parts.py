@@ -63,7 +63,8 @@ def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
     groups = components([*touches.values(), Objects().union(*spread)])
     if len(groups) < 2:
         return ()
-    shares = {group: _share(_part(problem, group, touches, labels, effort), effort) for group in groups}
+    parts = {group: _part(problem, group, touches, labels, effort) for group in groups}
+    shares = {group: _share(one, effort) for group, one in parts.items()}
     rare = [group for group in groups if shares[group] < COMMON]
     common: list[Objects] = []
     together = 0.0
@@ -77,7 +78,7 @@ def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
     if len(rare) + len(common[1:]) < 2:  # merged common parts can be rare together
         return ()
     groups = (*sorted(rare, key=min), *common)
-    return tuple(_part(problem, group, touches, labels, effort) for group in groups)
+    return tuple(parts.get(group) or _part(problem, group, touches, labels, effort) for group in groups)
 
 
 def _demands(problem: Problem, touches: Mapping[int, Objects]) -> dict[str, list[int]]:

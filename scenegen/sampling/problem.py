@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.contract import ROUNDS, contract, size_of, start
+from scenegen.bounds.contract import ROUNDS, contract, contract_box, size_of, start
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.tape import Tape, make_tape
@@ -262,6 +262,8 @@ def _alive(
     """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,).
     Boxes whose scenes have probability 0, as `improbable` finds with `thin`, do not count."""
     count = low.shape[1]
+    if len(wanted) == count == 1 and not thin:
+        return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds)[2]])
     every = [demand for demand in wanted for _ in range(count)]
     lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)))
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)

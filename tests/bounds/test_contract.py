@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenegen.bounds import contract as contraction
 from scenegen.bounds import grid as grids
 from scenegen.bounds.batches import make_batches
-from scenegen.bounds.contract import contract, start
+from scenegen.bounds.contract import contract, contract_box, start
 from scenegen.bounds.effort import Effort, TooMuchError
 from scenegen.bounds.prune import prune
 from scenegen.bounds.requirements import alternatives, push_down
@@ -195,3 +196,57 @@ def test_grids_that_are_kept_change_neither_covers_nor_counts(text, monkeypatch)
     assert kept[0][2] <= plain[0][2]
     if "d" in spec.objects:
         assert kept[0][2] < plain[0][2]
+
+
+def test_a_grid_that_is_continued_is_the_one_from_the_start(monkeypatch):
+    """For any two budgets, with the same work; and it takes fewer contractions."""
+    spec = check_text("closeTo(a, b, 0.2) & closeTo(b, c, 0.2) & farFrom(a, c, 0.25)")
+    asked, calls = [], []
+    make, contracted = grids.make_grid, grids.contract
+    monkeypatch.setattr(grids, "make_grid", lambda what, *rest: asked.append(what) or make(what, *rest))
+    prune(spec.core, *spec.box(), {spec.core.labels["task"]: (0.0, 0.1)})
+    monkeypatch.setattr(grids, "contract", lambda *args, **more: calls.append(1) or contracted(*args, **more))
+
+    def counted(*args):
+        calls.clear()
+        effort = Effort()
+        return make(*args[:2], effort, *args[2:]), effort.used, len(calls)
+
+    continued = 0
+    for what in asked:
+        for small, large in ((1, 2), (1, 40), (16, 100), (100, 700), (700, 100)):
+            first, _, _ = counted(what, small)
+            (whole, work, most), (more, counts, fewer) = counted(what, large), counted(what, large, first)
+            assert pickle.dumps((whole.grid, whole.work, whole.budgets)) == pickle.dumps(
+                (more.grid, more.work, more.budgets)
+            )
+            assert work == counts and fewer <= most
+            continued += fewer < most
+            with pytest.raises(TooMuchError):
+                make(what, large, Effort(most=work - 1.0), first)
+    assert continued >= len(asked)
+
+
+def test_a_box_is_contracted_once(monkeypatch):
+    spec = check_text("closeTo(a, b, 0.2) & leftOf(a, c) & closeTo(b, c, 0.2)")
+    tape, (lowest, highest) = make_tape(spec.core, *spec.box()), spec.box()
+    calls = []
+    monkeypatch.setattr(contraction, "contract", lambda *args, **more: calls.append(1) or contract(*args, **more))
+    demand = push_down(spec.core, {spec.core.labels["task"]: (0.05, 0.1)})
+    first, again, less = Effort(), Effort(), Effort()
+    lo, hi, alive = contract_box(tape, lowest, highest, demand, first)
+    low, high = lo.copy(), hi.copy()
+    lo += 1.0  # what is given away is not what is kept
+    hi -= 1.0
+    found = contract_box(tape, lowest, highest, demand, again)
+    assert (found[0] == low).all() and (found[1] == high).all() and found[2] and alive
+    assert first.used == again.used > 0.0 and len(calls) == 1
+    columns = start(tape, [demand], lowest[:, None], highest[:, None])
+    assert contract(tape.nodes, *columns).all() and (columns[0][:, 0] == low).all() and (columns[1][:, 0] == high).all()
+    with pytest.raises(TooMuchError):
+        contract_box(tape, lowest, highest, demand, Effort(most=first.used - 1.0))
+    for number, box in enumerate((spec.box(), (lowest, 0.5 * (lowest + highest)), (lowest, highest - 0.1))):
+        for rounds in (1, 2):
+            contract_box(tape, *box, demand, less, rounds)
+            assert len(calls) == 3 + 2 * number + rounds - 1
+    assert len(tape.contracted) == contraction.KEPT

@@ -50,7 +50,7 @@ class _Covering:
             if not cover.parts:
                 return Own(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-            hits, tried = explore(problem, cover, SEARCH, rng, effort, cell)
+            hits, tried, _ = explore(problem, cover, SEARCH, rng, effort, cell)
         except TooMuchError:
             return Own(None, 0, 0, effort.used)
         return Own(cover, int(hits[cell]), tried, effort.used)

@@ -49,12 +49,18 @@ def chunks(problem: Problem, count: int) -> list[int]:
 
 
 def explore(
-    problem: Problem, cover: Cover, most: int, rng: np.random.Generator, effort: Effort, cell: int | None = None
-) -> tuple[Index, int]:
-    """Hits of each cell, (C,), in a few chunks of candidates, and how many there were; with `cell`, as soon as that one
-    is known well enough. Raises what `effort` raises."""
+    problem: Problem,
+    cover: Cover,
+    most: int,
+    rng: np.random.Generator,
+    effort: Effort,
+    cell: int | None = None,
+    stages: Stages | None = None,
+) -> tuple[Index, int, Stages | None]:
+    """Hits of each cell, (C,), in a few chunks of candidates, how many there were, and the cover's stages, if they were
+    given or worth making; with `cell`, as soon as that one is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
-    tried, stages = 0, None
+    tried = 0
     for chunk in range(most):
         for count in chunks(problem, affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
             if stages is None and tried:
@@ -66,7 +72,7 @@ def explore(
             tried += count
         if cell is not None and hits[cell] >= ENOUGH:
             break
-    return hits, tried
+    return hits, tried, stages
 
 
 def draw_kept(

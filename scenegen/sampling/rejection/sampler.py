@@ -218,7 +218,7 @@ def make_plan(
         if not longer.rate.hits:
             raise RequestError(nothing_found(problem, longer))
         return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out), budget)
-    sources, expected = _balance(problem, trial.cover, rate, common, own)
+    sources, expected = _balance(problem, trial, common, own)
     return Rejection(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected, budget)
 
 
@@ -242,18 +242,20 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
         if not cover.parts:
             raise RequestError(impossible(problem, effort_of(budget)))
         rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0, 2]))
-        hits, tried = explore(problem, cover, 1, rng, effort)
+        hits, tried, stages = explore(problem, cover, 1, rng, effort)
     except (StoppedError, TooMuchError):
         return None
     if hits[sorted(problem.possible)].min() < FEW:
         return None
-    return _alone(problem, Trial(cover, hits, tried, effort.used), problem.possible, frozenset(), budget)
+    trial = Trial(cover, hits, tried, effort.used, stages)
+    return _alone(problem, trial, problem.possible, frozenset(), budget)
 
 
 def work_of(plan: Rejection) -> float:
     """The work of what the request will need; see scenegen.bounds.effort. Most candidates may fail in the first stage,
     but some of every chunk are scored in full."""
-    stages = make_stages(plan.problem, plan.sources[0].cover)
+    common = plan.sources[0]
+    stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
     _, calls = per_scene(plan.problem.core.nodes)
     return plan.expected * (stages.work + calls / chunks(plan.problem, CHUNK)[0])
 
@@ -265,7 +267,7 @@ def _alone(
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
-    source = _source(problem, trial.cover, everywhere, _size(problem, need), need)
+    source = _source(problem, trial.cover, everywhere, _size(problem, need), need, trial.stages)
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
@@ -286,17 +288,18 @@ def _served(rate: Array, possible: list[int], share: float, price: float) -> fro
 
 
 def _balance(
-    problem: Problem, cover: Cover, rate: Array, common: frozenset[int], own: list[Served]
+    problem: Problem, trial: Trial, common: frozenset[int], own: list[Served]
 ) -> tuple[tuple[Source, ...], float]:
     """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
     the request will need."""
+    rate = trial.hits / trial.tried
     share = SPARE * problem.request.n / (len(common) + sum(len(one.cells) for one in own))
     need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / one.rate for one in own)]
     size = _size(problem, sum(need))
     parts = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
-    sources = [_source(problem, cover, served, parts[0], need[0])]
+    sources = [_source(problem, trial.cover, served, parts[0], need[0], trial.stages)]
     for one, candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
         only[list(one.cells)] = True
@@ -304,9 +307,14 @@ def _balance(
     return tuple(sources), float(sum(need))
 
 
-def _source(problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float) -> Source:
-    """`need` is how many candidates the request takes in all: for a few, stages cost more than they save."""
-    return Source(cover, cells, candidates, make_stages(problem, cover) if need >= STAGED * PILOT else None)
+def _source(
+    problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None = None
+) -> Source:
+    """`stages` are the cover's, where they have been made. `need` is how many candidates the request takes in all: for
+    a few, to make stages costs more than they save."""
+    if stages is None and need >= STAGED * PILOT:
+        stages = make_stages(problem, cover)
+    return Source(cover, cells, candidates, stages)
 
 
 def _size(problem: Problem, need: float) -> int:

@@ -77,7 +77,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
             empty.update(run)
             continue
         rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-        hits, count = explore(problem, cover, CHUNKS, rng, effort)
+        hits, count, _ = explore(problem, cover, CHUNKS, rng, effort)
         tried += count
         if not hits[run].any():
             barren.update(run)

@@ -15,6 +15,7 @@ from scenegen.bounds.worlds import chooses
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
 from scenegen.sampling.rejection.draw import EXPLORE, Index, explore, misses
+from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.report import shortfall, too_early
 
 MOST = 1.4e8  # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
@@ -33,12 +34,13 @@ class Rate:
 @dataclass(frozen=True, slots=True)
 class Trial:
     """A cover of the whole range and the results of the first candidates from it: `hits` (C,) of each cell, among
-    `tried`. `work` is its cost, see scenegen.bounds.effort."""
+    `tried`. `work` is its cost, see scenegen.bounds.effort; `stages` are the cover's, if they were made."""
 
     cover: Cover
     hits: Index
     tried: int
     work: float = 0.0
+    stages: Stages | None = None
 
     @property
     def rate(self) -> Rate:
@@ -65,10 +67,10 @@ def make_trial(
         if not cover.parts:
             raise RequestError(impossible(problem, effort_of(budget)))
         rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
-        hits, tried = explore(problem, cover, EXPLORE, rng, effort)
+        hits, tried, stages = explore(problem, cover, EXPLORE, rng, effort)
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
-    return Trial(cover, hits, tried, effort.used)
+    return Trial(cover, hits, tried, effort.used, stages)
 
 
 def _enough(problem: Problem) -> float:
@@ -87,12 +89,12 @@ def search(problem: Problem, trial: Trial, budget: Budget, most: float = math.in
     every plan that is made of it.
     """
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
-    hits, tried = trial.hits.copy(), trial.tried
+    hits, tried, stages = trial.hits.copy(), trial.tried, trial.stages
     effort = Effort(lambda: budget.spent)
     while tried < LONG_SEARCH or (tried < most and not hits.any()):
         try:
             effort.check()
-            more, count = explore(problem, trial.cover, EXPLORE, rng, effort)
+            more, count, stages = explore(problem, trial.cover, EXPLORE, rng, effort, stages=stages)
         except StoppedError:
             if hits.any():
                 undecided = problem.cells.count - int(np.count_nonzero(hits))
@@ -100,7 +102,7 @@ def search(problem: Problem, trial: Trial, budget: Budget, most: float = math.in
             break
         hits += more
         tried += count
-    return Trial(trial.cover, hits, tried, trial.work)
+    return Trial(trial.cover, hits, tried, trial.work, stages)
 
 
 def nothing_found(problem: Problem, trial: Trial) -> Diagnostic:

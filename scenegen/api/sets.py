@@ -69,15 +69,16 @@ def write_set(
         closing(plan_of(source, request, budget, on_note)) as plan,
     ):
         labels = plan.problem.spec.labels
-        header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
-        stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
-        writing = Writing(plan, store, header, labels, stored)
 
         def account(tally: Tally) -> Mapping[str, Any]:
             return summed_up(plan, tally)[0]
 
         with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
-            chosen.prepare(Drawing(plan, len(labels)))
+            if not resume:  # what follows is done while the first pieces are drawn
+                chosen.prepare(Drawing(plan, len(labels)))
+            header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
+            stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
+            writing = Writing(plan, store, header, labels, stored)
             facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
             manifest = sets.Manifest(
                 request={**request_of(plan.problem, {"scenegen": __version__}), **facts},

@@ -96,7 +96,7 @@ class Engine(ABC):
         self.close()
 
     def prepare(self, drawing: Drawing) -> None:  # noqa: B027 - most engines have nothing to do
-        """`pieces` will be asked for this: whatever takes a moment may begin."""
+        """`pieces` will be asked for this from piece 0 on: it may begin."""
 
     @abstractmethod
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:

@@ -42,7 +42,6 @@ class Local(Engine):
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
         self._results: Generator[tuple[Block, Cells, Array], None, None] | None = None
-        self._first = 0  # piece
         self._room = Room()
         self._tell: Tell | None = None
         self._packing: Packing[Written] | None = None  # the shard that is being filled
@@ -50,20 +49,17 @@ class Local(Engine):
         self._shards: deque[Shard] = deque()  # written by this process, in order
 
     def prepare(self, drawing: Drawing) -> None:
-        self._results = draw_pieces(drawing, self._numbers(), self._workers, self._reserve)
+        self._results = self._drawn(drawing, 0)
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
-        self._first = first
         if self._results is None:
-            self.prepare(drawing)
-        assert self._results is not None
+            self._results = self._drawn(drawing, first)
         with closing(self._results) as results:
             for scenes, cell, facts in results:
                 yield Drawn(cell, facts, scenes)
 
-    def _numbers(self) -> Iterator[int]:
-        """Of pieces; asked for when the first one is known."""
-        yield from count(self._first)
+    def _drawn(self, drawing: Drawing, first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
+        return draw_pieces(drawing, count(first), self._workers, self._reserve)
 
     def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
         return chosen(which, parts)

@@ -172,7 +172,12 @@ def stream_scenes(
     with contextlib.ExitStack() as ending:
         standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
         drawing = Drawing(plan, len(labels))
-        results = ending.enter_context(closing(draw_pieces(drawing, _further(standing), workers, reserve)))
+
+        def drawn(first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
+            pieces = draw_pieces(drawing, itertools.count(first), workers, reserve)
+            return ending.enter_context(closing(pieces))
+
+        results = None if resume else drawn(0)
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
@@ -185,6 +190,7 @@ def stream_scenes(
             return standing.tally()
         if file.can_be_ahead:
             ending.enter_context(run.packed_ahead(file, trial))
+        results = drawn(standing.used) if results is None else results
         try:
             with stop_signals() as stop, closing(results):
                 while not standing.over:
@@ -222,11 +228,6 @@ def stream_scenes(
             tally = replace(standing.tally(), scarcest=tally.scarcest)
             run.join(file, header(tally), rest)
     return tally
-
-
-def _further(standing: Standing) -> Iterator[int]:
-    """The numbers of the pieces that come next, known when the first one is asked for."""
-    yield from itertools.count(standing.used)
 
 
 class _Run:

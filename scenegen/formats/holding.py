@@ -36,7 +36,7 @@ SETTLE = 1.0  # seconds
 class Holder(BaseModel):
     """Who writes a set. `machine` is one of a kind for a machine since it was started and, in containers, for each."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
     host: str
     machine: str
     pid: int

@@ -12,7 +12,7 @@ class Rareness(BaseModel):
     """How rare phi of one label is: log10 of the smaller of P(phi' <= phi) and P(phi' >= phi) for the base
     distribution, at rising values of phi; linear between them, constant beyond."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
     phi: list[float]
     log10p: list[float]
@@ -26,7 +26,7 @@ class Rareness(BaseModel):
 class Made(BaseModel):
     """The request that gives a shard: of a data set, whose shards are runs of their own."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
     phi: dict[str, tuple[float, float]]
     n: int

@@ -72,7 +72,7 @@ def run_pieces(
     underway: Mapping[Item, Underway[T]] | None = None,
 ) -> Generator[T, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process. Several
-    workers get the job at once, before the first result is asked for.
+    workers get the job and a piece each at once, before the first result is asked for.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
     worker are in progress or waiting to be returned, up to 16 of small results (64 MB in all), so memory stays constant
@@ -142,6 +142,7 @@ class Pool(Generic[Item, T]):
         self._workers: list[Process] = []
         self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # Message or _Done
         self._stillborn = 0  # workers that died before they were ready
+        self._begun: Iterable[Item] | None = None  # the items of a `map` that has not begun yet
         self._begin(())
         for item, one in self._underway.items():
             one.beside.then(functools.partial(self._inbox.put, _Done(item)))
@@ -160,25 +161,26 @@ class Pool(Generic[Item, T]):
         while self._workers:
             self._reserve.bring_back(self._workers.pop())
 
-    def start(self, items: Iterable[Item]) -> int:
-        """As many processes as these items need get the job, which `map` does otherwise; how many there are. Raises
-        ScenegenError if none can start."""
+    def start(self, items: Iterable[Item]) -> None:
+        """What `map` does with these items at first, some time before it: as many processes as they need get the job,
+        and an item each. Raises ScenegenError if none can start."""
+        self._begin(items)
+        self._begun = items
         wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
         if self._underway:  # these processes come when they are done
             wanted = max(1, wanted - len(self._underway))
+        self._exhausted = not wanted
         while len(self._workers) < wanted:
             self._start()
-        return wanted
 
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
         over = False
-        self._begin(items)
         try:
-            if not self.start(items):
-                over = True
-                return
+            if self._begun is not items:
+                self.start(items)
+            self._begun = None
             while True:
                 self._give_orders()
                 while self._yielded in self._results:
@@ -207,7 +209,7 @@ class Pool(Generic[Item, T]):
     def _start(self) -> None:
         worker = self._reserve.take(self._what)
         self._workers.append(worker)
-        worker.take_up(self._job, self._inbox)
+        worker.take_up(self._job, self._inbox, self._next_order())
 
     def _give_orders(self) -> None:
         # A second order each only when all have begun: one that starts later would wait for what others have in hand.
@@ -238,7 +240,7 @@ class Pool(Generic[Item, T]):
 
     def _settle(self, item: Item) -> None:
         """The result of an item that was under way, if it is done and its turn has come."""
-        if item in self._settled and item in self._awaited:
+        if item in self._settled and item in self._awaited and item in self._underway:
             try:
                 self._results[self._awaited[item]] = DONE, self._underway.pop(item).value()
             except Exception as error:
@@ -278,7 +280,7 @@ class Pool(Generic[Item, T]):
         self._stillborn += not worker.ready
         if not worker.ready and (status >= 0 or self._stillborn == ATTEMPTS * self._size):
             raise ScenegenError(PROCESS_DIED(**facts))
-        if worker.orders:
+        if worker.orders and worker.ready:
             turn, _ = worker.orders[0]
             self._deaths[turn] = self._deaths.get(turn, 0) + 1
             if self._deaths[turn] == ATTEMPTS:

@@ -17,18 +17,17 @@ import sys
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO, Any
-
-import numpy as np
 
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
 from scenegen.processes.memory import VARIABLES
-from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, READY, SIZE, widen
+from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, LOADED, READY, SIZE, widen
 
 GONE = 2  # a status in addition to those of frames
+SMALL = 1 << 16  # bytes that may be filled with zeros before they are read
 
 
 def command(module: str, load: Sequence[str] = ()) -> list[str]:
@@ -61,6 +60,13 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def _fresh(size: int) -> memoryview:
+    """So many bytes that are not filled with zeros first."""
+    import numpy as np  # the first process starts before it is loaded
+
+    return np.empty(size, dtype=np.uint8).data
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A message from a worker, of so many bytes: the result of its oldest order, which took so many seconds, READY, or
@@ -76,16 +82,18 @@ class Message:
 
 class Process:
     """One process and the thread that reads its results. It works for one job at a time: see `take_up`. Its standard
-    error goes to a file, read only if it fails. It loads the modules of `load` in advance; `what` is its name in the
-    error where none can start, ScenegenError."""
+    error goes to a file, read only if it fails. It loads the modules of `load` in advance, and calls `loaded`, in its
+    thread, when it has; `what` is its name in the error where none can start, ScenegenError."""
 
-    def __init__(self, what: str, load: Sequence[str] = ()) -> None:
+    def __init__(self, what: str, load: Sequence[str] = (), loaded: Callable[[], None] | None = None) -> None:
         self.ready = False  # it has a job
         self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
         self.brief = 0  # how many of the last ones, in a row, took little time
         self.errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
         self._inbox: queue.SimpleQueue[Message] | None = None
         self._lock, self._gone = threading.Lock(), False
+        self._writes = threading.Lock()
+        self._loaded = loaded
         try:
             self.process = subprocess.Popen(
                 command("scenegen.processes.worker", load),
@@ -105,17 +113,21 @@ class Process:
         self._threads = [threading.Thread(target=self._converse, daemon=True)]
         self._threads[0].start()
 
-    def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message]) -> None:
-        """A pickled job, whose messages go to `inbox`, READY first. There may have been another one, if no order of it
-        is left."""
+    def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message], order: tuple[int, Any] | None = None) -> None:
+        """A pickled job, whose messages go to `inbox`, READY first; and its first order, if it is known. There may have
+        been another job, if no order of it is left."""
         self.ready, self.brief = False, 0
+        messages: list[tuple[int, Any]] = [(READY, job)]
+        if order is not None:
+            self.orders.append(order)
+            messages.append(order)
         with self._lock:
             self._inbox = inbox
             if self._gone:
                 inbox.put(Message(self, GONE))
                 return
         # It may still be starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
-        self._threads.append(threading.Thread(target=self._give, args=(job,), daemon=True))
+        self._threads.append(threading.Thread(target=self._give, args=(messages,), daemon=True))
         self._threads[-1].start()
 
     @property
@@ -132,16 +144,19 @@ class Process:
         """Give an item to a worker that is ready. It reads while it works, so this does not wait for it."""
         self.orders.append((turn, item))
         with contextlib.suppress(OSError):  # the worker has died: the thread notices it, and the item is ordered again
-            self._write(pickle.dumps((turn, item), protocol=5))
+            self._write([(turn, item)])
 
-    def _write(self, data: bytes) -> None:
-        part = memoryview(SIZE.pack(len(data)) + data)
-        while len(part):
-            part = part[self.input.write(part) :]
+    def _write(self, messages: Sequence[tuple[int, Any]]) -> None:
+        with self._writes:  # the job's thread may be writing its first order
+            for message in messages:
+                data = pickle.dumps(message, protocol=5)
+                part = memoryview(SIZE.pack(len(data)) + data)
+                while len(part):
+                    part = part[self.input.write(part) :]
 
-    def _give(self, job: bytes) -> None:
+    def _give(self, messages: Sequence[tuple[int, Any]]) -> None:
         with contextlib.suppress(OSError, ValueError):
-            self._write(pickle.dumps((READY, job), protocol=5))
+            self._write(messages)
 
     def _converse(self) -> None:
         """Runs in its own thread: reads results, so that the worker never waits for a reader."""
@@ -149,6 +164,10 @@ class Process:
             widen(self.output)
             while True:
                 turn, status, took, size, count = FRAME.unpack(self._exactly(FRAME.size))
+                if turn == LOADED:
+                    if self._loaded is not None:
+                        self._loaded()
+                    continue
                 sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
                 data = self._exactly(size)
                 buffers = [self._exactly(one) for one in sizes]
@@ -164,7 +183,7 @@ class Process:
                 self._inbox.put(Message(self, GONE))
 
     def _exactly(self, size: int) -> memoryview:
-        buffer = np.empty(size, dtype=np.uint8).data  # unlike a bytearray, it is not filled with zeros first
+        buffer = memoryview(bytearray(size)) if size < SMALL else _fresh(size)
         done = 0
         while done < size:
             got = self.output.readinto(buffer[done:])  # type: ignore[attr-defined]  # a raw file, since bufsize is 0

@@ -30,7 +30,7 @@ from scenegen.processes.memory import seldom_search
 FRAME = struct.Struct("<qqdqq")
 SIZE = struct.Struct("<Q")
 
-READY = -1  # the turn of the frame that reports that the job was received
+READY, LOADED = -1, -2  # turns of the frames that report that the job was received, and that there can be one
 DONE, FAILED = 0, 1
 
 PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
@@ -56,6 +56,7 @@ def main() -> None:
     results = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # output that a job prints must not mix with the results
     widen(results)
+    results.write(FRAME.pack(LOADED, DONE, 0.0, 0, 0))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     # Reading continues during work on an item: when the parent dies, this process ends at once.
     threading.Thread(target=_listen, args=(sys.stdin.buffer, orders), daemon=True).start()

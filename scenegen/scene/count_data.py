@@ -14,7 +14,7 @@ class CountData(BaseModel):
     for each asset that can be drawn, `mug:red` and `mug:blue`, of which one is there in each scene, and the number says
     which, counted from 1."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     name: str
     least: Annotated[int, Field(ge=1)]

@@ -35,7 +35,7 @@ Bounds = tuple[FiniteFloat, FiniteFloat]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
 
 class Pose(_Strict):

@@ -60,7 +60,7 @@ def scenegen(capfd, plain, monkeypatch):
     from scenegen.cli.app import run
 
     built = _built()
-    monkeypatch.setattr("scenegen.cli.app.build", lambda: built)
+    monkeypatch.setattr("scenegen.cli.app.build", lambda words=None: built)
 
     def call(*words: str) -> Outcome:
         capfd.readouterr()

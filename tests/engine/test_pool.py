@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -207,6 +208,36 @@ def test_values_of_any_kind():
 
     for piece, value in enumerate(run_pieces(Any_(), range(4), 2)):
         np.testing.assert_equal(value, Any_()(piece))
+
+
+def test_every_worker_has_an_item_before_anyone_asks_for_a_result(tmp_path):
+    from jobs import Numbers
+
+    results = run_pieces(Numbers(meet=str(tmp_path)), itertools.count(5), 2)
+    deadline = time.monotonic() + 60.0
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert len(list(tmp_path.iterdir())) == 2
+    assert [len(rows[0]) for rows, _ in itertools.islice(results, 3)] == [105, 106, 100]
+    results.close()
+
+
+@pytest.mark.parametrize("ready, deaths", [(True, {0: 1}), (False, {})])
+def test_an_item_kills_only_whom_it_was_begun_by(ready, deaths, monkeypatch):
+    """A worker has its first item before it is ready."""
+
+    class Worker:
+        orders, process = [(0, "an item")], SimpleNamespace(returncode=-signal.SIGKILL)
+
+        def end(self):
+            return ""
+
+    worker, pool = Worker(), Pool(None, 2)
+    worker.ready = ready
+    pool._workers = [worker]
+    monkeypatch.setattr(pool, "_start", lambda: None)
+    pool._replace(worker)
+    assert pool._deaths == deaths and pool._again == worker.orders
 
 
 def test_second_orders_wait_until_every_worker_has_begun():

@@ -67,23 +67,61 @@ def test_who_gives_up_its_work_is_used_again(name, same, tmp_path):
             assert (beside.result() == (7, mine)) == same
 
 
-def test_some_start_later():
-    with Reserve(1, later=1) as reserve:
-        (first,) = idle(reserve)
-        reserve.fill()
+def test_some_start_when_the_first_has_loaded():
+    with Reserve(1, ("numpy",), later=1) as reserve:
+        first = idle(reserve)[0]
+        deadline = time.monotonic() + 60.0
+        while len(idle(reserve)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
         one, other = idle(reserve)
         assert one == first != other
         reserve.fill()
         assert idle(reserve) == [one, other]
 
 
+class Fake:
+    """A process that is said when it has loaded."""
+
+    def __init__(self, what, load, loaded=None):
+        self.loaded, self.process, self.idle, self.ended = loaded, self, True, False
+
+    def kill(self):
+        self.ended = True
+
+    end = kill
+
+
+def test_no_more_start_than_were_asked_for(monkeypatch):
+    made = []
+    monkeypatch.setattr("scenegen.processes.reserve.Process", lambda *args: made.append(Fake(*args)) or made[-1])
+    with Reserve(2, later=2) as reserve:
+        assert len(made) == 2
+        for _ in range(2):
+            reserve.take("a worker process")
+        assert reserve.take("a worker process") is made[2]  # one of those that were to start later
+        made[1].loaded()
+        assert len(made) == 4
+        made[0].loaded()
+        reserve.fill()
+        assert len(made) == 4 and made[2].loaded is None is made[3].loaded
+        assert reserve.take("a worker process") is made[3]
+        reserve.take("a worker process")
+        assert len(made) == 5  # more are asked for than were announced
+    with Reserve(1, later=1) as reserve:
+        late = made[-1]
+    late.loaded()
+    assert len(made) == 6 and late.ended
+
+
 @pytest.mark.parametrize("workers, there, now, later", [(2, 2, 1, 1), (2, 16, 2, 0), (8, 4, 3, 1), (4, 1, 1, 0)])
 def test_the_command_has_a_core_of_its_own_while_it_loads(workers, there, now, later, monkeypatch):
+    made = []
     monkeypatch.setattr("scenegen.engine.budget.cores", lambda: there)
+    monkeypatch.setattr("scenegen.processes.reserve.Process", lambda *args: made.append(Fake(*args)) or made[-1])
     with start_processes(workers, load=()) as reserve:
-        assert len(idle(reserve)) == now
+        assert len(made) == now
         reserve.fill()
-        assert len(idle(reserve)) == now + later
+        assert len(made) == now + later
 
 
 @pytest.mark.parametrize("words", [{"workers": 1}, {"workers": None}, {"workers": 2, "engine": "ray"}])

@@ -14,6 +14,7 @@ from scenegen.sampling.base import draw as base
 from scenegen.sampling.base import piece_generator
 from scenegen.sampling.guided import score
 from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -209,6 +210,23 @@ def test_pieces_depend_on_nothing_but_plan_and_number(exp1):
     again = first.draw(3)
     assert later.rows.tobytes() == again.rows.tobytes() and later.phi.tobytes() == again.phi.tobytes()
     assert first.draw(2).rows.tobytes() != again.rows.tobytes()
+
+
+@pytest.mark.parametrize("kept", [0.5, 0.1, 1e-4])
+@pytest.mark.parametrize("parts", [1, 30, 1000])
+def test_pieces_are_larger_where_there_are_many_of_little_use(kept, parts):
+    spec = check_text("leftOf(a, b) & closeTo(b, c, 0.2)")
+    sizes = []
+    for n in (1, 100, 10**5, 10**6, 10**8):
+        problem = make_problem(spec, SampleRequest({"task": Range(0.0)}, n=n))
+        need = sampler.SPARE * n / kept
+        size = sampler._size(problem, need, parts)
+        full = problem.piece_size
+        if size > full:
+            assert size <= 4 * full and need >= 32 * size and size * kept * 10 <= 2**21
+        sizes.append(size / full)
+    assert sizes == sorted(sizes) and sizes[1] <= 1.0
+    assert (sizes[-1] > 1.0) == (kept < 0.25 or parts > 100)
 
 
 def test_a_requirement_belongs_to_the_range(exp1):

@@ -8,9 +8,10 @@ from scenegen.bounds.prune import box_cover
 from scenegen.lang.check import check_text
 from scenegen.sampling import auto
 from scenegen.sampling.problem import PLAN, Budget, make_problem
+from scenegen.sampling.rejection import draw, sampler
 from scenegen.sampling.rejection import stages as module
 from scenegen.sampling.rejection.draw import draw_kept, make_stages
-from scenegen.sampling.rejection.trial import make_trial
+from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
 
 TABLE = """workspace [0, 1.2] x [0, 0.8]
@@ -99,6 +100,24 @@ def test_nothing_comes_first_where_nothing_is_cheap():
     problem = make_problem(alone, SampleRequest({"task": Range(0.0, None)}, n=100))
     cover = make_trial(problem, Budget()).cover
     assert make_stages(problem, cover).stages == ()
+
+
+def test_stages_of_a_cover_are_found_once(monkeypatch):
+    """Also if the plan looks at its own work, and a search goes on for long."""
+    covers = []
+
+    def counted(problem, cover):
+        covers.append(cover)
+        return make_stages(problem, cover)
+
+    for place in (draw, sampler):
+        monkeypatch.setattr(place, "make_stages", counted)
+    problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
+    found = auto.look(problem, Budget(60.0), auto.FIRST)
+    assert found.plan.sources[0].stages is found.trial.stages is not None and sampler.work_of(found.plan) > 0.0
+    more = search(problem, found.trial, Budget(60.0))
+    assert more.stages is found.trial.stages and more.tried > found.trial.tried
+    assert len(covers) == len({id(cover) for cover in covers}) == 1
 
 
 @pytest.mark.long

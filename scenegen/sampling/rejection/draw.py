@@ -41,9 +41,14 @@ def affordable(problem: Problem, count: int) -> int:
     return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes), within(problem, PIECE)))
 
 
-def chunks(problem: Problem, count: int) -> list[int]:
+def chunk_size(problem: Problem) -> int:
+    """How many candidates are drawn and scored at a time."""
     live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
-    size = max(64, min(CHUNK, live, within(problem, PART)))
+    return max(64, min(CHUNK, live, within(problem, PART)))
+
+
+def chunks(count: int, size: int) -> list[int]:
+    """`count` candidates in chunks of a size."""
     whole, rest = divmod(count, size)
     return [size] * whole + ([rest] if rest else [])
 
@@ -60,9 +65,9 @@ def explore(
     """Hits of each cell, (C,), in a few chunks of candidates, how many there were, and the cover's stages, if they were
     given or worth making; with `cell`, as soon as that one is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
-    tried = 0
+    tried, size = 0, chunk_size(problem)
     for chunk in range(most):
-        for count in chunks(problem, affordable(problem, 2048 if cell is not None and not chunk else CHUNK)):
+        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else CHUNK), size):
             if stages is None and tried:
                 stages = make_stages(problem, cover)
             each, calls = per_scene(problem.core.nodes)
@@ -161,7 +166,6 @@ def make_stages(problem: Problem, cover: Cover) -> Stages:
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
     """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0]))
-    count = chunks(problem, CHUNK)[0]
-    rows, phi, usable = candidates(problem, cover, count, rng)
+    rows, phi, usable = candidates(problem, cover, chunk_size(problem), rng)
     out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
     return rows[:, out], phi[:, out]

@@ -26,13 +26,13 @@ from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
 from scenegen.sampling.rejection.covers import own_covers
 from scenegen.sampling.rejection.draw import (
-    CHUNK,
     PIECE,
     PILOT,
     Array,
     Bool,
     Index,
     affordable,
+    chunk_size,
     chunks,
     draw_kept,
     explore,
@@ -45,6 +45,9 @@ from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
 
+LARGER = 4  # times a full piece: the largest of a request of many pieces, of which each brings little
+MANY, FULL = 32, 1 << 21  # pieces that it then has, at least, and numbers that each brings, at most
+EACH = 512  # candidates of each part of a cover that are not few
 SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
@@ -122,9 +125,10 @@ class Rejection(Plan):
         phi: list[Array] = []
         found: list[Index] = []
         hits = np.zeros(len(self.sources))
-        room = np.empty((len(self.problem.lowest), CHUNK))  # the same memory for all chunks: fresh pages cost time
+        size = chunk_size(self.problem)
+        room = np.empty((len(self.problem.lowest), size))  # the same memory for all chunks: fresh pages cost time
         for which, source in enumerate(self.sources):
-            for count in chunks(self.problem, source.candidates):
+            for count in chunks(source.candidates, size):
                 kept, values, cells = draw_kept(
                     self.problem, source.cover, count, rng, room, self.stop.check, source.stages
                 )
@@ -257,7 +261,7 @@ def work_of(plan: Rejection) -> float:
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
     _, calls = per_scene(plan.problem.core.nodes)
-    return plan.expected * (stages.work + calls / chunks(plan.problem, CHUNK)[0])
+    return plan.expected * (stages.work + calls / chunk_size(plan.problem))
 
 
 def _alone(
@@ -267,7 +271,7 @@ def _alone(
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
-    source = _source(problem, trial.cover, everywhere, _size(problem, need), need, trial.stages)
+    source = _source(problem, trial.cover, everywhere, _size(problem, need, len(trial.cover.parts)), need, trial.stages)
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
@@ -295,7 +299,8 @@ def _balance(
     rate = trial.hits / trial.tried
     share = SPARE * problem.request.n / (len(common) + sum(len(one.cells) for one in own))
     need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / one.rate for one in own)]
-    size = _size(problem, sum(need))
+    covers = [trial.cover] * bool(common) + [one.cover for one in own]
+    size = _size(problem, sum(need), sum(len(cover.parts) for cover in covers))
     parts = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
@@ -317,12 +322,18 @@ def _source(
     return Source(cover, cells, candidates, stages)
 
 
-def _size(problem: Problem, need: float) -> int:
-    """Candidates of a piece: all that are needed if they are few, else a power of two up to a full piece."""
+def _size(problem: Problem, need: float, parts: int) -> int:
+    """Candidates of a piece, from covers of so many parts: all that are needed if they are few, else a power of two up
+    to a full piece; more if there are many pieces, of which each brings few scenes or takes few from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
     least = affordable(problem, SMALLEST)
     most = min(problem.piece_size, within(problem, PIECE))
-    return int(min(max(least, 1 << min(bits, 62)), max(most, least)))
+    size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
+    kept, numbers = SPARE * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)
+    largest = min(LARGER * problem.piece_size, within(problem, PIECE), need / MANY, FULL / (kept * numbers))
+    while 2 * size <= largest and (kept < 1.0 / LARGER or size < EACH * parts):
+        size *= 2
+    return size
 
 
 def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:

@@ -18,6 +18,7 @@ import lark
 from scenegen.resources import grammar_file
 
 TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it
+UNBOUNDED = (1 << 32) - 1  # how long a text may be that a terminal matches: from Python 3.11.7 on, Lark says 2^64
 _TIMED, _UNTIMED = "//time ", "// untimed\n"  # what marks a line that counts with time only, without time only
 _OPTIONS: dict[str, Any] = {"parser": "lalr", "maybe_placeholders": False, "keep_all_tokens": True}
 
@@ -39,6 +40,9 @@ def serialize(text: str) -> str:
 
     data, memo = build(text).memo_serialize([TerminalDef, Rule])
     data["parser"]["parser"] = _numbered(data["parser"]["parser"])
+    for entry in memo.values():
+        if "_width" in entry.get("pattern", ()):
+            entry["pattern"]["_width"] = [min(width, UNBOUNDED) for width in entry["pattern"]["_width"]]
     tables = {"fingerprint": fingerprint(text), "data": data, "memo": memo}
     return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.bounds.batches import Batches
 from scenegen.bounds.effort import Effort, bounding
 from scenegen.bounds.requirements import Ends
-from scenegen.bounds.tape import Tape
+from scenegen.bounds.tape import Contracted, Tape
 from scenegen.lang.core import Apply, Const, Coord, Junction, Node
 from scenegen.lang.fold import Algebra, fold
 from scenegen.primitives import PRIMITIVES, Interval
@@ -100,25 +100,24 @@ def contract(
 
 def contract_box(
     tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = ROUNDS
-) -> tuple[Array, Array, bool]:
-    """The intervals of all nodes, (T,) each, that contraction leaves of one box lowest..highest, (3N,), with a demand;
-    and whether it may hold a solution. Raises what `effort` raises.
+) -> Contracted:
+    """One box lowest..highest, (3N,), with a demand, contracted. Raises what `effort` raises.
 
     The check of a request, pruning, and the look at rejection without it all begin with the same box. The tape keeps
     the latest ones, and the same work is counted for one that is at hand.
     """
     key = lowest.tobytes(), highest.tobytes(), tuple(sorted(demand.items())), rounds
-    lo, hi, alive, work = tape.contracted.get(key, (None, None, False, 0.0))
-    if lo is not None and hi is not None and effort.allows(work):
-        effort.spend(work)
-        return lo.copy(), hi.copy(), alive
+    known = tape.contracted.get(key)
+    if known is not None and effort.allows(known.work):
+        effort.spend(known.work)
+        return known
     used = effort.used
-    low, high = start(tape, [demand], lowest[:, None], highest[:, None])
-    alive = bool(contract(tape.nodes, low, high, rounds, batches=tape.batches, effort=effort)[0])
-    tape.contracted[key] = low[:, 0].copy(), high[:, 0].copy(), alive, effort.used - used
+    lo, hi = start(tape, [demand], lowest[:, None], highest[:, None])
+    alive = bool(contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0])
+    made = tape.contracted[key] = Contracted(lo[:, 0], hi[:, 0], alive, effort.used - used)
     if len(tape.contracted) > KEPT:
         del tape.contracted[next(iter(tape.contracted))]
-    return low[:, 0], high[:, 0], alive
+    return made
 
 
 def forward(

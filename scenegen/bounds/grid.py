@@ -185,7 +185,7 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None =
     where = list(what.dims)
     grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
     budgets = range(budget, sys.maxsize if last is None else budget + 1)
-    # Many boxes are not worth their memory: nobody asks for more than twice.
+    # A search asks for two budgets: the boxes of the second would be kept for nothing.
     return Made(grid, effort.used - used, budgets, last if begun is None else None)
 
 

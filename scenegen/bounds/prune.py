@@ -211,8 +211,8 @@ class _Search:
         """Those that are not proved empty, and what is left of the intervals of all nodes, (T,)."""
         rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
         if len(entries) == 1:
-            lo, hi, alive = contract_box(self.tape, self.lowest, self.highest, entries[0][0], self.effort, rounds)
-            return [(entries[0], lo, hi)] if alive else []
+            box = contract_box(self.tape, self.lowest, self.highest, entries[0][0], self.effort, rounds)
+            return [(entries[0], box.lo.copy(), box.hi.copy())] if box.alive else []
         columns = (len(self.lowest), len(entries))
         boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
         low, high = start(self.tape, [demand for demand, _ in entries], *boxes)

@@ -56,8 +56,15 @@ class Form:
         return Form(self.constant * factor, tuple((node, value * factor) for node, value in self.terms))
 
 
-Contracted = tuple[Array, Array, bool, float]
-"""Intervals of all nodes, (T,), whether there may be a solution in them, and the work of finding that."""
+@dataclass(frozen=True, slots=True)
+class Contracted:
+    """The intervals lo, hi of all nodes, (T,) each, that contraction leaves of one box; whether it may hold a solution;
+    and the work of finding that. Others may have it, too: copy what you change."""
+
+    lo: Array
+    hi: Array
+    alive: bool
+    work: float
 
 
 @dataclass(frozen=True, slots=True)

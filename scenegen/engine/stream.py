@@ -177,7 +177,7 @@ def stream_scenes(
             pieces = draw_pieces(drawing, itertools.count(first), workers, reserve)
             return ending.enter_context(closing(pieces))
 
-        results = None if resume else drawn(0)
+        results = None if resume else drawn(0)  # a run that is resumed does not know yet where it goes on
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)

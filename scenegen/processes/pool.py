@@ -110,7 +110,7 @@ def _once(
     with Pool(job, workers, reserve=reserve, underway=underway) as pool:
         pool.start(pieces)
         yield cast(T, None)
-        yield from pool.map(pieces)
+        yield from pool.results()
 
 
 class Pool(Generic[Item, T]):
@@ -142,7 +142,6 @@ class Pool(Generic[Item, T]):
         self._workers: list[Process] = []
         self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # Message or _Done
         self._stillborn = 0  # workers that died before they were ready
-        self._begun: Iterable[Item] | None = None  # the items of a `map` that has not begun yet
         self._begin(())
         for item, one in self._underway.items():
             one.beside.then(functools.partial(self._inbox.put, _Done(item)))
@@ -162,10 +161,9 @@ class Pool(Generic[Item, T]):
             self._reserve.bring_back(self._workers.pop())
 
     def start(self, items: Iterable[Item]) -> None:
-        """What `map` does with these items at first, some time before it: as many processes as they need get the job,
-        and an item each. Raises ScenegenError if none can start."""
+        """The first half of `map`: as many processes as these items need get the job, and an item each. Raises
+        ScenegenError if none can start."""
         self._begin(items)
-        self._begun = items
         wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
         if self._underway:  # these processes come when they are done
             wanted = max(1, wanted - len(self._underway))
@@ -176,11 +174,13 @@ class Pool(Generic[Item, T]):
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
+        self.start(items)
+        yield from self.results()
+
+    def results(self) -> Generator[T, None, None]:
+        """The second half of `map`, after `start`."""
         over = False
         try:
-            if self._begun is not items:
-                self.start(items)
-            self._begun = None
             while True:
                 self._give_orders()
                 while self._yielded in self._results:

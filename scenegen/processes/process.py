@@ -89,29 +89,32 @@ class Process:
         self.ready = False  # it has a job
         self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
         self.brief = 0  # how many of the last ones, in a row, took little time
-        self.errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
         self._inbox: queue.SimpleQueue[Message] | None = None
         self._lock, self._gone = threading.Lock(), False
         self._writes = threading.Lock()
         self._loaded = loaded
-        try:
-            self.process = subprocess.Popen(
-                command("scenegen.processes.worker", load),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self.errors,
-                bufsize=0,
-                env=environment(),
-            )
-        except OSError as error:
-            self.errors.close()
-            raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=error.strerror)) from error
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.input, self.output = self.process.stdin, self.process.stdout
+        with contextlib.ExitStack() as undo:
+            try:
+                self.errors: IO[bytes] = undo.enter_context(tempfile.TemporaryFile())
+                self.process = subprocess.Popen(
+                    command("scenegen.processes.worker", load),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=self.errors,
+                    bufsize=0,
+                    env=environment(),
+                )
+                undo.callback(self.process.kill)
+                assert self.process.stdin is not None and self.process.stdout is not None
+                self.input, self.output = self.process.stdin, self.process.stdout
+                self._threads = [threading.Thread(target=self._converse, daemon=True)]
+                self._threads[0].start()
+            except (OSError, RuntimeError) as error:  # no more files, processes or threads
+                reason = getattr(error, "strerror", None) or str(error)
+                raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=reason)) from error
+            undo.pop_all()  # what stays open is closed in `end`
         with contextlib.suppress(OSError):
             self.input.write(search_path())
-        self._threads = [threading.Thread(target=self._converse, daemon=True)]
-        self._threads[0].start()
 
     def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message], order: tuple[int, Any] | None = None) -> None:
         """A pickled job, whose messages go to `inbox`, READY first; and its first order, if it is known. There may have

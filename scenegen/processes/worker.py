@@ -42,8 +42,8 @@ class GivenUp(BaseException):
 
 
 def main() -> None:
-    """Process orders until standard input ends; then the process ends at once. An order of turn READY is a job: it
-    takes the place of the last one. GIVE_UP ends the work on an order, which has then failed."""
+    """Say LOADED, then process orders until standard input ends; then the process ends at once. An order of turn READY
+    is a job: it takes the place of the last one. GIVE_UP ends the work on an order, which has then failed."""
     seldom_search()
     working = False
 

@@ -263,7 +263,7 @@ def _alive(
     Boxes whose scenes have probability 0, as `improbable` finds with `thin`, do not count."""
     count = low.shape[1]
     if len(wanted) == count == 1 and not thin:
-        return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds)[2]])
+        return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
     lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)))
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)

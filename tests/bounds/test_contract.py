@@ -234,15 +234,13 @@ def test_a_box_is_contracted_once(monkeypatch):
     monkeypatch.setattr(contraction, "contract", lambda *args, **more: calls.append(1) or contract(*args, **more))
     demand = push_down(spec.core, {spec.core.labels["task"]: (0.05, 0.1)})
     first, again, less = Effort(), Effort(), Effort()
-    lo, hi, alive = contract_box(tape, lowest, highest, demand, first)
-    low, high = lo.copy(), hi.copy()
-    lo += 1.0  # what is given away is not what is kept
-    hi -= 1.0
-    found = contract_box(tape, lowest, highest, demand, again)
-    assert (found[0] == low).all() and (found[1] == high).all() and found[2] and alive
-    assert first.used == again.used > 0.0 and len(calls) == 1
-    columns = start(tape, [demand], lowest[:, None], highest[:, None])
-    assert contract(tape.nodes, *columns).all() and (columns[0][:, 0] == low).all() and (columns[1][:, 0] == high).all()
+    box = contract_box(tape, lowest, highest, demand, first)
+    assert contract_box(tape, lowest, highest, demand, again) is box and box.alive
+    assert first.used == again.used == box.work > 0.0 and len(calls) == 1
+    lo, hi = start(tape, [demand], lowest[:, None], highest[:, None])
+    assert contract(tape.nodes, lo, hi).all() and (lo[:, 0] == box.lo).all() and (hi[:, 0] == box.hi).all()
+    part = prune(spec.core, lowest, highest, {spec.core.labels["task"]: (0.05, 0.1)}, tape=tape).parts[0]
+    assert not np.shares_memory(part.lo, box.lo) and not np.shares_memory(part.hi, box.hi)
     with pytest.raises(TooMuchError):
         contract_box(tape, lowest, highest, demand, Effort(most=first.used - 1.0))
     for number, box in enumerate((spec.box(), (lowest, 0.5 * (lowest + highest)), (lowest, highest - 0.1))):

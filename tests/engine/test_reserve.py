@@ -1,5 +1,6 @@
 """Processes that are started ahead and kept: for one job after another, and never for two at a time."""
 
+import errno
 import itertools
 import os
 import pickle
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from scenegen.engine.budget import start_processes
+from scenegen.errors import ScenegenError
 from scenegen.processes.beside import Beside
 from scenegen.processes.pool import Pool, Underway, run_pieces
 from scenegen.processes.process import Process
@@ -77,6 +79,30 @@ def test_some_start_when_the_first_has_loaded():
         assert one == first != other
         reserve.fill()
         assert idle(reserve) == [one, other]
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(errno.EMFILE, "too many open files"), RuntimeError("can't start new thread")]
+)
+def test_one_that_cannot_start_takes_no_other_with_it(error, monkeypatch):
+    """The thread of the first process starts the second one."""
+    asked = []
+    module = "tempfile.TemporaryFile" if isinstance(error, OSError) else "subprocess.Popen"
+
+    def fails(*args, **more):
+        asked.append(1)
+        raise error
+
+    with Reserve(1, ("numpy",), later=1) as reserve:
+        mine = idle(reserve)
+        monkeypatch.setattr(f"scenegen.processes.process.{module}", fails)
+        deadline = time.monotonic() + 60.0
+        while not asked and time.monotonic() < deadline:
+            time.sleep(0.01)
+        with pytest.raises(ScenegenError, match=r"too many open files|can't start new thread"):
+            Process("a worker process")
+        with Beside(who, 7, reserve) as beside:
+            assert beside.result() == (7, *mine)
 
 
 class Fake:

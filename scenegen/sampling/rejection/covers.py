@@ -17,6 +17,7 @@ from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.problem import PLAN, Budget, Problem
 from scenegen.sampling.rejection.draw import CHUNK, explore
+from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import effort_of, make_cover
 
 SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
@@ -26,12 +27,14 @@ WORTH = 2.5e7  # work of each process, about, at which it saves more time than i
 @dataclass(frozen=True, slots=True)
 class Own:
     """A cell's cover: `hits` of the cell among `tried` candidates, and the `work` of it all, see `Effort`. Without
-    parts, the cell is proved empty. None: it took more work than was allowed."""
+    parts, the cell is proved empty. None: it took more work than was allowed. `stages` are the cover's, if they were
+    made."""
 
     cover: Cover | None
     hits: int
     tried: int
     work: float
+    stages: Stages | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +53,10 @@ class _Covering:
             if not cover.parts:
                 return Own(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-            hits, tried, _ = explore(problem, cover, SEARCH, rng, effort, cell)
+            hits, tried, stages = explore(problem, cover, SEARCH, rng, effort, cell)
         except TooMuchError:
             return Own(None, 0, 0, effort.used)
-        return Own(cover, int(hits[cell]), tried, effort.used)
+        return Own(cover, int(hits[cell]), tried, effort.used, stages)
 
 
 def _enough(problem: Problem) -> tuple[float, float | None]:

@@ -45,9 +45,9 @@ from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
 
-LARGER = 4  # times a full piece: the largest of a request of many pieces, of which each brings little
-MANY, FULL = 32, 1 << 21  # pieces that it then has, at least, and numbers that each brings, at most
-EACH = 512  # candidates of each part of a cover that are not few
+LARGER = 4  # times the usual size of a piece, at most, where each brings little
+PIECES, NUMBERS = 32, 1 << 21  # that a request of such pieces has at least, and that each brings at most
+EACH = 512  # candidates of each part of a cover, from which on larger pieces are no faster
 SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
 OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
 SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
@@ -213,7 +213,7 @@ def make_plan(
             if not mine.cover.parts:
                 ruled_out.add(cell)
             elif mine.hits:
-                own.append(Served((cell,), mine.cover, mine.hits / mine.tried))
+                own.append(Served((cell,), mine.cover, mine.hits / mine.tried, mine.stages))
     found = common.union(*(one.cells for one in own))
     if not found:
         if len(ruled_out) == len(possible):
@@ -308,13 +308,11 @@ def _balance(
     for one, candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
         only[list(one.cells)] = True
-        sources.append(_source(problem, one.cover, only, candidates, all_))
+        sources.append(_source(problem, one.cover, only, candidates, all_, one.stages))
     return tuple(sources), float(sum(need))
 
 
-def _source(
-    problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None = None
-) -> Source:
+def _source(problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None) -> Source:
     """`stages` are the cover's, where they have been made. `need` is how many candidates the request takes in all: for
     a few, to make stages costs more than they save."""
     if stages is None and need >= STAGED * PILOT:
@@ -330,7 +328,7 @@ def _size(problem: Problem, need: float, parts: int) -> int:
     most = min(problem.piece_size, within(problem, PIECE))
     size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
     kept, numbers = SPARE * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)
-    largest = min(LARGER * problem.piece_size, within(problem, PIECE), need / MANY, FULL / (kept * numbers))
+    largest = min(LARGER * problem.piece_size, within(problem, PIECE), need / PIECES, NUMBERS / (kept * numbers))
     while 2 * size <= largest and (kept < 1.0 / LARGER or size < EACH * parts):
         size *= 2
     return size

@@ -18,6 +18,7 @@ from scenegen.bounds.requirements import Ends
 from scenegen.bounds.worlds import chooses
 from scenegen.sampling.problem import PLAN, Budget, Problem
 from scenegen.sampling.rejection.draw import explore
+from scenegen.sampling.rejection.stages import Stages
 from scenegen.sampling.rejection.trial import Trial, effort_of, make_cover
 
 WORTH = 3e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
@@ -28,11 +29,13 @@ ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Served:
-    """Cells that are taken from one cover; a candidate hits the rarest of them with the probability `rate`."""
+    """Cells that are taken from one cover; a candidate hits the rarest of them with the probability `rate`. `stages`
+    are the cover's, if they were made."""
 
     cells: tuple[int, ...]
     cover: Cover
     rate: float
+    stages: Stages | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,14 +80,14 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
             empty.update(run)
             continue
         rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-        hits, count, _ = explore(problem, cover, CHUNKS, rng, effort)
+        hits, count, stages = explore(problem, cover, CHUNKS, rng, effort)
         tried += count
         if not hits[run].any():
             barren.update(run)
             continue
         common = [cell for cell in run if hits[cell] * worth >= count]
         if common:
-            served.append(Served(tuple(common), cover, float(hits[common].min()) / count))
+            served.append(Served(tuple(common), cover, float(hits[common].min()) / count, stages))
             waiting += _runs([cell for cell in run if cell not in common], possible)
     return Sieve(tuple(served), frozenset(empty), frozenset(barren), tried, effort.used)
 

@@ -46,6 +46,15 @@ def as_point(name: str, value: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
+def as_list(value: object) -> object:
+    """A tuple, a list, an array or a tensor as a list, numbers as Python has them; anything else as it is."""
+    tolist = getattr(value, "tolist", None)
+    value = tolist() if callable(tolist) else value
+    if not isinstance(value, tuple | list):
+        return value
+    return [one.item() if getattr(one, "shape", None) == () else one for one in value]  # a number of numpy or torch
+
+
 def as_words(name: str, value: object, example: str) -> tuple[str, ...]:
     """A list of words, not one by itself, whose letters would be taken for words. Raises RequestError."""
     if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from scenegen.api.model import Model, read_model
 from scenegen.api.spec import Spec, check_spec, load
@@ -18,10 +17,8 @@ from scenegen.errors import DataError
 from scenegen.errors.models import MODEL_FOLDER, NO_MODEL_OF_NUMBER
 from scenegen.formats.files import ensure_folder, write_whole
 from scenegen.lang.counts import file_stem, written
+from scenegen.lang.spec import CheckedSpec
 from scenegen.validation import as_path
-
-if TYPE_CHECKING:
-    from scenegen.lang.spec import CheckedSpec
 
 SPEC = "numbers.spec"  # the spec that draws numbers, in a folder of models
 

@@ -12,11 +12,11 @@ from scenegen.api.spec import Spec
 from scenegen.errors import DataError
 from scenegen.errors.models import MODEL_CONTRADICTS_ITSELF
 from scenegen.lang.check import check_text
+from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
 
 if TYPE_CHECKING:
-    from scenegen.lang.spec import CheckedSpec
     from scenegen.models.proposer import ModelProposer
     from scenegen.models.trained import TrainedModel
 

@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import RequestError
+from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.requests import UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.errors.temporal import MOTION_HAS_ENDED, NOT_OVER_TIME
 from scenegen.motions.monitor import HIGH, LOW, Watch
-from scenegen.pose import SIZE
+from scenegen.pose import SIZE, as_rows
+from scenegen.training.datasets.arrange import held, held_elsewhere
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +69,8 @@ class Monitor:
 
     def add(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Outlook:
         """The next moment: poses by name (objects that the spec holds can be left out), or an array (N, 3) or
-        (B, N, 3), metres and radians. Raises RequestError for poses of another form, and beyond the last moment."""
+        (B, N, 3), metres and radians. Raises RequestError for poses of another form, for an object that the spec holds
+        elsewhere, and beyond the last moment."""
         horizon = self._timed.horizon
         if self._watch is not None and self._watch.seen >= horizon.moments:
             raise RequestError(MOTION_HAS_ENDED(moments=horizon.moments, end=horizon.seconds))
@@ -120,6 +123,11 @@ class Monitor:
             raise RequestError(WRONG_VALUE(argument="poses", value=f"of shape {array.shape}", wanted=wanted))
         if not np.isfinite(array).all():
             raise RequestError(WRONG_VALUE(argument="poses", value="not finite everywhere", wanted="finite numbers"))
+        found = held_elsewhere(self._spec.declared, as_rows(array.reshape(-1, count, SIZE)))
+        if found is not None:
+            moment = 0 if self._watch is None else self._watch.seen
+            place = f"at moment {moment}" + (f" of motion {found[1]}" if batch else "")
+            raise RequestError(HELD_ELSEWHERE(**held(self._spec.declared, found[0]), place=place))
 
 
 def _numbers(poses: object) -> Array:

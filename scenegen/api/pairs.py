@@ -65,7 +65,7 @@ def pairs(
     if workers is not None:
         check_workers(workers)
     ends = {name: Range(0.0) for name in spec.labels} if goal is None else read_phi(spec, goal)
-    wanted = check_request(spec, SampleRequest(ends, n, seed=seed, workers=workers, timeout=timeout))
+    wanted = check_request(spec, SampleRequest(ends, n, seed=seed, workers=workers, timeout=timeout, strict=True))
     budget = Budget(wanted.timeout)
     begins = {} if start is None else read_phi(spec, start)
 

@@ -25,7 +25,7 @@ from scenegen.needs import need
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import Range, SampleRequest, Spread
 from scenegen.scene.data import RequestData
-from scenegen.validation import as_int
+from scenegen.validation import as_int, as_list
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Budget
 
 Ends = tuple[float | None, float | None]
-Phi: TypeAlias = "Mapping[str, Ends | Range] | Ends | Range"
+Phi: TypeAlias = Mapping[str, Ends | Range] | Ends | Range
 """Ranges of phi by label, or of the one label of a spec that has no other."""
 
 Note = Callable[[str], None]
@@ -57,13 +57,10 @@ def read_phi(source: Spec | Model, phi: Phi | None) -> dict[str, Range]:
 def _range(label: str, ends: object) -> Range:
     if isinstance(ends, Range):
         return ends
-    if (
-        not isinstance(ends, tuple | list)
-        or len(ends) != 2
-        or not all(end is None or isinstance(end, Real) for end in ends)
-    ):
+    pair = as_list(ends)
+    if not isinstance(pair, list) or len(pair) != 2 or not all(end is None or isinstance(end, Real) for end in pair):
         raise RequestError(RANGE_NOT_A_PAIR(label=label, value=repr(ends)))
-    low, high = ends
+    low, high = pair
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 

@@ -14,10 +14,9 @@ from scenegen.api.spec import Spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
 from scenegen.pose import as_poses, row_count
-from scenegen.sampling.request import MAX_SCENES, FixedPose, SampleRequest
+from scenegen.sampling.request import MAX_SCENES, FixedPose, Progress, SampleRequest
 
 if TYPE_CHECKING:
-    from scenegen.engine.stream import Progress
     from scenegen.processes.reserve import Reserve
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB

@@ -212,8 +212,9 @@ def _picked(index: object, count: int) -> Picked:
         if isinstance(index, slice):
             range(count)[index]
             return index
-        if isinstance(index, list | np.ndarray):
-            chosen = np.asarray(index) if len(index) else np.empty(0, dtype=np.intp)  # [] would be one of floats
+        if isinstance(index, list) or hasattr(index, "__array__"):  # of numpy, torch and pandas
+            chosen = np.asarray(index)
+            chosen = chosen if chosen.size else np.empty(0, dtype=np.intp)  # [] would be one of floats
             mask = chosen.dtype == np.bool_ and len(chosen) == count
             if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
                 return chosen

@@ -15,11 +15,10 @@ from scenegen.api.spec import Spec
 from scenegen.api.written import Met, Written
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.formats.opening import open_store
-from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.request import Progress, SampleRequest
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
-    from scenegen.engine.stream import Progress
     from scenegen.formats.sets import Manifest
     from scenegen.formats.stores import Store
     from scenegen.processes.reserve import Reserve

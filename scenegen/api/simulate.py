@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from scenegen.api.scene import Scene
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE
 from scenegen.export.setting import NOTHING, world_of
@@ -12,9 +13,6 @@ from scenegen.formats.lines import block_of
 from scenegen.needs import need
 from scenegen.scene.numbers import member_of
 from scenegen.validation import as_path
-
-if TYPE_CHECKING:
-    from scenegen.api.scene import Scene
 
 
 def load_pybullet(

@@ -17,14 +17,14 @@ from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
 from scenegen.formats.files import read_bytes
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.counts import combinations
+from scenegen.lang.horizon import Horizon, Movers
 from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.timed import Timed
 from scenegen.needs import need
 from scenegen.scene.workspace import Workspace
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.lang.horizon import Horizon, Movers
-    from scenegen.lang.timed import Timed
     from scenegen.robustness import Robustness
     from scenegen.robustness.traces import TraceRobustness
 
@@ -174,7 +174,8 @@ class Spec:
         return self._checked.source
 
     def robustness(self, *, compiled: bool = False) -> Robustness:
-        """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity.
+        """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity,
+        and where an object that the spec holds stands elsewhere: phi takes its place for granted.
 
         `compiled` makes machine code of it by the machine's C compiler (tenths of a second, at the first call in each
         dtype): worth it for millions of scenes stored as (3N, B). See Robustness. Raises RequestError where torch is
@@ -184,7 +185,7 @@ class Spec:
         need("torch", "for `robustness()`")
         from scenegen.robustness import Robustness
 
-        return Robustness(self.checked.core, compiled=compiled)
+        return Robustness(self.checked.core, compiled=compiled, held=self.checked.fixed)
 
     def trace_robustness(self, *, compiled: bool = False) -> TraceRobustness:
         """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
@@ -196,7 +197,7 @@ class Spec:
         need("torch", "for `trace_robustness()`")
         from scenegen.robustness.traces import TraceRobustness
 
-        return TraceRobustness(self._checked.timed, compiled=compiled)
+        return TraceRobustness(self._checked.timed, compiled=compiled, held=self._checked.fixed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too

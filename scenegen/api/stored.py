@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +16,13 @@ from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.formats.blocks import BLOCK, Block, joined
 from scenegen.formats.locations import as_location, inside
 from scenegen.formats.opening import open_store
+from scenegen.formats.sets import Manifest, Shard
+from scenegen.formats.stores import Store
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
 from scenegen.scene.data import SceneFile
 from scenegen.scene.workspace import turned
 from scenegen.validation import as_int
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from scenegen.formats.sets import Manifest, Shard
-    from scenegen.formats.stores import Store
 
 Array = npt.NDArray[np.float64]
 

@@ -22,12 +22,11 @@ from scenegen.formats.locations import as_location, names_set
 from scenegen.formats.registry import format_of, read_scenes
 from scenegen.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.pose import row_count
-from scenegen.sampling.request import FixedPose, SampleRequest
+from scenegen.sampling.request import FixedPose, Progress, SampleRequest
 from scenegen.scene.data import SceneFile
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.engine.stream import Progress
     from scenegen.processes.reserve import Reserve
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each

@@ -8,11 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import Spec, check_spec
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_UNUSED
 from scenegen.formats.trajectories import motion, read_tables
 from scenegen.lang.moments import Scored, score
 from scenegen.lang.timed import Timed
+from scenegen.pose import as_rows
+from scenegen.training.datasets.arrange import held, held_elsewhere
 from scenegen.validation import as_path
 
 
@@ -25,7 +28,7 @@ def read_trajectories(
     CSV, JSON Lines or Parquet: `t` in seconds, `mug.x`, `mug.y`, `mug.theta`, ... in metres and radians, one row a
     moment; `motion` numbers several motions of a file. Or a file of motions that scenegen wrote. With `resample`, rows
     at other times are interpolated. Raises RequestError for a spec without `time`, and DataError for what is no such
-    file.
+    file, and where an object that the spec holds stands elsewhere.
     """
     check_spec(spec)
     path = as_path("path", path)
@@ -36,6 +39,10 @@ def read_trajectories(
     left_out: list[str] = []
     for table in read_tables(path):
         found[table.number], left_out = motion(table, timed.objects, spec.declared.fixed, times, resample)
+        moved = held_elsewhere(spec.declared, as_rows(found[table.number]))
+        if moved is not None:
+            place = f"at moment {moved[1]}" + (f" of motion {table.number}" if table.number is not None else "")
+            raise DataError(HELD_ELSEWHERE(**held(spec.declared, moved[0]), place=f"{place} in {path}"))
     return found, [TRAJECTORY_UNUSED(file=path, columns=left_out)] if left_out else []
 
 

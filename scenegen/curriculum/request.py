@@ -38,6 +38,7 @@ from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_o
 from scenegen.sampling.request import BAND, Range
 from scenegen.scene.data import Pose, RestingPose, SceneData
 from scenegen.training.datasets.arrange import check_scenes
+from scenegen.validation import as_list
 
 Array = npt.NDArray[np.float64]
 
@@ -119,8 +120,12 @@ def _label(names: Sequence[str], known: Sequence[str], name: object) -> int:
 
 
 def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
-    pair = list(ends) if isinstance(ends, tuple | list | np.ndarray) else []
-    if len(pair) != 2 or not all(type(end) is float or end is None or _is_number(end) for end in pair):
+    pair = as_list(ends)
+    if (
+        not isinstance(pair, list)
+        or len(pair) != 2
+        or not all(type(end) is float or end is None or _is_number(end) for end in pair)
+    ):
         raise refused(RANGE_NOT_A_PAIR(label=name, value=repr(ends)), error.InvalidBound)
     try:
         low = -math.inf if pair[0] is None else float(pair[0])

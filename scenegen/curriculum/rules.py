@@ -17,15 +17,19 @@ from scenegen.curriculum.goal import Goal, Scorer, make_goal
 from scenegen.curriculum.moves import Moves, make_moves
 from scenegen.curriculum.register import MOTION_ID
 from scenegen.curriculum.rewards import Reward
+from scenegen.curriculum.sources import Sampler
 from scenegen.curriculum.views import Views, make_views
-from scenegen.errors import ScenegenError
-from scenegen.errors.requests import MISSING_ARGUMENT, WRONG_VALUE
+from scenegen.errors import RequestError, ScenegenError, quoted
+from scenegen.errors.requests import CHOICES_NOT_HERE, MISSING_ARGUMENT, WRONG_VALUE
 from scenegen.errors.temporal import TIME_NOT_HERE
+from scenegen.lang.levels import chosen
 from scenegen.pose import TWO_PI, is_angle
+from scenegen.sampling.request import Range
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+LOOK = 512  # scenes that satisfy a goal, and starts, of which surfaces are compared
 EDGE = 1e-9  # metres by which a centre may be over the edge, because twenty steps of 5 cm are not exactly a metre
 
 
@@ -112,6 +116,24 @@ def load_spec(spec: Spec | str | Path | None) -> Spec:
     raise refused(WRONG_VALUE(argument="spec", value=f"of type {type(spec).__name__}", wanted=wanted))
 
 
+def _refuse_surfaces(target: Goal) -> None:
+    """Raises gymnasium.error.Error where the goal is met only with an object on other surfaces than starts have it on:
+    moves go along x and y and never from one surface to another, so no episode from there could succeed."""
+    label, source = target.names[target.goal], Sampler(target)
+    try:
+        met, starts = (source.draw({label: ends}, LOOK, 0, "base").poses for ends in (Range(0.0), Range(None, 0.0)))
+    except RequestError:
+        return  # there is no goal, or no start: the first reset says why
+    spec = target.spec.drawn
+    for which, choice in spec.choices.items():
+        good, begun = (set(chosen(choice, scenes.T).tolist()) for scenes in (met, starts))
+        if begun - good and len(met) == LOOK:
+            surfaces = [choice.options[number].name for number in sorted(good)]
+            found = f"in {LOOK} scenes that satisfy `{label}` it is always on {quoted(surfaces)}"
+            why = f"no move takes `{spec.objects[which]}` to another surface, and {found}"
+            raise refused(CHOICES_NOT_HERE(what="an environment", name=spec.objects[which], why=why))
+
+
 def make_rules(
     spec: Spec,
     *,
@@ -126,6 +148,8 @@ def make_rules(
     if spec.over_time is not None:
         raise refused(TIME_NOT_HERE(file=spec.declared.name), more=f"to learn motions make {MOTION_ID}")
     target = make_goal(spec, goal)
+    if spec.drawn.choices:
+        _refuse_surfaces(target)
     made, length = make_moves(spec.drawn, moves, move, step, turn)
     changed = np.unique(made.rows)
     angles = np.array([is_angle(row) for row in changed], dtype=bool)

@@ -63,7 +63,9 @@ class Sampler:
     ) -> Scenes:
         """Up to n scenes with phi in the ranges, at least one: as many as are found in `patience` seconds. Raises
         RequestError."""
-        request = SampleRequest(phi, n, seed=seed, spread=spread, timeout=patience, keep_partial=True, workers=1)
+        request = SampleRequest(
+            phi, n, seed=seed, spread=spread, timeout=patience, keep_partial=True, workers=1, strict=True
+        )
         try:
             found = draw_scenes(self._from, request)
         except RequestError as problem:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.engine.stream import Progress, run_blocks, stream_scenes
+from scenegen.engine.stream import run_blocks, stream_scenes
 from scenegen.errors import Diagnostic
 from scenegen.formats.blocks import Block
 from scenegen.processes.pool import check_workers
@@ -24,6 +24,7 @@ from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import fell_short, summed_up
+from scenegen.sampling.request import Progress
 from scenegen.scene.data import SceneFile
 
 Array = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ from scenegen.bounds.effort import StoppedError
 from scenegen.engine.blocks import BlockAssembler
 from scenegen.engine.drawing import Drawing
 from scenegen.engine.engines import Drawn, Engine, Held, Writing
-from scenegen.engine.stream import Progress, Standing
+from scenegen.engine.stream import Standing
 from scenegen.errors import OutputError, ScenegenError
 from scenegen.errors.program import INTERRUPTED
 from scenegen.formats.blocks import BLOCK, Array, Block
@@ -39,6 +39,7 @@ from scenegen.formats.sets import (
 from scenegen.formats.stores import Store
 from scenegen.processes.interrupt import stop_signals
 from scenegen.sampling.plan import Plan, Tally
+from scenegen.sampling.request import Progress
 
 SPARE = 4  # blocks of candidates that are held though none of them waits any more
 

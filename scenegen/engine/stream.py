@@ -27,10 +27,8 @@ from scenegen.formats.shards import Shards, folder_of, open_shards
 from scenegen.processes.interrupt import stop_signals
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Array, Plan, Tally
+from scenegen.sampling.request import Progress
 from scenegen.scene.data import SceneFile
-
-Progress = Callable[[int, int, int], None]
-"""Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
 
 CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; the times of checkpoints do not change the file
 

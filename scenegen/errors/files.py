@@ -188,8 +188,14 @@ OTHER_SPEC = Kind(
 )
 HELD_ELSEWHERE = Kind(
     "held-elsewhere",
-    "`{name}` is held at ({pose}) by the spec, but stands elsewhere in scene {scene}",
-    help="use scenes that were sampled from this spec",
+    (
+        "`{name}` is held at ({pose}) by the spec, but stands elsewhere in scene {scene}",
+        "`{name}` is held at ({pose}) by the spec, but stands elsewhere {place}",
+    ),
+    help=(
+        "{scene:?}use scenes that were sampled from this spec",
+        "take the `at` of `{name}` out of the spec to score it where it is",
+    ),
 )
 SCENE_OUTSIDE = Kind(
     "scene-outside",

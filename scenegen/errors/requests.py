@@ -154,8 +154,11 @@ BEYOND_BOUNDS = Kind(
 )
 ONLY_AT_BOUND = Kind(
     "only-at-bound",
-    "phi of `{label}` reaches {bound:g} with probability 0[[ with {counted}]]; sampling {band} instead",
-    help="phi of `{label}` lies between {lowest:.4g} and {highest:.4g} in this workspace",
+    "phi of `{label}` reaches {bound:g} with probability 0[[ with {counted}]][[; sampling {band} instead]]",
+    help=(
+        "ask for a band beside it, {ask}; phi of `{label}` lies between {lowest:.4g} and {highest:.4g}",
+        "phi of `{label}` lies between {lowest:.4g} and {highest:.4g} in this workspace",
+    ),
     severity="warning",
 )
 SINGLE_VALUE = Kind(
@@ -326,7 +329,7 @@ UNSETTLED = Kind(
 )
 CHOICES_NOT_HERE = Kind(
     "choices-not-here",
-    "{what} cannot do with specs in which an object stands on one of several surfaces",
+    "{what} cannot take specs in which an object stands on one of several surfaces[[: {why}]]",
     "`{name}` is declared with `on any of`, and poses alone do not say on what it stands",
     "let `{name}` stand on one surface",
 )

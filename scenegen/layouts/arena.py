@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from scenegen.api.scene_arrays import SceneArrays
 from scenegen.errors import RequestError
 from scenegen.errors.placing import NAME_TWICE, TOO_FEW_LAYOUTS
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import ONLY_AT_BOUND, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.formats.files import write_whole
 from scenegen.layouts.placing import Origins, placed
 from scenegen.training.datasets.arrange import refuse_numbers
@@ -39,13 +40,19 @@ def write_arena_pool(
     `names` maps objects to names in Arena. `anchors` are the objects that Arena has and the spec does not, such as the
     table: (x, y, z) or (x, y, z, yaw) by name; the reader wants all objects. Places are in the frame of an
     environment, with `origin`, `turn` and `origins` as `Layouts` has them; the yaw is in radians. `seed` is that of
-    Arena's own choices. Raises RequestError, also where there are fewer scenes than environments, DataError for
+    Arena's own choices. Raises RequestError, also where there are fewer scenes than environments or the range of phi
+    that was asked for is reached with probability 0 alone, DataError for
     scenes that differ in how many things there are, and OutputError.
     """
     path, num_envs = as_path("path", path), as_int("num_envs", num_envs)
     if num_envs < 1:
         raise RequestError(OUT_OF_RANGE(argument="num_envs", value=num_envs, wanted="1 or more"))
     refuse_numbers(scenes.header, "a layout pool")
+    for warning in scenes.warnings:
+        if (
+            warning.kind == ONLY_AT_BOUND
+        ):  # these scenes are beside the range that was asked for, and not verified in it
+            raise RequestError(replace(warning.but(ask=warning.facts["band"], band=None), severity="error"))
     if len(scenes) < num_envs:
         raise RequestError(TOO_FEW_LAYOUTS(scenes=len(scenes), environments=num_envs))
     called = _names(scenes, names or {})

@@ -17,6 +17,7 @@ Array: TypeAlias = npt.NDArray[np.floating[Any]]
 
 LANES = 64  # scenes in float32 of four vectors of 512 bits
 SHARE = 16_384  # scenes that are worth a thread of their own
+BLOCK = 4096  # scenes whose coordinates are gathered at a time where they lie apart: they stay in cache
 
 
 class Kernel:
@@ -32,7 +33,7 @@ class Kernel:
         and the number of threads. Returns False where a coordinate is NaN or an angle too large for the function:
         `out` then holds nothing of use."""
         count = rows.shape[1]
-        taken, filled = [np.ascontiguousarray(rows[row]) for row in self.rows], list(out)
+        taken, filled = [rows[row] for row in self.rows], list(out)
         whole = count - count % LANES
         good = True
         if whole:
@@ -58,10 +59,23 @@ class Kernel:
             return all(pool.map(lambda start: self._call(taken, filled, start, min(start + share, count)), starts))
 
     def _call(self, taken: list[Array], filled: list[Array], start: int, stop: int) -> bool:
-        def places(rows: list[Array]) -> Any:
-            return (ctypes.c_void_p * len(rows))(*(row.ctypes.data + start * row.itemsize for row in rows))
+        if all(row.strides[0] == row.itemsize for row in taken):
+            return self._run([row[start:stop] for row in taken], [row[start:stop] for row in filled])
+        near = np.empty((len(taken), min(BLOCK, stop - start)), self._dtype)
+        good = True
+        for first in range(start, stop, BLOCK):
+            some = slice(first, min(first + BLOCK, stop))
+            here = list(near[:, : some.stop - first])
+            for row, values in zip(here, taken, strict=True):
+                row[:] = values[some]
+            good = self._run(here, [row[some] for row in filled]) and good
+        return good
 
-        bad: int = self._phi(places(taken), places(filled), ctypes.c_long(stop - start))
+    def _run(self, taken: list[Array], filled: list[Array]) -> bool:
+        def places(rows: list[Array]) -> Any:
+            return (ctypes.c_void_p * len(rows))(*(row.ctypes.data for row in rows))
+
+        bad: int = self._phi(places(taken), places(filled), ctypes.c_long(len(filled[0])))
         return bad == 0
 
 

@@ -14,6 +14,7 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec, check_spec
 from scenegen.curriculum.tasks import Outcome
 from scenegen.errors import RequestError
+from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.placing import (
     ALREADY_PLACED,
     NAME_TWICE,
@@ -31,13 +32,14 @@ from scenegen.robosuite.frame import Frame, inverse, times, upright
 from scenegen.robosuite.starts import Start, Wanted, is_strategy, make_starts
 from scenegen.scene.data import RequestData
 from scenegen.scene.workspace import turned
-from scenegen.training.datasets.arrange import with_switches
+from scenegen.training.datasets.arrange import held, held_elsewhere, with_switches
 from scenegen.validation import as_int, as_number, as_point, as_seconds
 
 Array = npt.NDArray[np.float64]
-Placed: TypeAlias = "dict[str, tuple[tuple[float, float, float], Array, Any]]"
+Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
 """Object name -> (place, quaternion (w, x, y, z), object), as robosuite's samplers give it."""
 
+HELD = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
 TRIES = 1000  # scenes that are tried until one keeps clear of fixtures
 
 
@@ -167,9 +169,13 @@ class Placement:
         return found
 
     def phi_in(self, sim: Any) -> dict[str, float]:
-        """phi of each label where the objects are in a simulation now. Raises RequestError before the first start."""
+        """phi of each label where the objects are in a simulation now. An object that the spec holds counts as in its
+        place; raises RequestError where it is off by more than 1 mm or 0.01 rad, and before the first start."""
         start, checked = self._started(), self.spec.checked
         rows = turned(as_rows(self.poses(sim)[None]))
+        moved = held_elsewhere(checked, rows, *HELD)
+        if moved is not None:
+            raise RequestError(HELD_ELSEWHERE(**held(checked, moved[0]), place="in the simulation"))
         rows = with_switches(checked, self._header, rows, None if start.on is None else start.on[None])
         return {label: float(value[0]) for label, value in score(checked.core, list(rows), NUMPY).items()}
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from scenegen.curriculum.scene_stream import SceneStream
 
 Array = npt.NDArray[np.float64]
-Wanted: TypeAlias = "Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None"
+Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
 """A range of phi (see `scenegen.sample`), a strategy, or a function that gives a range for each start."""
 
 FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
@@ -90,7 +90,7 @@ class RangeStarts:
             self._draws += 1
             seed = int(source.generate_state(1)[0])
             request = SampleRequest(
-                ranges, count, seed=seed, timeout=self._timeout, keep_partial=True, workers=1
+                ranges, count, seed=seed, timeout=self._timeout, keep_partial=True, workers=1, strict=True
             )  # in this process: simulators do not like to be forked
             scenes = draw_scenes(self._spec, request)
             places = scenes.poses7()

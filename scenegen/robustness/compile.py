@@ -7,6 +7,8 @@ loop of machine code.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -15,7 +17,7 @@ from torch import Tensor
 from scenegen.lang.closest import find, last_uses_of
 from scenegen.lang.core import Core, last_uses, part
 from scenegen.lang.headings import bare_rows
-from scenegen.pose import AXES, NAMES, SIZE, axis_of, owner, row_count
+from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
 from scenegen.robustness.fused import fused
 from scenegen.robustness.headings import coordinates
 from scenegen.robustness.tape import most_alive, run
@@ -25,6 +27,9 @@ from scenegen.robustness.transforms import plain, transformed
 # with 1 MiB of cache, half of that was not faster for any formula, with or without footprints, and often slower.
 CHUNK = 32_768
 LIVE = 1 << 24  # numbers in float64 that are alive at a time; specs of thousands of atoms get smaller chunks
+HELD = 1e-9  # metres and radians by which an object that the spec holds may be off, beside what its dtype rounds
+
+Held = Mapping[int, tuple[float, float, float]]
 
 
 class Robustness:
@@ -41,10 +46,14 @@ class Robustness:
     products and sums that become one instruction), whatever the batch. A call that wants gradients or `beta`, or that
     is not on the CPU, runs operation by operation as without `compiled`; so do all calls after a RuntimeWarning where
     compiling fails, above all where there is no C compiler.
+
+    `held` are the poses of objects that the spec holds, by index. phi takes these for granted, so other poses of these
+    objects are refused, but inside transforms of torch.func, where nothing can be refused scene by scene.
     """
 
-    def __init__(self, core: Core, *, compiled: bool = False) -> None:
+    def __init__(self, core: Core, *, compiled: bool = False, held: Held | None = None) -> None:
         self.core = core
+        self.held = {} if held is None else dict(held)
         self.labels = tuple(core.labels)
         self.objects = core.objects
         self.compiled = compiled
@@ -60,14 +69,14 @@ class Robustness:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Machine code is not pickled; it is compiled again on the other side, where there is a compiler.
-        return _again, (self.core, self.compiled)
+        return _again, (self.core, self.compiled, self.held)
 
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:
         """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage. A heading outside
         [0, 2 pi) is the same direction as the one inside.
 
-        Raises ValueError for another shape, dtype or layout and for NaN or infinite coordinates, TypeError for other
-        arrays.
+        Raises ValueError for another shape, dtype or layout, for NaN or infinite coordinates and for an object that the
+        spec holds elsewhere, TypeError for other arrays.
         """
         if not isinstance(poses, Tensor):
             raise TypeError(f"poses must be a torch tensor, not {type(poses).__name__}; use torch.from_numpy(poses)")
@@ -80,7 +89,8 @@ class Robustness:
         return self.rows(poses.permute(1, 2, 0).reshape(row_count(len(self.objects)), -1), beta=beta).T
 
     def rows(self, rows: Tensor, *, beta: float | None = None, check: bool = True, out: Tensor | None = None) -> Tensor:
-        """(3N, B) storage -> (L, B). `check=False` skips the search for NaN and infinity, for inner loops.
+        """(3N, B) storage -> (L, B). `check=False` skips the search for NaN, infinity and held objects that stand
+        elsewhere, for inner loops.
 
         So does `out` with the system's handing out new pages: phi is written there, and `out` is returned. It must be
         contiguous, (L, B), of the same dtype and device, share no memory with `rows`, and gradients do not flow there.
@@ -92,6 +102,10 @@ class Robustness:
             raise ValueError(f"coordinates must be float32 or float64, not {str(rows.dtype).removeprefix('torch.')}")
         if check:
             self._refuse_nonfinite(rows)
+            found = None if transformed(rows) else elsewhere(self.held, rows.detach())
+            if found is not None:
+                which, scene = found
+                raise ValueError(held_elsewhere(self.objects[which], self.held[which], f"in scene {scene}"))
         if rows.requires_grad and torch.is_grad_enabled():
             if out is not None:
                 raise ValueError("phi in `out` has no gradient; leave it out, or detach the rows")
@@ -112,7 +126,8 @@ class Robustness:
         plainly = rows.device.type == "cpu" and beta is None and not torch.compiler.is_compiling()
         for start in range(0, rows.shape[1], wider * self._chunk):
             some = slice(start, start + wider * self._chunk)
-            for label, value in zip(out, self._run(rows[:, some], beta, plainly), strict=True):
+            near = rows[:, some].contiguous() if plainly else rows[:, some]
+            for label, value in zip(out, self._run(near, beta, plainly), strict=True):
                 label[some] = value
         return out
 
@@ -151,5 +166,28 @@ def _refuse_layout(name: str, tensor: Tensor, check: bool = True) -> None:
         raise ValueError(f"{name} must hold numbers; a meta tensor has a shape alone")
 
 
-def _again(core: Core, compiled: bool) -> Robustness:
-    return Robustness(core, compiled=compiled)
+def elsewhere(held: Held, rows: Tensor) -> tuple[int, int] | None:
+    """The first held object that stands elsewhere in (3N, B) storage, and in which column; None if all are where the
+    spec holds them. Headings are compared on the circle."""
+    for index, pose in held.items():
+        for axis, value in enumerate(pose):
+            off = (rows[row_of(index, axis)] - value).abs()
+            if axis == THETA:
+                off = (off - TWO_PI * (off / TWO_PI).round()).abs()
+            far = off > HELD + 4.0 * torch.finfo(rows.dtype).eps * max(1.0, abs(value), math.pi)
+            if bool(far.any()):
+                return index, int(far.nonzero()[0])
+    return None
+
+
+def held_elsewhere(name: str, pose: tuple[float, float, float], where: str) -> str:
+    """The message about a held object that stands elsewhere."""
+    place = ", ".join(f"{value:g}" for value in pose)
+    return (
+        f"`{name}` is held at ({place}) by the spec, but stands elsewhere {where};"
+        f" take the `at` of `{name}` out of the spec to score it where it is"
+    )
+
+
+def _again(core: Core, compiled: bool, held: Held) -> Robustness:
+    return Robustness(core, compiled=compiled, held=held)

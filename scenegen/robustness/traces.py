@@ -12,7 +12,7 @@ from torch.autograd import forward_ad
 from scenegen.lang.timed import Timed, over_time
 from scenegen.lang.windows import doubled
 from scenegen.pose import NAMES, SIZE, row_count
-from scenegen.robustness.compile import Robustness
+from scenegen.robustness.compile import Held, Robustness, elsewhere, held_elsewhere
 from scenegen.robustness.transforms import plain, transformed
 
 STATES = 1 << 18  # states at a time, where no gradient is wanted
@@ -31,8 +31,9 @@ class TraceRobustness:
     a scene, whatever T. Everything else that Robustness says of `compiled` holds here.
     """
 
-    def __init__(self, timed: Timed, *, compiled: bool = False) -> None:
+    def __init__(self, timed: Timed, *, compiled: bool = False, held: Held | None = None) -> None:
         self.timed = timed
+        self.held = {} if held is None else dict(held)
         self.compiled = compiled
         self.labels = tuple(timed.labels)
         self.objects = timed.objects
@@ -40,13 +41,14 @@ class TraceRobustness:
         self._state = Robustness(timed.state, compiled=compiled)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.timed, self.compiled)
+        return _again, (self.timed, self.compiled, self.held)
 
     def __call__(self, poses: Tensor, *, signals: bool = False) -> Tensor:
         """(B, T + 1, N, 3) poses -> (B, L); with `signals`, the value at every moment: (B, T + 1, L). What looks beyond
         the last moment is infinite there: the least value of no moment is infinity, the largest minus infinity.
 
-        Raises ValueError for another shape or dtype, and for NaN or infinite coordinates.
+        Raises ValueError for another shape or dtype, for NaN or infinite coordinates, and for an object that the spec
+        holds elsewhere.
         """
         values = self._values(poses, list(self.timed.labels.values()))
         out = torch.stack(values, dim=-1)
@@ -106,10 +108,16 @@ class TraceRobustness:
                 trace, moment, which, axis = (int(index) for index in bad[0])
                 name = self.objects[which]
                 raise ValueError(f"{NAMES[axis]} of `{name}` at moment {moment} of motion {trace} is not finite")
+        if self.held and not transformed(poses):
+            found = elsewhere(self.held, poses.detach().reshape(-1, row_count(want[1])).T)
+            if found is not None:
+                which, at = found
+                where = f"at moment {at % want[0]} of motion {at // want[0]}"
+                raise ValueError(held_elsewhere(self.objects[which], self.held[which], where))
 
 
-def _again(timed: Timed, compiled: bool) -> TraceRobustness:
-    return TraceRobustness(timed, compiled=compiled)
+def _again(timed: Timed, compiled: bool, held: Held) -> TraceRobustness:
+    return TraceRobustness(timed, compiled=compiled, held=held)
 
 
 class _Torch:

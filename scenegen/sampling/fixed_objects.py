@@ -22,6 +22,7 @@ from scenegen.errors.requests import (
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
 from scenegen.sampling.request import FixedPose, number
+from scenegen.validation import as_list
 
 Array = npt.NDArray[np.float64]
 
@@ -92,9 +93,10 @@ def hold_fixed(
 def _as_pose(name: str, given: object) -> FixedPose:
     if isinstance(given, FixedPose):
         return given
-    if isinstance(given, tuple | list) and len(given) in (len(PLACE), len(FLAT)):
+    pose = as_list(given)
+    if isinstance(pose, list) and len(pose) in (len(PLACE), len(FLAT)):
         try:
-            x, y, *theta = (float(value) for value in given)
+            x, y, *theta = (float(value) for value in pose)
         except (TypeError, ValueError):
             pass
         else:

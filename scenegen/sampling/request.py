@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.requests import (
@@ -28,6 +28,9 @@ from scenegen.errors.requests import (
     UNKNOWN_CHOICE,
     UNKNOWN_LABEL,
 )
+
+Progress: TypeAlias = Callable[[int, int, int], None]
+"""Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
 
 Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
@@ -71,7 +74,8 @@ class SampleRequest:
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
     radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
-    as save time) change no scene.
+    as save time) change no scene. A range that phi reaches only at its bound, with probability 0, is replaced by a band
+    beside it, with a warning; with `strict` it is refused, for those who promise the range and show no warnings.
     """
 
     phi: Mapping[str, Range] = field(default_factory=dict)
@@ -85,6 +89,7 @@ class SampleRequest:
     timeout: float = 60.0
     workers: int | None = None
     keep_partial: bool = False
+    strict: bool = False
 
 
 def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "phi") -> dict[str, Range]:
@@ -181,11 +186,13 @@ def check_request(
         problem = empty_range(wanted)
         if problem is not None:
             raise RequestError(problem)
-        checked[name] = _within_reach(name, wanted, bounds[name], warnings)
+        checked[name] = _within_reach(name, wanted, bounds[name], None if request.strict else warnings)
     return replace(request, phi=checked), tuple(warnings)
 
 
-def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warnings: list[Diagnostic]) -> Range:
+def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warnings: list[Diagnostic] | None) -> Range:
+    """The range, or a band beside the bound where phi reaches the range only there. Without a list for its warning that
+    is refused."""
     lowest, highest = bounds
     low = -math.inf if wanted.low is None else wanted.low
     high = math.inf if wanted.high is None else wanted.high
@@ -197,6 +204,9 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
         # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
         band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
         bound = highest if at_top else lowest
+        if warnings is None:
+            refused = ONLY_AT_BOUND(wanted.span, bound=bound, ask=band, **reach)
+            raise RequestError(replace(refused, severity="error"))
         warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
         return band
     if low == high:

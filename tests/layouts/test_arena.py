@@ -79,3 +79,11 @@ def test_bad_requests_are_answered_and_write_nothing(tmp_path):
             write_arena_pool(scenes, tmp_path / "pool.json", **settings)
         assert error.value.diagnostics[0].code == code
     assert not list(tmp_path.iterdir())
+
+
+def test_scenes_beside_the_range_that_was_asked_for_are_not_called_verified(tmp_path):
+    spec = scenegen.parse("object red, blue\ntask: dist(red, blue) <= 0")
+    scenes = scenegen.sample(spec, (0, None), n=4)  # warns, and draws beside the bound
+    with pytest.raises(RequestError, match="only-at-bound"):
+        write_arena_pool(scenes, tmp_path / "pool.json")
+    assert not (tmp_path / "pool.json").exists()

@@ -117,3 +117,67 @@ def test_bad_requests_are_answered(code, settings):
     with pytest.raises(RequestError) as error:
         Layouts(SPEC, **{"quaternion": "wxyz", **settings}).take(1)
     assert error.value.diagnostics[0].code == code
+
+
+def test_arrays_without_a_device_are_the_tensors():
+    poses, phi = Layouts(SPEC, WANTED, quaternion="wxyz", ahead=32, device=None).take(40)
+    tensors = Layouts(SPEC, WANTED, quaternion="wxyz", ahead=32).take(40)
+    assert isinstance(poses, np.ndarray) and poses.dtype == np.float32 and (poses == tensors.poses.numpy()).all()
+    assert isinstance(phi, np.ndarray) and (phi == tensors.phi.numpy()).all()
+    assert Layouts(SPEC, quaternion="wxyz", ahead=4, device=None, dtype=np.float64).take(2).poses.dtype == np.float64
+
+
+@pytest.mark.parametrize("device", ["cpu", None])
+def test_a_number_stands_for_one_layout_whatever_was_taken(device):
+    def fresh():
+        return Layouts(SPEC, WANTED, quaternion="wxyz", ahead=16, device=device)
+
+    layouts, row = fresh(), fresh().take(16).poses  # a take up to `ahead` goes by the numbers
+    layouts.take(5)
+    mixed = layouts.at([33, 2, 17, 2, 0])
+    assert (mixed.poses[[1, 3, 4]] == row[[2, 2, 0]]).all() and len(mixed.phi) == 5
+    again = fresh()
+    assert (again.at(np.array([17, 33])).poses == mixed.poses[[2, 0]]).all()
+    assert (again.at(2).poses == row[2:3]).all() and again.at([]).poses.shape == (0, 2, 7)
+    for bad in (-1, 0.5, [[1]], "one"):
+        with pytest.raises(RequestError, match="wrong-value"):
+            again.at(bad)
+
+
+@pytest.mark.parametrize("make", [np.random.default_rng, lambda seed: torch.Generator().manual_seed(seed)])
+def test_the_same_generator_gives_the_same_starts(make):
+    layouts = Layouts(SPEC, WANTED, quaternion="wxyz", ahead=64)
+    first = layouts.take(8, make(3)).poses
+    layouts.take(20)
+    assert torch.equal(first, layouts.take(8, make(3)).poses)
+    assert not torch.equal(first, layouts.take(8, make(4)).poses)
+    with pytest.raises(RequestError, match="generator"):
+        layouts.take(8, 3)
+
+
+@pytest.mark.parametrize(("axis", "which"), [("x", 0), ("y", 1), ("z", 2)])
+def test_an_axis_of_the_body_points_up(axis, which):
+    scipy = pytest.importorskip("scipy.spatial.transform")
+    plain = Layouts(SPEC, WANTED, quaternion="xyzw", ahead=16, device=None, dtype=np.float64).take(16).poses[:, 1, 3:]
+    turned = Layouts(SPEC, WANTED, quaternion="xyzw", ahead=16, device=None, dtype=np.float64, up={"blue": axis})
+    body = scipy.Rotation.from_quat(turned.take(16).poses[:, 1, 3:])
+    assert np.allclose(body.apply(np.eye(3)[which]), [0, 0, 1])
+    upright = {"x": (0, -1, 0), "y": (1, 0, 0), "z": (0, 0, 0)}[axis]  # the turn that stands the body up, in quarters
+    assert np.allclose(
+        (body * scipy.Rotation.from_rotvec(np.pi / 2 * np.array(upright)).inv()).as_matrix(),
+        scipy.Rotation.from_quat(plain).as_matrix(),
+    )
+    with pytest.raises(RequestError, match="axis"):
+        Layouts(SPEC, WANTED, quaternion="xyzw", ahead=2, up={"blue": "w"}).take(1)
+
+
+AT_BOUND = scenegen.parse("""
+object red = box(4 cm, 4 cm, 4 cm), blue = box(4 cm, 4 cm, 4 cm)
+task: closeTo(red, blue, 20 cm) & angle(red, NORTH, 0 deg)
+""")
+
+
+def test_a_range_that_phi_reaches_only_at_its_bound_is_refused():
+    layouts = Layouts(AT_BOUND, (0, None), quaternion="wxyz", ahead=16)
+    with pytest.raises(RequestError, match=r"only-at-bound.*\n.*ask for a band beside it, -0.025:0"):
+        layouts.take(4)

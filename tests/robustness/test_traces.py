@@ -175,6 +175,7 @@ def test_held_objects_stay_and_what_is_not_required_holds():
     spec = scenegen.parse("time 3 steps object a, b at (0.5, 0.5) task: always (speed(a) <= speed(b) + 1)")
     run = spec.trace_robustness()
     poses = torch.zeros(2, 4, 2, 3)
+    poses[:, :, 1, :2] = 0.5
     assert run(poses).tolist() == [[1.0], [1.0]] and run.required(poses).tolist() == [math.inf, math.inf]
 
 

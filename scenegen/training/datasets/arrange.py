@@ -13,7 +13,7 @@ from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, 
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import PLACE, X, along, row_count, row_of, rows_of, span_of
+from scenegen.pose import PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import SceneFile
 
@@ -86,12 +86,29 @@ def with_switches(spec: CheckedSpec, header: SceneFile, rows: Array, on: Array |
 def check_held(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
     """Raises DataError where an object that the spec holds in place stands elsewhere in `rows` (3N, m), the spec's
     objects in order; `before` scenes of the file came before these."""
+    found = held_elsewhere(spec, rows)
+    if found is not None:
+        which, scene = found
+        raise DataError(HELD_ELSEWHERE(**held(spec, which), scene=before + scene + 1))
+
+
+def held_elsewhere(
+    spec: CheckedSpec, rows: Array, metres: float = HELD, radians: float = HELD
+) -> tuple[int, int] | None:
+    """The first object that the spec holds in place and that stands elsewhere in `rows` (3N, m), and in which column;
+    None if all are in their places. Headings are compared on the circle."""
     for index, pose in spec.fixed.items():
-        moved = (np.abs(rows[span_of(index, len(pose))].T - pose) > HELD).any(axis=1)
+        off = rows[span_of(index, len(pose))] - np.array(pose)[:, None]
+        off[THETA] = np.remainder(off[THETA] + np.pi, TWO_PI) - np.pi
+        moved = (np.abs(off) > np.array([metres, metres, radians])[:, None]).any(axis=0)
         if moved.any():
-            name, first = spec.objects[index], before + int(moved.argmax())
-            where = ", ".join(f"{number:g}" for number in pose)
-            raise DataError(HELD_ELSEWHERE(name=name, pose=where, scene=first + 1))
+            return index, int(moved.argmax())
+    return None
+
+
+def held(spec: CheckedSpec, which: int) -> dict[str, str]:
+    """The facts of an object that the spec holds, for HELD_ELSEWHERE."""
+    return {"name": spec.objects[which], "pose": ", ".join(f"{number:g}" for number in spec.fixed[which])}
 
 
 def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:

@@ -18,7 +18,6 @@ from torch import Tensor
 
 from scenegen.bounds.effort import StoppedError
 from scenegen.engine.run import BESIDE, in_memory
-from scenegen.engine.stream import Progress
 from scenegen.errors import RequestError
 from scenegen.errors.models import NOTHING_TO_LEARN, RARE_SCENES, TOO_FEW_BALANCED
 from scenegen.lang.spec import CheckedSpec
@@ -27,7 +26,7 @@ from scenegen.sampling.auto import choose
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import measure
-from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
+from scenegen.sampling.request import MAX_SEED, Progress, Range, SampleRequest
 from scenegen.sampling.tails import Rarity
 from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled

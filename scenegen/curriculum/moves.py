@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,15 +16,17 @@ from scenegen.curriculum.errors import names, number, one_of, refused
 from scenegen.errors import quoted
 from scenegen.errors.learning import ACTION_OUT_OF_RANGE, NOTHING_TO_MOVE, UNKNOWN_ACTION, WRONG_ACTION
 from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.lang.core import Coord, Core, gated, part
+from scenegen.lang.core import Apply, Atom, Coord, Core, gated, part
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, NAMES, PLACE, THETA, TWO_PI, row_of
+from scenegen.primitives import PRIMITIVES, Circle
 
 Array = npt.NDArray[np.float64]
 Kind = Literal["grid", "continuous"]
 
 STEPS = 20  # from one edge of the workspace to the other, along its shorter side
 TURN = math.pi / 8.0  # radians; less than the prelude's tolerance for headings is wide, so that a grid has one in it
+WIDTHS = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}  # numbers of an argument of a primitive
 LENIENT = 1e-6  # tolerance of the range for float32 actions
 
 
@@ -84,9 +87,20 @@ class Moves:
 
 
 def headings(core: Core) -> set[int]:
-    """The objects on whose heading a label depends."""
+    """The objects on whose heading a label depends: a round footprint is the same in any."""
     nodes = part(core, tuple(core.labels)).nodes
-    return {node.object for node in nodes if isinstance(node, Coord) and node.axis == THETA}
+    read: set[int] = set()
+    for node in nodes:
+        if isinstance(node, Atom):
+            read.add(node.margin)
+        elif isinstance(node, Apply):
+            shapes, args = iter(node.shapes), iter(node.args)
+            for kind in PRIMITIVES[node.primitive].params if node.shapes else ():
+                taken = list(islice(args, WIDTHS[kind]))
+                read.update(taken[:THETA] if kind == "footprint" and isinstance(next(shapes), Circle) else taken)
+            read.update(args)
+    found = ((index, node) for index, node in enumerate(nodes) if isinstance(node, Coord) and node.axis == THETA)
+    return {node.object for index, node in found if index in read}
 
 
 def headings_of(spec: CheckedSpec, requirement: bool = False) -> set[int]:

@@ -154,6 +154,16 @@ def test_a_goal_on_a_surface_that_no_move_reaches_is_refused_when_the_environmen
     gymnasium.make(TABLE, spec=SURFACES, move="mug", goal="other")
 
 
+def test_observations_and_moves_leave_out_headings_that_make_no_difference():
+    spec = "object cup = cylinder(4 cm, 9 cm), tin = cylinder(4 cm, 9 cm), book = box(9 cm, 5 cm, 2 cm)\n"
+    spec += "require noOverlap()\ntask: gap(book, cup) <= 5 cm & closeTo(cup, tin)"
+    env = gymnasium.make(TABLE, spec=spec).unwrapped
+    assert [name for name in env.views.names if name.endswith((".cos", ".sin"))] == ["book.cos", "book.sin"]
+    assert [name for name in env.moves.names if "theta" in name] == ["book theta +", "book theta -"]
+    env = gymnasium.make(TABLE, spec=spec + " & angle(cup, NORTH)").unwrapped
+    assert "cup.cos" in env.views.names and "cup theta +" in env.moves.names
+
+
 WITH_TORCH = {"train"}  # names types of training
 
 

@@ -9,10 +9,11 @@ Every page has a checksum, which is checked when it is read.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import RawIOBase
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -27,9 +28,27 @@ from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, load_header, not_scenes
 from scenegen.scene.data import SceneFile
 
+Check = Callable[["Footer"], None]
+
 KEY = b"scenegen"  # of the header in the file's metadata
 BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
 LARGEST = 1 << 30  # bytes of a row group, unpacked
+
+
+class Footer(NamedTuple):
+    """What a file says of itself at its end: its header, its labels in the order of their columns, its size in bytes,
+    how many scenes each row group has, and the range of phi by label; None where the file does not say it."""
+
+    header: SceneFile
+    labels: tuple[str, ...]
+    bytes: int
+    groups: tuple[int, ...]
+    phi: dict[str, tuple[float, float] | None]
+
+    @property
+    def scenes(self) -> int:
+        return sum(self.groups)
+
 
 _SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
 
@@ -101,11 +120,12 @@ def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:
     return pa.Array.from_buffers(field.type, len(row), [None, pa.py_buffer(np.ascontiguousarray(row))])
 
 
-def read(path: Path, source: Any = None) -> Reading:
-    """Open a file of scenes; `source` is the open file, if it is not on a disk. Raises DataError, and so does the
-    iterator of blocks if a later part is damaged."""
+def read(path: Path, source: Any = None, check: Check | None = None) -> Reading:
+    """Open a file of scenes; `source` is the open file, if it is not on a disk, and `check` raises DataError for what
+    is not the file that it should be. Raises DataError, and so does the iterator of blocks if a later part is
+    damaged."""
     with contextlib.ExitStack() as opening:
-        parquet, header, labels = _open(path, opening, source)
+        parquet, header, labels = _open(path, opening, source, check)
         with _damage(path):
             count = parquet.metadata.num_rows
         blocks = _blocks(path, parquet, header, opening.pop_all())
@@ -126,10 +146,11 @@ def group_sizes(path: Path) -> tuple[int, ...]:
         return sizes
 
 
-def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterator[Block]:
-    """The scenes of some row groups, in the given order; one group is in memory at a time. Raises DataError."""
+def read_groups(path: Path, groups: Sequence[int], source: Any = None, check: Check | None = None) -> Iterator[Block]:
+    """The scenes of some row groups, in the given order; one group is in memory at a time. Raises DataError, as `read`
+    does."""
     with contextlib.ExitStack() as opening:
-        parquet, header, _ = _open(path, opening, source)
+        parquet, header, _ = _open(path, opening, source, check)
         with _damage(path):
             sizes = [parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups)]
         for index in groups:
@@ -139,7 +160,7 @@ def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterat
 
 
 def _open(
-    path: Path, opening: contextlib.ExitStack, source: Any = None
+    path: Path, opening: contextlib.ExitStack, source: Any = None, check: Check | None = None
 ) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
     """The file, open for as long as `opening` is, its header and its labels. Raises DataError."""
     file = opening.enter_context(opened(path, "a scenes file") if source is None else source)
@@ -154,7 +175,23 @@ def _open(
         facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
         raise DataError(LARGE_ROW_GROUP(path=path, **facts))
     header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
-    return parquet, header, _labels(path, schema, header)
+    labels = _labels(path, schema, header)
+    if check is not None:
+        check(_footer(path, file, parquet, header, labels))
+    return parquet, header, labels
+
+
+def _footer(path: Path, file: Any, parquet: pq.ParquetFile, header: SceneFile, labels: tuple[str, ...]) -> Footer:
+    with _damage(path):
+        groups = [parquet.metadata.row_group(index) for index in range(parquet.num_row_groups)]
+        at = {name: column for column, name in enumerate(parquet.schema_arrow.names)}
+        phi: dict[str, tuple[float, float] | None] = {}
+        for label in labels:
+            each = [group.column(at[f"{PHI}{label}"]).statistics for group in groups]
+            known = bool(each) and all(one is not None and one.has_min_max for one in each)
+            phi[label] = (min(one.min for one in each), max(one.max for one in each)) if known else None
+        size = file.seek(0, os.SEEK_END)
+        return Footer(header, labels, size, tuple(group.num_rows for group in groups), phi)
 
 
 def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]:

@@ -72,7 +72,11 @@ NO_FORMAT = Kind(
 
 # scene files
 NOT_JSON = Kind("not-json", "{file} is not valid JSON", "{reason}", _SAMPLE)
-NOT_SCENES = Kind("not-scenes", "{file} is not a scenes file: {reason}", help=_SAMPLE)
+NOT_SCENES = Kind(
+    "not-scenes",
+    "{file} is not a scenes file: {reason}",
+    help=("{poses:?}if it holds poses alone, name their spec with <spec>", _SAMPLE),
+)
 SCENES_VERSION = Kind(
     "scenes-version",
     "{file} has version {found} of the scene format",

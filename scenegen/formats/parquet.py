@@ -26,13 +26,14 @@ from scenegen.errors.files import (
     COLUMN_TYPE,
     DAMAGED_PARQUET,
     LARGE_ROW_GROUP,
+    NOT_SCENES,
     TOO_LARGE_TO_READ,
     WRONG_COLUMNS,
 )
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_numbers, counts_in, regrouped
 from scenegen.formats.columns import COUNT, PHI, RARITY, columns
 from scenegen.formats.files import opened
-from scenegen.formats.header import dump_header, load_header, not_scenes
+from scenegen.formats.header import dump_header, load_header
 from scenegen.scene.data import SceneFile
 
 Check = Callable[["Footer"], None]
@@ -176,7 +177,8 @@ def _open(
         parquet = open_parquet(path, file)
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
     if KEY not in metadata:
-        raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
+        reason = f"no header under `{KEY.decode()}` in its metadata"
+        raise DataError(NOT_SCENES(file=path, reason=reason, poses=True))
     header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
     labels = _labels(path, schema, header)
     if check is not None:

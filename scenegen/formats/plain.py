@@ -10,6 +10,7 @@ import functools
 import io
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,8 @@ Array = npt.NDArray[np.float64]
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 MAX_BYTES = 1 << 30
+PEEK = 1 << 16  # bytes within which a file of scenegen says that it is one
+OURS = re.compile(rb'"format"\s*:\s*"scenegen/')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,17 +50,19 @@ class Table:
     def __len__(self) -> int:
         return self.stop - self.start
 
-    def column(self, name: str) -> Array:
-        """The numbers of a column. Raises DataError where it is not there, or holds anything else."""
+    def column(self, name: str, *, holes: bool = False) -> Array:
+        """The numbers of a column. Raises DataError where it is not there, or holds anything else; with `holes`, empty
+        cells, null and NaN are NaN."""
         if name not in self.names:
             raise DataError(TRAJECTORY_COLUMN(file=self.file, name=name, known=sorted(filter(None, self.names))))
         if self.names.count(name) > 1:
             raise DataError(self.wrong(file=self.file, reason=f"two columns have the name `{name}`"))
         cells = self.cells(name)[self.start : self.stop]
         found = cells if isinstance(cells, np.ndarray) else np.array([_number(cell) for cell in cells])
-        bad = np.flatnonzero(~np.isfinite(found))
-        if len(bad):
-            row, cell = self.start + int(bad[0]) + 1, cells[bad[0]]
+        for place in np.flatnonzero(~np.isfinite(found)):
+            row, cell = self.start + int(place) + 1, cells[place]
+            if holes and (cell is None or str(cell).strip().lower() in ("", "nan")):
+                continue
             shown = cell if isinstance(cell, str) else str(cell) if isinstance(cell, float) else json.dumps(cell)
             raise DataError(TRAJECTORY_CELL(file=self.file, row=row, name=name, value=str(shown)[:40]))
         return np.asarray(found, dtype=np.float64)
@@ -115,6 +120,26 @@ def _json_lines(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Ca
         rows.append(said)
     names = dict.fromkeys(name for row in rows for name in row)
     return tuple(names), lambda name: [row.get(name) for row in rows], len(rows)
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a file can hold no more than poses: without a header that says of what; False where it cannot be read."""
+    ending = path.suffix.lower()
+    try:
+        if ending == ".parquet":
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            try:
+                return b"scenegen" not in (pq.read_metadata(path).metadata or {})
+            except (pa.ArrowException, OSError, ValueError):
+                return False
+        if ending in (".json", ".jsonl"):
+            with path.open("rb") as file:
+                return OURS.search(file.read(PEEK)) is None
+    except (OSError, ModuleNotFoundError):
+        return False
+    return ending == ".csv"
 
 
 def _number(cell: Any) -> float:

@@ -85,7 +85,8 @@ def export(
     if to in simulators.SIMULATORS:
         given = None if looks is None else _dressing(scenes.file(), looks, seed)
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
-        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given)
+        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
+    scenes.refuse_rest(to)
     if to == PLANNERS:
         from scenegen.api.problems import of_scenes
 

@@ -37,4 +37,4 @@ def glimpse(
     header = make_header(spec.checked, {"method": "glimpse", "seed": seed}, request_data(problem.request))
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
-    return SceneSet(as_poses(rows[:count]), dict(zip(spec.labels, found, strict=False)), header, on=on)
+    return SceneSet(as_poses(rows[:count]), dict(zip(spec.labels, found, strict=False)), header, on=on, trusted=True)

@@ -23,11 +23,13 @@ def poses7(
     header: SceneFile,
     poses: npt.NDArray[np.float64],
     on: npt.NDArray[np.float64] | None,
+    rest: npt.NDArray[np.float64] | None = None,
     *,
     tensor: bool,
     dtype: str,
 ) -> Any:
-    """(n, N, 7) of poses (n, N, 3): x, y, z, qw, qx, qy, qz; `on` as SceneArrays has it. Raises RequestError."""
+    """(n, N, 7) of poses (n, N, 3): x, y, z, qw, qx, qy, qz; `on` and `rest` as SceneArrays has them. Raises
+    RequestError."""
     if dtype not in DTYPES:
         raise RequestError(UNKNOWN_CHOICE(what="dtype", name=dtype, known=DTYPES))
     shapes = [
@@ -46,7 +48,7 @@ def poses7(
     )
     found[..., 3], found[..., 6] = np.cos(poses[..., THETA] / 2.0), np.sin(poses[..., THETA] / 2.0)
     found[np.isnan(poses[..., X])] = np.nan
-    found = found.astype(dtype)
+    found = (found if rest is None else rest).astype(dtype)
     if not tensor:
         return found
     need("torch", "for tensors")

@@ -97,7 +97,7 @@ def draw_scenes(
     rows = sampled.rows[: row_count(len(spec.objects))]
     on = stored_rows(spec, sampled.rows)[len(rows) :].T if spec.choices else None
     phi = dict(zip(spec.labels, sampled.phi, strict=False))
-    return SceneSet(as_poses(rows), phi, header, tuple(warnings), on=on)
+    return SceneSet(as_poses(rows), phi, header, tuple(warnings), on=on, trusted=True)
 
 
 def _check_size(source: Spec | Model, n: int) -> None:

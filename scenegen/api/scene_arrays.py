@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.assets import Shape
-from scenegen.errors import Diagnostic
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import BLOCK, Block
 from scenegen.lang.levels import chosen
@@ -52,6 +53,8 @@ class SceneArrays:
     `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
     to (n,) values in float64. `header` is the scene file without its scenes. `on` (n, M) says for each of the M objects
     that stand on one of several surfaces (`header.choosers`) on which, counted from 1; None where there are none.
+    `rest` (n, N, 7) has place and quaternion, x, y, z, qw, qx, qy, qz, of objects that came to rest in a simulator;
+    then `poses` are x, y and the heading of the nearest upright attitude. None for scenes as they are planned.
     """
 
     poses: Array
@@ -59,6 +62,7 @@ class SceneArrays:
     header: SceneFile
     warnings: tuple[Diagnostic, ...] = field(default=())
     on: Array | None = field(default=None, kw_only=True)
+    rest: Array | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return int(self.poses.shape[0])
@@ -109,6 +113,7 @@ class SceneArrays:
             {name: values[which] for name, values in self.phi.items()},
             header,
             on=None if self.on is None else self.on[which[:, None], chosen],
+            rest=None if self.rest is None else self.rest[which[:, None], columns],
         )
 
     def names(self) -> str:
@@ -141,8 +146,16 @@ class SceneArrays:
     def save(self, path: str | Path) -> Path:
         """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
         path = as_path("path", path)
+        self.refuse_rest(path)
         table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
         return path
+
+    def refuse_rest(self, what: object) -> None:
+        """Raises RequestError for scenes that came to rest in a simulator."""
+        if self.rest is not None:
+            rule = "takes scenes as they are planned, and these came to rest in a simulator, at any height and attitude"
+            remedy = "`scenegen eval`, `render` and `export` to mjcf, sdf and usd take them"
+            raise RequestError(OUT_OF_PLACE(option=what, rule=rule, remedy=remedy))
 
     def blocks(self) -> Iterator[Block]:
         """The scenes as file formats take them."""

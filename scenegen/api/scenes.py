@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import reprlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -15,12 +15,16 @@ import numpy.typing as npt
 from scenegen.api import arrays, notebook
 from scenegen.api.scene import Scene
 from scenegen.api.scene_arrays import Array, SceneArrays, parts_of
-from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, OUT_OF_RANGE
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
+from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, OUT_OF_PLACE, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.formats import registry as table
-from scenegen.formats.blocks import Block
+from scenegen.formats.blocks import Block, Reading
 from scenegen.formats.lines import block_of
 from scenegen.formats.locations import as_location, is_set
+from scenegen.formats.plain import is_plain
+from scenegen.formats.settled import is_settled
+from scenegen.lang.check import check_text
 from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
@@ -38,11 +42,13 @@ if TYPE_CHECKING:
     import pandas
     import torch
 
+    from scenegen.api.spec import Spec
     from scenegen.render import Rendered
 
 
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
 
+TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
 CACHED = 32_768  # scenes scored at a time, so that they stay in cache
 
 
@@ -51,10 +57,19 @@ class SceneSet(SceneArrays):
     """Scenes of one spec: `poses` (n, N, 3), `phi` by label, `header`, `warnings`; see SceneArrays.
 
     A number picks a scene, and a slice, a mask or an array of numbers a smaller set. Notebooks show the first scenes as
-    pictures.
+    pictures. Neither poses nor phi can be written to, and phi is what the header's spec gives: DataError is raised for
+    other values. `Spec.scenes` makes a set of poses alone.
     """
 
+    trusted: InitVar[bool] = False  # phi was computed here, or a reader of files is to compare it
     _drawn: list[bytes | None] = field(default_factory=list, init=False, repr=False)  # the sheet, once it is drawn
+
+    def __post_init__(self, trusted: bool) -> None:
+        if self.phi and not trusted:
+            _check_phi(self)
+        still = {name: _still(values) for name, values in self.phi.items()}
+        for name, value in (("poses", _still(self.poses)), ("phi", still)):
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         spans = [
@@ -71,7 +86,9 @@ class SceneSet(SceneArrays):
         if isinstance(index, bool) or not isinstance(index, int | np.integer):
             index = _picked(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
-            return SceneSet(self.poses[index], phi, self.header, on=None if self.on is None else self.on[index])
+            on = None if self.on is None else self.on[index]
+            rest = None if self.rest is None else self.rest[index]
+            return SceneSet(self.poses[index], phi, self.header, on=on, rest=rest, trusted=True)
         return Scene(*self.places(index), self.header)
 
     def __iter__(self) -> Iterator[Scene]:
@@ -96,7 +113,14 @@ class SceneSet(SceneArrays):
         """
         from scenegen.api.poses7 import poses7
 
-        return poses7(self.header, self.poses, self.on, tensor=tensor, dtype=dtype)
+        return poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
+
+    def mirrored(self) -> SceneSet:
+        """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
+        as the spec gives it there. Raises DataError where the spec holds an object off the middle."""
+        from scenegen.api.own_scenes import mirrored
+
+        return mirrored(self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A data frame with one row per scene and the columns of a Parquet file: `mug.x`, ..., `phi.task`.
@@ -186,6 +210,7 @@ class SceneSet(SceneArrays):
             meshes=None if meshes is None else as_path("meshes", meshes),
             workers=workers,
             progress=progress,
+            rest=self.rest,
         )
 
     def figures(
@@ -205,6 +230,39 @@ class SceneSet(SceneArrays):
         return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
 
+def _still(values: Array) -> Array:
+    """The same numbers, not to be written to: phi beside them would be that of others."""
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view
+
+
+def _check_phi(scenes: SceneSet) -> None:
+    """Raises RequestError for arrays of other shapes, DataError for phi that the header's spec does not give."""
+    shape = (len(scenes.poses), len(scenes.objects), 3)
+    if np.shape(scenes.poses) != shape or any(np.shape(one) != shape[:1] for one in scenes.phi.values()):
+        value, wanted = f"of the shape {np.shape(scenes.poses)}", f"{shape}, and phi ({shape[0]},) of each label"
+        raise RequestError(WRONG_VALUE(argument="poses", value=value, wanted=wanted))
+    for wrong in compare(check_text(scenes.header.spec.source, "the spec of the scenes"), scenes, "the set"):
+        raise DataError(wrong)
+
+
+def compare(spec: CheckedSpec, scenes: SceneSet, name: str | Path) -> Iterator[Diagnostic]:
+    """What is wrong with phi of the scenes of a file called `name`, if anything is."""
+    phi = evaluate(spec, scenes)
+    for label in sorted(scenes.phi.keys() - phi.keys()):
+        yield LABEL_WITHOUT_SPEC(file=name, label=label)
+    for label, values in phi.items():
+        if label not in scenes.phi:
+            yield PHI_NOT_STORED(file=name, label=label)
+            continue
+        off = ~(np.abs(values - scenes.phi[label]) <= TOLERANCE)  # NaN is off, too
+        if off.any():
+            worst = int(np.nan_to_num(np.abs(values - scenes.phi[label]), nan=np.inf).argmax())
+            facts = {"scene": worst + 1, "file": name, "label": label, "count": int(off.sum())}
+            yield PHI_DIFFERS(**facts, stored=scenes.phi[label][worst], computed=values[worst])
+
+
 def _picked(index: object, count: int) -> Picked:
     """What picks some of `count` scenes, once it is a thing that does: numpy makes something else of None, of tuples
     and of lists of lists. Raises RequestError, also for a mask of another length."""
@@ -221,11 +279,13 @@ def _picked(index: object, count: int) -> Picked:
     raise RequestError(NOT_AN_INDEX(value=reprlib.repr(index), count=count))
 
 
-def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None) -> SceneSet:
+def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: Spec | None = None) -> SceneSet:
     """Read a scene file of any format, or a set by its folder or URL; or only scenes from `start` up to, not including,
-    `stop` (counted from 0).
+    `stop` (counted from 0). `spec` is that of a file of poses alone: a table (.csv, .jsonl, .parquet) with the columns
+    mug.x, mug.y, mug.theta, ..., or scenes with poses by name (.json, .jsonl); phi is computed.
 
-    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has.
+    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has, and
+    for a `spec` beside a file that has its own.
     """
     for name, value in (("start", start), ("stop", stop)):
         if value is not None and as_int(name, value) < 0:
@@ -236,8 +296,36 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None) ->
 
         reading = read_set(open_store(as_location(path)))
     else:
-        reading = table.read_scenes(as_path("path", path))
+        found = open_scenes(as_path("path", path), spec)
+        if isinstance(found, SceneSet):
+            return found if (start, stop) == (0, None) else found[start:stop]
+        reading = found
     return scene_set(reading.header, reading.labels, reading.whole(start, stop))
+
+
+def open_scenes(path: Path, spec: Spec | None = None) -> Reading | SceneSet:
+    """A scene file, open; or the scenes of one that holds poses alone, of `spec`. Raises what `read_scenes` raises."""
+    if spec is None:
+        if is_settled(path):
+            from scenegen.api.own_scenes import settled_scenes
+
+            return settled_scenes(path)
+        return table.read_scenes(path)
+    if not is_plain(path):
+        rule, remedy = f"is for files of poses alone, and {path} says itself of what spec it is", "leave it out"
+        raise RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy=remedy))
+    from scenegen.api.own_scenes import read_own
+
+    return read_own(spec, path)
+
+
+def reading_of(path: Path, spec: Spec | None = None) -> Reading:
+    """The same, open: for what goes through scenes block by block."""
+    found = open_scenes(path, spec)
+    if not isinstance(found, SceneSet):
+        return found
+    found.refuse_rest(path)
+    return Reading(found.header, tuple(found.phi), found.blocks(), len(found), str(path))
 
 
 def from_file(file: SceneFile) -> SceneSet:
@@ -250,7 +338,7 @@ def scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> Scen
     placed = scenes.rows[: row_count(len(header.objects))]
     poses = np.ascontiguousarray(as_poses(turned(placed)))
     on = np.ascontiguousarray(scenes.rows[len(placed) :].T) if header.choosers else None
-    return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header, on=on)
+    return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header, on=on, trusted=True)
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:

@@ -32,6 +32,7 @@ def merge_sets(stored: Sequence[StoredSet], out: str) -> sets.Manifest:
     for other in stored[1:]:
         for what, mine, theirs in (
             ("spec", first.header.spec.sha256, other.header.spec.sha256),
+            ("objects", first.header.objects, other.header.objects),
             ("labels", first.labels, other.labels),
             ("measured rarity", first.manifest.rarity, other.manifest.rarity),
         ):
@@ -176,7 +177,11 @@ def _source(stored: StoredSet) -> dict[str, Any]:
 
 
 def _blocks(stored: StoredSet) -> Iterator[Block]:
-    return (stored.read_group(group) for group in stored.groups())
+    """All scenes in their order; each shard has the checksum that the new set names as its source's."""
+    for group in stored.groups():
+        if group.index == 0:
+            sets.check_bytes(stored.store, stored.shards[group.shard])
+        yield stored.read_group(group)
 
 
 def _part(block: Block, which: Any) -> Block:

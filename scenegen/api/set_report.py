@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -13,8 +12,9 @@ import numpy.typing as npt
 from scenegen.api.scenes import evaluate, scene_set
 from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, ScenegenError, SpecError
+from scenegen.errors.stores import DAMAGED_SHARD
 from scenegen.formats.blocks import joined
-from scenegen.formats.sets import read_shard
+from scenegen.formats.sets import check_bytes, read_shard
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, Y, as_rows, row_of
 from scenegen.scene.data import SceneFile
@@ -96,18 +96,18 @@ class _Look:
         try:
             return self._look(shard)
         except DataError as error:
-            return _Found(ShardHealth(shard.file, shard.scenes, error.diagnostics[0].title))
+            return _Found(ShardHealth(shard.file, shard.scenes, _fault(error)))
 
     def _look(self, shard: Shard) -> _Found:
         fault = ""
         if self.sizes.get(shard.file) != shard.bytes:
             return _Found(ShardHealth(shard.file, shard.scenes, "it is missing, or has another size"))
-        if self.spec is not None and hashlib.sha256(self.store.read(shard.file)).hexdigest() != shard.sha256:
-            return _Found(ShardHealth(shard.file, shard.scenes, "its checksum is not that of the manifest"))
+        if self.spec is not None:
+            check_bytes(self.store, shard)
         found = _Found(ShardHealth(shard.file, shard.scenes, fault))
         hashes = []
         done = 0
-        for block in read_shard(self.store, shard).blocks:
+        for block in read_shard(self.store, self.header, tuple(self.bounds), shard).blocks:
             for (label, ends), values in zip(self.bounds.items(), block.phi, strict=True):
                 counts = np.histogram(values, BINS, ends)[0]
                 found.phi[label] = found.phi.get(label, 0) + counts
@@ -137,6 +137,12 @@ class _Look:
         found.health = ShardHealth(shard.file, shard.scenes, fault)
         found.hashes = np.concatenate(hashes)
         return found
+
+
+def _fault(error: DataError) -> str:
+    """What is wrong with a shard, without its name."""
+    found = error.diagnostics[0]
+    return str(found.facts["reason"]) if found.kind is DAMAGED_SHARD else found.title
 
 
 def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, timeout: float = 30.0) -> SetReport:

@@ -13,17 +13,18 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scenes import SceneSet, reading_of
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.settle_numbers import settle_by_numbers
 from scenegen.api.settled import SettledScenes, Summary
+from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
 from scenegen.export.setting import NOTHING, Own, world_of
 from scenegen.export.world import World
 from scenegen.formats.blocks import Block, joined
 from scenegen.formats.files import check_writable
-from scenegen.formats.registry import format_of, read_scenes
+from scenegen.formats.registry import format_of
 from scenegen.formats.settled import write_settled
 from scenegen.formats.settled_blocks import MM, SettledBlock, Touch
 from scenegen.lang.check import check_text
@@ -100,14 +101,15 @@ def settle_file(
     meshes: str | Path | None = None,
     workers: int | None = None,
     progress: Told | None = None,
+    spec: Spec | None = None,
 ) -> Summary:
-    """The same from a scene file to a file of settled scenes, with a few scenes in memory at a time. Raises what
-    `settle` raises, and OutputError."""
+    """The same from a scene file to a file of settled scenes, with a few scenes in memory at a time; `spec` is that of
+    a file of poses alone. Raises what `settle` raises, and OutputError."""
     out = as_path("out", out)
     format_of(out)
     check_writable(out, source)
     check_simulator(simulator)
-    reading = read_scenes(source)
+    reading = reading_of(source, spec)
     header = _header(reading.header, simulator, seconds, max_shift, max_turn)
     own = _own(reading.header, meshes)
     summary = Summary(header)

@@ -25,6 +25,7 @@ from scenegen.scene.workspace import Workspace
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
     from scenegen.robustness import Robustness
     from scenegen.robustness.traces import TraceRobustness
 
@@ -172,6 +173,26 @@ class Spec:
     def source(self) -> str:
         """The canonical text."""
         return self._checked.source
+
+    def scenes(self, poses: object, *, on: object = None) -> SceneSet:
+        """Scenes from elsewhere, with phi: to be shown, rendered, settled, exported and saved as sampled ones are.
+
+        `poses` is an array (n, N, 3), or (N, 3) for one scene, of numpy, torch or lists, in the order of `objects`; or
+        by name, {"mug": (x, y, theta) or an array (n, 3), ...}; or a table (dict, pandas, polars) with the columns
+        mug.x, mug.y, mug.theta, ...; or a list of scenes by name. Metres and radians. Objects that the spec holds in
+        place can be left out, and things that are not there are NaN. `on` (n, M) says for each object that stands on
+        one of several surfaces on which, as `SceneSet.on` does; tables have columns mug.on.
+
+        >>> spec = scenegen.parse("leftOf(mug, plate)")
+        >>> spec.scenes({"mug": (0.2, 0.5, 0), "plate": (0.6, 0.5, 0)}).phi["task"].round(3).tolist()
+        [0.4]
+
+        Raises RequestError for what says no poses, and DataError for scenes that are not of this spec, such as those
+        with an object elsewhere than the spec holds it.
+        """
+        from scenegen.api.own_scenes import own_scenes
+
+        return own_scenes(self, poses, on)
 
     def robustness(self, *, compiled: bool = False) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity,

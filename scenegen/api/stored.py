@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from scenegen.api.batches import Batches, Group
 from scenegen.api.scenes import SceneSet, scene_set
-from scenegen.errors import RequestError
+from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.formats.blocks import BLOCK, Block, joined
+from scenegen.formats.blocks import Block, joined
 from scenegen.formats.locations import as_location, inside
 from scenegen.formats.opening import open_store
 from scenegen.formats.sets import Manifest, Shard
@@ -25,6 +25,8 @@ from scenegen.scene.workspace import turned
 from scenegen.validation import as_int
 
 Array = npt.NDArray[np.float64]
+
+REQUESTED = {"phi", "n", "seed", "spread", "scenegen", "numpy"}  # what cards and reports say of a request
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,19 +104,20 @@ class StoredSet:
 
     def groups(self) -> list[Group]:
         """The row groups of all shards, in order: those that scenegen writes have 65,536 scenes."""
+        from scenegen.formats.sets import group_sizes
+
         found, first = [], 0
         for number, shard in enumerate(self.shards):
-            for index, start in enumerate(range(0, shard.scenes, BLOCK)):
-                count = min(BLOCK, shard.scenes - start)
+            for index, count in enumerate(group_sizes(shard.scenes)):
                 found.append(Group(number, index, first, count))
                 first += count
         return found
 
     def read_group(self, group: Group) -> Block:
-        """The scenes of a row group. Raises DataError."""
+        """The scenes of a row group. Raises DataError, also where the shard is not the one of the manifest."""
         from scenegen.formats.sets import read_shard_group
 
-        return read_shard_group(self.store, self.shards[group.shard], group.index)
+        return read_shard_group(self.store, self.header, self.labels, self.shards[group.shard], group.index)
 
     def files(self) -> dict[str, int]:
         """The sizes of all files of the folder. Raises DataError."""
@@ -126,11 +129,16 @@ class StoredSet:
 
 
 def open_set(location: str | Path) -> StoredSet:
-    """A set of scenes in a folder or at a URL (s3://bucket/set/). Only its manifest is read. Raises DataError."""
-    from scenegen.formats.sets import read_manifest, set_header
+    """A set of scenes in a folder or at a URL (s3://bucket/set/). Only its manifest is read; every shard is compared
+    with it when it is opened. Raises DataError."""
+    from scenegen.errors.stores import NOT_A_SET
+    from scenegen.formats.sets import MANIFEST, read_manifest, set_header
 
     store = open_store(as_location(location))
     manifest = read_manifest(store)
+    for lacking in sorted(REQUESTED - manifest.request.keys()):
+        reason = f"the request in {MANIFEST} has no `{lacking}`"
+        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?"))
     return StoredSet(store.location, manifest, set_header(store, manifest), store)
 
 

@@ -65,7 +65,7 @@ def train(
     check_spec(spec)
     path = as_path("out", out)
     if spec.counts:
-        if path.suffix == ".safetensors":
+        if path.suffix.lower() == ".safetensors":
             raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
         told = {"on_epoch": on_epoch, "on_step": on_step, "on_note": on_note, "on_gather": on_gather}
         more = {"recipe": recipe, "card": card, **told, **options}

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_UNUSED
+from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_START, TRAJECTORY_UNUSED
 from scenegen.formats.trajectories import motion, read_tables
 from scenegen.lang.moments import Scored, score
 from scenegen.lang.timed import Timed
@@ -26,7 +26,8 @@ def read_trajectories(
     (None in a file of one that does not say), (T + 1, N, 3) each; and notes about what was left out.
 
     CSV, JSON Lines or Parquet: `t` in seconds, `mug.x`, `mug.y`, `mug.theta`, ... in metres and radians, one row a
-    moment; `motion` numbers several motions of a file. Or a file of motions that scenegen wrote. With `resample`, rows
+    moment; `motion` numbers several motions of a file. Times may count from any moment, that of the first row. Or a
+    file of motions that scenegen wrote. With `resample`, rows
     at other times are interpolated. Raises RequestError for a spec without `time`, and DataError for what is no such
     file, and where an object that the spec holds stands elsewhere.
     """
@@ -37,13 +38,16 @@ def read_trajectories(
     times = np.arange(horizon.moments, dtype=np.float64) * np.float64(horizon.dt)
     found: dict[int | None, npt.NDArray[np.float64]] = {}
     left_out: list[str] = []
+    starts = []
     for table in read_tables(path):
-        found[table.number], left_out = motion(table, timed.objects, spec.declared.fixed, times, resample)
+        found[table.number], left_out, start = motion(table, timed.objects, spec.declared.fixed, times, resample)
+        starts.append(start)
         moved = held_elsewhere(spec.declared, as_rows(found[table.number]))
         if moved is not None:
             place = f"at moment {moved[1]}" + (f" of motion {table.number}" if table.number is not None else "")
             raise DataError(HELD_ELSEWHERE(**held(spec.declared, moved[0]), place=f"{place} in {path}"))
-    return found, [TRAJECTORY_UNUSED(file=path, columns=left_out)] if left_out else []
+    notes = [TRAJECTORY_UNUSED(file=path, columns=left_out)] if left_out else []
+    return found, notes + ([TRAJECTORY_START(file=path, start=max(starts))] if any(starts) else [])
 
 
 def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> Scored:

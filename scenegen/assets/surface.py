@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Indices
 from scenegen.assets.meshfile import MeshError
 from scenegen.assets.palette import RGB
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
 MOST_TRIANGLES = 4_000_000
@@ -55,6 +62,7 @@ class Budget:
         self.pixels += pixels_of(data, what)
         if self.pixels > MOST_PIXELS:
             raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together")
+        check_texture(data, what, quick=True)
 
     def add_file(self, data: bytes) -> None:
         self.size += len(data)
@@ -84,17 +92,33 @@ def refuse_layers(surfaces: Sequence[Surface]) -> None:
 
 def pixels_of(data: bytes, what: str) -> int:
     """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
-    import io
-    import warnings
+    with _opened(data, f"{what} is neither PNG nor JPEG") as image:
+        return image.width * image.height
 
-    from PIL import Image
+
+def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
+    """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked. `quick`: by the
+    checksums of a PNG file, or an eighth of the pixels of a JPEG file."""
+    with _opened(data, f"{what} is damaged or cut short") as image:
+        if quick and image.format == "PNG":
+            image.verify()
+            return
+        if quick:
+            image.draft("RGB", (image.width // 8, image.height // 8))
+        image.convert("RGB")
+
+
+@contextmanager
+def _opened(data: bytes, otherwise: str) -> Iterator[Image.Image]:
+    """A PNG or JPEG file. Raises MeshError, also where the block finds damage."""
+    from PIL import Image  # only objects with textures need it
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
-                return image.width * image.height
+                yield image
     except Image.DecompressionBombError:
-        return MOST_PIXELS + 1
+        raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together") from None
     except (OSError, ValueError, SyntaxError):
-        raise MeshError(f"{what} is neither PNG nor JPEG") from None
+        raise MeshError(otherwise) from None

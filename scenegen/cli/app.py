@@ -192,7 +192,7 @@ def run(words: list[str]) -> int:
     except Exception as error:
         if debug:
             raise
-        if isinstance(error, OSError) and error.filename is None:
+        if isinstance(error, OSError) and error.errno and error.filename is None:  # others are no system's
             give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()
             complain(CANNOT_WRITE_OUTPUT(reason=reason))

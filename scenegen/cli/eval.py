@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.options import Root, SpecFile
-from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
 
-TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
 REQUIRED = "require"  # lang.core.REQUIRE, which is loaded only when the command runs
 EVERY = 10_000  # sub-formulas of a label that --json has at most
 
@@ -30,7 +28,9 @@ def evaluate(
     scenes: Annotated[
         Path,
         typer.Argument(
-            help="A scenes file of the same objects, or a trajectory.", metavar="SCENES", show_default=False
+            help="Scenes of the same objects, sampled, settled or poses alone; or a trajectory.",
+            metavar="SCENES",
+            show_default=False,
         ),
     ],
     explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
@@ -60,11 +60,16 @@ def evaluate(
       scenegen eval my.spec scenes.json --explain --scene 3
       scenegen eval my.spec scenes.json --json
       scenegen eval my.spec scenes.json | cut -f 2 | sort -g
+      scenegen eval my.spec poses.csv
       scenegen eval over_time.spec trajectory.csv --figure phi.png
       scenegen eval over_time.spec motions.jsonl --motion 3
 
     On a terminal the table is rounded; in a pipe it is tab-separated with every digit. Where the file was made from
     this very spec, its stored values are compared, and the exit status is 1 if any is off by more than 1e-9.
+
+    Files of poses alone are read, too: tables with the columns mug.x, mug.y and mug.theta of every object (.csv,
+    .jsonl, .parquet; metres and radians), and scenes with poses by name (.json, .jsonl). Of settled scenes each object
+    counts at x, y and the heading of its nearest upright attitude.
 
     With --scene (or where the file holds a single scene), --explain prints the value of every sub-formula of that scene
     and marks the atom that decides phi: it alone would have to change for phi to change.
@@ -77,8 +82,10 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
+    from scenegen.cli.output import note
     from scenegen.cli.trajectory import TrajectoryOptions, evaluate_trajectories
     from scenegen.errors import RequestError
+    from scenegen.formats.plain import is_plain
     from scenegen.lang.core import REQUIRE
 
     checked, options = load(spec, root), TrajectoryOptions(resample, motion, figure)
@@ -90,8 +97,10 @@ def evaluate(
     for option in options.given:
         rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy=remedy))
-    found = read_scenes(scenes)
+    found = read_scenes(scenes, spec=checked if is_plain(scenes) else None)
     check_count(found)
+    for warning in found.warnings:
+        note(warning)
     if scene is not None and not explain:
         raise RequestError(OUT_OF_PLACE(option="--scene", rule="shows one scene of --explain", remedy="add --explain"))
     if scene is not None and not 1 <= scene <= len(found):
@@ -197,9 +206,7 @@ def _table(columns: dict[str, list[float] | list[str]]) -> None:
 
 def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     """0 where the stored values are those of the spec, or of another spec altogether."""
-    import numpy as np
-
-    from scenegen.api.scenes import evaluate as score
+    from scenegen.api.scenes import compare
     from scenegen.cli.output import complain, note
 
     if not scenes.phi:  # moments of motions
@@ -207,19 +214,7 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     if scenes.header.spec.sha256 != spec.drawn.sha256:
         note(PHI_NOT_COMPARED(file=path))
         return 0
-    phi = score(spec.drawn, scenes)
-    unknown = sorted(set(scenes.phi) - set(phi))
-    if unknown:
-        complain(LABEL_WITHOUT_SPEC(file=path, label=unknown[0]))
+    for wrong in compare(spec.drawn, scenes, path):
+        complain(wrong)
         return 1
-    for label, values in phi.items():
-        if label not in scenes.phi:
-            complain(PHI_NOT_STORED(file=path, label=label))
-            return 1
-        apart = np.abs(values - scenes.phi[label])
-        worst = int(apart.argmax())
-        if apart[worst] > TOLERANCE:
-            facts = {"scene": worst + 1, "file": path, "label": label, "count": int((apart > TOLERANCE).sum())}
-            complain(PHI_DIFFERS(**facts, stored=scenes.phi[label][worst], computed=values[worst]))
-            return 1
     return 0

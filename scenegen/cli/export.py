@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Meshes
+from scenegen.cli.options import Meshes, PosesOf
+
+if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
 
 
 def export(
@@ -23,6 +26,10 @@ def export(
             show_default=False,
         ),
     ] = None,
+    spec: PosesOf = None,
+    mirrored: Annotated[
+        bool, typer.Option("--mirrored", help="Write each scene as in a mirror, left and right exchanged.")
+    ] = False,
     meshes: Meshes = None,
     looks: Annotated[
         str | None,
@@ -81,6 +88,9 @@ def export(
       scenegen export scenes.json --to pddl --out problems
       scenegen export starts.json --to pddl --out problems --problem task.bddl
       scenegen export scenes.json --out scenes.parquet
+      scenegen export poses.csv --spec my.spec --out scenes.json
+      scenegen export settled.json --to mjcf --out worlds
+      scenegen export scenes.json --mirrored --out mirrored.json
 
     A folder gets a file for each scene, in scene order: scene_0001.xml (mjcf), scene_0001.sdf, scene_0001.usda. A file
     holds all of them: as keyframes of one model (.xml), as worlds (.sdf, .world), or as variants of one stage (.usda;
@@ -92,13 +102,16 @@ def export(
     With --looks, every scene of a folder has another table, floor, walls, light and colours, and the camera `look`:
     those of its picture by scenegen render with the same --looks and --seed. looks.jsonl says what they are.
 
+    Settled scenes go to simulators as they came to rest, with heights and attitudes. Mirrored scenes have x counted
+    from the other side of the workspace, headings turned with it, and phi as the spec gives it there.
+
     For planners a folder gets scene_0001.pddl, ... and domain.pddl: types and predicates, no actions. :init has what
     holds in the scene, phi >= 0, of all relations of one or two things, or of those of --facts, or of the predicates
     of --map. The goal is the label `goal`, else all labels, else those of --goal. Of pairs and motions the goal is what
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.api.export import PLANNERS, check_looks, check_meshes, chosen, convert
+    from scenegen.api.export import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
     from scenegen.cli.output import note_others, print_error
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
@@ -110,7 +123,8 @@ def export(
         check_looks(out, PLANNERS, looks, "--looks")
         from scenegen.cli.problems import Original, export_problems
 
-        export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table))
+        read = _chosen(scenes, spec, mirrored)
+        export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table), read)
         return
     given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
     given["--domain"] = domain
@@ -118,14 +132,28 @@ def export(
         raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
     check_meshes(chosen(to, out), meshes, "--meshes")
     check_looks(out, chosen(to, out), looks, "--looks")
-    if looks is None:
+    found = _chosen(scenes, spec, mirrored, whole=looks is not None)
+    if found is None:
         count, files = convert(scenes, out, to, meshes)
     else:
-        from scenegen.api.scenes import read_scenes
-
-        found = read_scenes(scenes)
+        check_export(out, chosen(to, out), scenes)
         count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
     if files != (out,):
         note_others(out, count, files[0].suffix)
+
+
+def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) -> SceneSet | None:
+    """The scenes of a file in memory, where they are not as a file of scenes holds them, or `whole` says so."""
+    from scenegen.api.scenes import read_scenes
+    from scenegen.api.spec import load
+    from scenegen.cli.output import note
+    from scenegen.formats.settled import is_settled
+
+    if not (spec or mirrored or whole or is_settled(path)):
+        return None
+    found = read_scenes(path, spec=None if spec is None else load(spec))
+    for one in found.warnings:
+        note(one)
+    return found.mirrored() if mirrored else found

@@ -56,7 +56,7 @@ def new(
     from scenegen.errors import OutputError
     from scenegen.formats.files import write_whole
 
-    path = name if name.suffix == ".spec" else name.with_name(f"{name.name}.spec")
+    path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
     if path.exists() or path.is_symlink():
         raise OutputError(FILE_EXISTS(path=path))
     write_whole(path, STARTER.encode())

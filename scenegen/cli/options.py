@@ -22,6 +22,17 @@ Counts = Annotated[
         show_default=False,
     ),
 ]
+PosesOf = Annotated[
+    Path | None,
+    typer.Option(
+        "--spec",
+        help="The spec of a file that holds poses alone: .csv, .parquet, .json or .jsonl.",
+        metavar="SPEC",
+        show_default=False,
+        callback=lambda path: None if path is None else find_spec(path),
+        autocompletion=lambda incomplete: spec_names(incomplete),
+    ),
+]
 Meshes = Annotated[
     Path | None,
     typer.Option(

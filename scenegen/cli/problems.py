@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,9 +21,16 @@ class Original:
 
 
 def export_problems(
-    scenes: Path, out: Path, facts: str | None, goal: Sequence[str] | None, whole_goal: bool, original: Original
+    scenes: Path,
+    out: Path,
+    facts: str | None,
+    goal: Sequence[str] | None,
+    whole_goal: bool,
+    original: Original,
+    read: SceneSet | None,
 ) -> None:
-    """Write the scenes or pairs of a file as planning problems, and say where they are."""
+    """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
+    have been read."""
     from scenegen.api import planning
     from scenegen.api.export import PLANNERS, check_export
     from scenegen.api.motions import MotionSet
@@ -35,7 +46,7 @@ def export_problems(
     if original.problem is not None and (goal or whole_goal):
         option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
-    found = planning.read_for_planning(scenes)
+    found = planning.read_for_planning(scenes) if read is None else read
     if whole_goal and not isinstance(found, MotionSet):
         rule = "is for motions and pairs, and these are scenes"
         raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))

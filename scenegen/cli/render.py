@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes
+from scenegen.cli.options import Meshes, PosesOf
 from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
 from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
 
@@ -92,6 +92,7 @@ def render(
         ),
     ] = None,
     meshes: Meshes = None,
+    spec: PosesOf = None,
     seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
@@ -108,8 +109,12 @@ def render(
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
       scenegen render scenes.json --out dataset --looks random --seed 3
       scenegen render sets/*.json --out pictures
+      scenegen render poses.csv --spec my.spec --out pictures
+      scenegen render settled.json --out pictures
       scenegen render motions.jsonl --out motion.mp4 --motion 3
       scenegen render motions.jsonl --out figures --figure mp4 --figure strip
+
+    Settled scenes are drawn as they came to rest; in figures each object stands upright where it lies.
 
     Several files are drawn side by side, by --engine, each into a folder of its name in --out; one that fails is
     reported by its name, the others are drawn, and the exit status is 1.
@@ -133,7 +138,6 @@ def render(
       strip    six moments side by side: motion_0001_strip.png
       phi      phi over time: motion_0001_phi.png
     """
-    from scenegen.api.scenes import check_count, read_scenes
     from scenegen.cli.motion_pictures import film, names_film
     from scenegen.cli.output import print_error
 
@@ -171,17 +175,15 @@ def render(
 
         jobs = [(name, (source, out / name)) for name, source in zip(names_of(sources), sources, strict=True)]
         ensure_folder(out)
-        job = _Drawing(tuple(figure or ()), of_figures if figure else look)
+        job = _Drawing(tuple(figure or ()), of_figures if figure else look, spec)
         return shared_work(job, jobs, engine, workers, address, "drawing")
     refuse_engine(engine, address)
     if alone:
         print_error(film(sources[0], out, motion, {**of_figures, "workers": workers}))
     elif figure:
-        _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers})
+        _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers}, spec)
     else:
-        found = read_scenes(sources[0])
-        check_count(found)
-        draw(found, out, workers=workers, **look)
+        draw(_scenes(sources[0], spec), out, workers=workers, **look)
     return 0
 
 
@@ -191,22 +193,34 @@ class _Drawing:
 
     kinds: tuple[str, ...]
     look: dict[str, Any]
+    spec: Path | None
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
-        from scenegen.api.scenes import check_count, read_scenes
         from scenegen.cli.motion_pictures import figures
 
         source, out = paths
         made = figures(source, out, self.kinds, {**self.look, "workers": 1}) if self.kinds else None
         if made is not None:
             return Said((f"drew {len(made)} figures in {out}",))
-        found = read_scenes(source)
-        check_count(found)
+        found = _scenes(source, self.spec)
         if not self.kinds:
             drawn = found.render(out, workers=1, **self.look)
             return Said((f"drew {len(drawn.pictures)} pictures in {out}",), _unknown(found))
         made = found.figures(out, *self.kinds, workers=1, **self.look)
         return Said((f"drew {len(made)} figures in {out}",), _unknown(found))
+
+
+def _scenes(source: Path, spec: Path | None) -> SceneSet:
+    """The scenes of a file, of `spec` where it holds poses alone. Raises DataError, RequestError."""
+    from scenegen.api.scenes import check_count, read_scenes
+    from scenegen.api.spec import load
+    from scenegen.cli.output import note
+
+    found = read_scenes(source, spec=None if spec is None else load(spec))
+    check_count(found)
+    for one in found.warnings:
+        note(one)
+    return found
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -269,16 +283,14 @@ def draw(
     note_others(out, len(scenes), ".png")
 
 
-def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any]) -> None:
+def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any], spec: Path | None) -> None:
     from scenegen.api.figures import figures
-    from scenegen.api.scenes import check_count, read_scenes
     from scenegen.cli import motion_pictures
     from scenegen.cli.output import note_others, print_error, progress_bar
 
     made, scenes = motion_pictures.figures(source, out, kinds, look), None
     if made is None:
-        scenes = read_scenes(source)
-        check_count(scenes)
+        scenes = _scenes(source, spec)
         with progress_bar() as bar:
             task = bar.add_task("drawing", total=None)
             made = figures(

@@ -93,7 +93,7 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
     from scenegen.engine.budget import MODELS, SCENES, start_processes
 
     # `os.path.isdir` is False also for a name that is too long: that is reported where the source is loaded
-    load = MODELS if source.suffix == ".safetensors" or os.path.isdir(source) else SCENES  # noqa: PTH112
+    load = MODELS if source.suffix.lower() == ".safetensors" or os.path.isdir(source) else SCENES  # noqa: PTH112
     with start_processes(wishes.workers, storing.engine, settle=wishes.settle, load=load) as reserve:
         _sample(source, wishes, out, storing, render, reserve)
 
@@ -249,9 +249,9 @@ def looks_like_model(path: Path) -> bool:
     bytes, then the header."""
     from scenegen.api.family import is_family
 
-    if path.suffix == ".safetensors" or is_family(path):
+    if path.suffix.lower() == ".safetensors" or is_family(path):
         return True
-    if path.suffix == ".spec":
+    if path.suffix.lower() == ".spec":
         return False
     try:
         if not path.is_file():

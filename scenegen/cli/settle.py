@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes
+from scenegen.cli.options import Meshes, PosesOf
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.formats.locations import names_set
 
@@ -41,6 +41,7 @@ def settle(
     max_turn: Annotated[
         str, typer.Option("--max-turn", help="By how much an object may turn, about any axis.", metavar="ANGLE")
     ] = "2deg",
+    spec: PosesOf = None,
     meshes: Meshes = None,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
@@ -55,6 +56,7 @@ def settle(
       scenegen settle scenes.parquet --in pybullet --out settled.parquet
       scenegen settle scenes.json --max-shift 5mm --max-turn 1deg --out s.jsonl
       scenegen settle sets/*.json --out settled/
+      scenegen settle poses.csv --spec my.spec --out settled.json
 
     The file has for each scene the place and the quaternion of every object, how far it moved (mm) and turned (degrees)
     against the plan, phi of every label at the settled poses, and which objects touched before the simulation, and how
@@ -69,8 +71,10 @@ def settle(
     and the exit status is 1.
     """
     from scenegen.api.settle import settle_file
+    from scenegen.api.spec import load
     from scenegen.cli.output import print_error, progress_bar
 
+    loaded = None if spec is None else load(spec)
     limits = _quantity("max_shift", max_shift, LENGTHS), _quantity("max_turn", max_turn, ANGLES)
     if len(sources) > 1 or names_set(out):
         from scenegen.formats.files import ensure_folder
@@ -79,14 +83,14 @@ def settle(
         named = zip(names_of(sources), sources, strict=True)
         jobs = [(name, (source, folder / source.name)) for name, source in named]
         ensure_folder(folder)
-        job = _Settling(simulator, seconds, *limits, meshes)
+        job = _Settling(simulator, seconds, *limits, meshes, spec)
         return shared_work(job, jobs, engine, workers, address, "settling")
     refuse_engine(engine, address)
     with progress_bar() as bar:
         task = bar.add_task("settling", total=None)
         summary = settle_file(
             sources[0], Path(out), simulator, seconds=seconds, max_shift=limits[0], max_turn=limits[1], meshes=meshes,
-            workers=workers,
+            workers=workers, spec=loaded,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
     print_error(summary.first_line)
@@ -103,13 +107,15 @@ class _Settling:
     max_shift: float
     max_turn: float
     meshes: Path | None
+    spec: Path | None
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
         from scenegen.api.settle import settle_file
+        from scenegen.api.spec import load
 
         summary = settle_file(
             *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn,
-            meshes=self.meshes, workers=1,
+            meshes=self.meshes, workers=1, spec=None if self.spec is None else load(self.spec),
         )  # fmt: skip
         return Said((f"{summary.last_line} in {paths[1]}",))
 

@@ -106,7 +106,9 @@ def load_spec(spec: Spec | str | Path | None) -> Spec:
     if isinstance(spec, Spec):
         return spec
     try:
-        if isinstance(spec, Path) or (isinstance(spec, str) and "\n" not in spec and spec.rstrip().endswith(".spec")):
+        if isinstance(spec, Path) or (
+            isinstance(spec, str) and "\n" not in spec and spec.rstrip().lower().endswith(".spec")
+        ):
             return load(spec)
         if isinstance(spec, str):
             return parse(spec)

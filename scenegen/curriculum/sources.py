@@ -113,7 +113,9 @@ def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
         return Sampler(target)
     if isinstance(source, str | Path):
         path = as_path("source", source)
-        source = load_model(path, spec) if path.suffix == ".safetensors" or is_family(path) else read_scenes(path)
+        source = (
+            load_model(path, spec) if path.suffix.lower() == ".safetensors" or is_family(path) else read_scenes(path)
+        )
     if isinstance(source, SceneSet):
         return stock(target, source)
     if isinstance(source, Model):

@@ -31,9 +31,8 @@ from scenegen.formats.sets import (
     Manifest,
     begin,
     finish,
-    read_array,
-    waiting_name,
-    write_array,
+    read_waiting,
+    save_checkpoint,
     write_manifest,
 )
 from scenegen.formats.stores import Store
@@ -136,7 +135,7 @@ class _Run:
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go on from where an earlier run stood."""
-        waiting = np.empty((0, 0)) if checkpoint.waiting is None else read_array(self.store, checkpoint.waiting)
+        waiting = read_waiting(self.store, checkpoint)
         labels = len(self.manifest.labels)  # their phi stands after the coordinates, the number of the cell is last
         places = self._pool(Block(waiting[: -labels - 1], waiting[-labels - 1 : -1])) if waiting.size else waiting
         cells = waiting[-1:] if waiting.size else waiting
@@ -197,11 +196,10 @@ class _Run:
     def _saved(self, moment: _Moment, number: int) -> Checkpoint:
         """A moment, on disk."""
         if moment.waiting is None:
-            return Checkpoint(state=moment.state, waiting=None)
+            return save_checkpoint(self.store, number, moment.state, None)
         scenes = self.engine.fetch(moment.waiting)
-        name = waiting_name(number)
-        write_array(self.store, name, np.concatenate([scenes.rows, scenes.phi, moment.cells]))
-        return Checkpoint(state=moment.state, waiting=name)
+        waiting = np.concatenate([scenes.rows, scenes.phi, moment.cells])
+        return save_checkpoint(self.store, number, moment.state, waiting)
 
     def _add(self, places: Array, before: tuple[dict[str, object], Array] | None) -> None:
         """A finished block, unless it lies in a complete shard."""

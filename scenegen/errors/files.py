@@ -72,7 +72,11 @@ NO_FORMAT = Kind(
 
 # scene files
 NOT_JSON = Kind("not-json", "{file} is not valid JSON", "{reason}", _SAMPLE)
-NOT_SCENES = Kind("not-scenes", "{file} is not a scenes file: {reason}", help=_SAMPLE)
+NOT_SCENES = Kind(
+    "not-scenes",
+    "{file} is not a scenes file: {reason}",
+    help=("{poses:?}if it holds poses alone, name their spec with <spec>", _SAMPLE),
+)
 SCENES_VERSION = Kind(
     "scenes-version",
     "{file} has version {found} of the scene format",
@@ -118,12 +122,8 @@ LARGE_ROW_GROUP = Kind(
 )
 WRONG_COLUMNS = Kind(
     "wrong-columns",
-    (
-        "{path} has no column `{lacking}`",
-        "{path} has a column `{odd}`",
-        "{path} has columns in another order than its objects",
-    ),
-    help="its columns should be {wanted:quoted}, then phi of each label",
+    ("{twice:?}{path} has two columns `{name}`", "{path} has no column `{name}`"),
+    help="it needs {wanted:quoted}, and phi of each label; what else it has is not read",
 )
 COLUMN_TYPE = Kind("column-type", "column `{column}` of {path} holds {found}, not float64", help=_SAMPLE)
 COLUMN_NOT_A_NUMBER = Kind(

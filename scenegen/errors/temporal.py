@@ -166,3 +166,8 @@ TRAJECTORY_UNUSED = Kind(
     "{file} has columns that the spec does not need: {columns:list}",
     severity="note",
 )
+TRAJECTORY_START = Kind(
+    "trajectory-start",
+    "{file}: its first row, at {start:.12g} s, counts as the moment 0",
+    severity="note",
+)

@@ -7,7 +7,6 @@ file itself, in group 3. A file has any number of scenes of the same objects, ea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
@@ -49,10 +48,10 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     if together:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
     root, bodies, keys = _model(world, folder, None)
-    for index, (scene, poses) in enumerate(zip(world.scenes, world.poses.tolist(), strict=True)):
+    for index, scene in enumerate(world.scenes):
         if world.dressing is not None:
             root, bodies, keys = _model(world, folder, world.dressing.of(scene, world.table))
-        qpos = [_qpos(pose) for pose in poses]
+        qpos = world.places(index)
         if not together:
             keys.clear()
         if index == 0 or not together:
@@ -206,12 +205,6 @@ def _pieces(element: Element, body: Body) -> None:
         else:
             center, half = short(piece.box[0]), short(size / 2 for size in piece.box[1])
             node(element, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
-
-
-def _qpos(pose: list[float]) -> tuple[float, ...]:
-    """Place and quaternion (w first) of a pose x, y, z, theta."""
-    x, y, z, theta = pose
-    return x, y, z, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
 
 
 def _part(form: Form, number: int) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from scenegen.assets.meshfile import MeshError
 from scenegen.assets.own_body import OwnBody, mesh_body, robot_body
+from scenegen.assets.surface import check_texture
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
@@ -46,6 +47,8 @@ def _body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
         made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
     else:
         made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
+    for texture in {one.texture for one in made.skins if one.texture} if painted else ():
+        check_texture(texture, "a texture of it")
     mass = made.mass if file.mass is None else file.mass
     friction = made.friction if file.friction is None else file.friction
     return replace(made, mass=mass, friction=friction).moved(file.offset)

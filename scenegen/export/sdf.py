@@ -8,6 +8,7 @@ first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Literal
 from xml.etree import ElementTree
@@ -56,9 +57,9 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
 def _worlds(world: World, folder: str) -> Iterator[Element]:
     """The world of each scene: the same element, changed for each."""
     element, places = _world(world, folder)
-    for scene, poses in zip(world.scenes, world.poses.tolist(), strict=True):
+    for index, scene in enumerate(world.scenes):
         element.set("name", f"scene_{scene:04d}")
-        _place(places, poses)
+        _place(places, world, index)
         yield element
 
 
@@ -68,13 +69,23 @@ def bare(world: World, folder: str, *, table: bool, hulls: Hulls = "obj") -> byt
     element = node(root, "world", name="scene")
     if table:
         _table(element, world, folder)
-    _place([_body(element, body, folder, hulls) for body in world.bodies], world.poses[0].tolist())
+    _place([_body(element, body, folder, hulls) for body in world.bodies], world, 0)
     return document(root)
 
 
-def _place(places: Sequence[Element], poses: Sequence[Sequence[float]]) -> None:
-    for place, (x, y, z, theta) in zip(places, poses, strict=True):
+def _place(places: Sequence[Element], world: World, index: int) -> None:
+    for place, (x, y, z, theta) in zip(places, world.poses[index].tolist(), strict=True):
         place.text = numbers(x, y, z, 0, 0, theta)
+    if world.rest is not None:
+        for place, (x, y, z, *turn) in zip(places, world.rest[index].tolist(), strict=True):
+            place.text = numbers(x, y, z, *_angles(*turn))
+
+
+def _angles(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a quaternion: turns about the world's x, then y, then z."""
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    return roll, pitch, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _world(world: World, folder: str) -> tuple[Element, list[Element]]:

@@ -15,6 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from scenegen.assets.mesh import Floats
 from scenegen.errors import OutputError, RequestError
 from scenegen.errors.counts import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
@@ -80,13 +83,14 @@ def write_worlds(
     labels: Sequence[str],
     sources: Path | None = None,
     dressing: Dressing | None = None,
+    rest: Floats | None = None,
 ) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
     `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
     `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
     (`own_bodies_of`), and in formats of `WITH_LOOKS` what is drawn of
     them. With a `dressing`, for a folder and a format of `WITH_LOOKS`, there are `textures/` and
-    looks.jsonl, too.
+    looks.jsonl, too. `rest` (n, N, 7) are places and quaternions of scenes that came to rest in a simulator.
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
@@ -107,6 +111,10 @@ def write_worlds(
         put_already = set[str]()
         for bare in worlds_of(header, scenes, own):
             world = replace(recorded(bare, header, scenes, labels), dressing=dressing)
+            if rest is not None:
+                names = [one.name for one in header.objects]
+                here = [names.index(body.name) for body in world.bodies]
+                world = replace(world, rest=rest[np.array(world.scenes)[:, None] - 1, here])
             for name, data in module.meshes(world):
                 if name not in put_already:  # worlds share forms
                     put_already.add(name)

@@ -6,6 +6,7 @@ the table's top is z = 0, as in pictures.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,7 +110,8 @@ class Record:
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """`table` is (x lowest, y lowest, x highest, y highest); `poses` (scenes, bodies, 4) are x, y, z and theta of the
-    bodies' frames, z from the objects below them. `numbers` are the scenes' in their file, where not all of it is here.
+    bodies' frames, z from the objects below them; `rest` (scenes, bodies, 7) are places and quaternions, w first, of
+    scenes that came to rest in a simulator. `numbers` are the scenes' in their file, where not all of it is here.
     `record` is for formats that hold it; `dressing` has the looks of all scenes of the file.
     """
 
@@ -119,6 +121,7 @@ class World:
     table: tuple[float, float, float, float]
     poses: Floats
     numbers: tuple[int, ...] = ()
+    rest: Floats | None = None
     record: Record | None = None
     dressing: Dressing | None = None
 
@@ -134,6 +137,15 @@ class World:
     def scenes(self) -> tuple[int, ...]:
         """The number of each scene, from 1."""
         return self.numbers or tuple(range(1, len(self.poses) + 1))
+
+    def places(self, index: int) -> list[tuple[float, ...]]:
+        """x, y, z, qw, qx, qy, qz of each body in a scene, counted from 0."""
+        if self.rest is not None:
+            return [tuple(place) for place in self.rest[index].tolist()]
+        return [
+            (x, y, z, math.cos(theta / 2.0), 0.0, 0.0, math.sin(theta / 2.0))
+            for x, y, z, theta in self.poses[index].tolist()
+        ]
 
     @property
     def forms(self) -> tuple[Form, ...]:

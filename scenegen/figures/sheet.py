@@ -103,8 +103,9 @@ def _method(file: SceneFile) -> str:
     return f"{method} ({model})" if model else str(method)
 
 
-def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
-    """The sheet as a PNG file; `thumbnails` are the pictures of the first scenes, all of one size."""
+def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image], *, planned: bool = True) -> bytes:
+    """The sheet as a PNG file; `thumbnails` are the pictures of the first scenes, all of one size. Of scenes that are
+    not as they were `planned` it does not say what overlaps."""
     title_font, font, small = (ImageFont.load_default(size=size) for size in (TITLE, TEXT, SMALL))
     count, total = len(thumbnails), len(file.scenes)
     width, height = thumbnails[0].size
@@ -113,7 +114,8 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image]) -> bytes:
     if count % columns and count % (columns + 1) == 0 and (columns + 1) * (cell + GAP) <= WIDEST:
         columns += 1  # no row with gaps
     inner = max(columns * cell + (columns - 1) * GAP, 480)
-    overlaps = overlaps_of(file.model_copy(update={"scenes": file.scenes[:count]}))
+    some = file.model_copy(update={"scenes": file.scenes[:count]})
+    overlaps = overlaps_of(some) if planned else [[] for _ in some.scenes]
     captions = [_caption(k + 1, file.scenes[k], file.counts, overlaps[k], small, cell) for k in range(count)]
     rows = [captions[start : start + columns] for start in range(0, count, columns)]
 

@@ -56,7 +56,8 @@ def parse(data: bytes, name: str) -> tuple[Any, str]:
 def scene_file(raw: Any, text: str, name: str) -> SceneFile:
     """The scene file from a JSON value and its text; its scenes are not checked. Raises DataError."""
     if not isinstance(raw, dict) or raw.get("format") != FORMAT:
-        raise DataError(not_scenes(name, f'its "format" is not "{FORMAT}"'))
+        poses = True if not isinstance(raw, dict) or raw.get("format") is None else None
+        raise DataError(NOT_SCENES(file=name, reason=f'its "format" is not "{FORMAT}"', poses=poses))
     if raw.get("version") not in (VERSION, RAISED):
         wanted = f"{VERSION} or {RAISED}"
         raise DataError(SCENES_VERSION(file=name, found=repr(raw.get("version")), wanted=wanted))

@@ -9,27 +9,54 @@ Every page has a checksum, which is checked when it is read.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import RawIOBase
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenegen.errors import DataError
+from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.counts import NUMBERS_DISAGREE
-from scenegen.errors.files import COLUMN_NOT_A_NUMBER, COLUMN_TYPE, DAMAGED_PARQUET, LARGE_ROW_GROUP, WRONG_COLUMNS
+from scenegen.errors.files import (
+    COLUMN_NOT_A_NUMBER,
+    COLUMN_TYPE,
+    DAMAGED_PARQUET,
+    LARGE_ROW_GROUP,
+    NOT_SCENES,
+    TOO_LARGE_TO_READ,
+    WRONG_COLUMNS,
+)
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_numbers, counts_in, regrouped
 from scenegen.formats.columns import COUNT, PHI, RARITY, columns
 from scenegen.formats.files import opened
-from scenegen.formats.header import dump_header, load_header, not_scenes
+from scenegen.formats.header import dump_header, load_header
 from scenegen.scene.data import SceneFile
+
+Check = Callable[["Footer"], None]
 
 KEY = b"scenegen"  # of the header in the file's metadata
 BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
 LARGEST = 1 << 30  # bytes of a row group, unpacked
+
+
+class Footer(NamedTuple):
+    """What a file says of itself at its end: its header, its labels in the order of their columns, its size in bytes,
+    how many scenes each row group has, and the range of phi by label; None where the file does not say it."""
+
+    header: SceneFile
+    labels: tuple[str, ...]
+    bytes: int
+    groups: tuple[int, ...]
+    phi: dict[str, tuple[float, float] | None]
+
+    @property
+    def scenes(self) -> int:
+        return sum(self.groups)
+
 
 _SMALLER = "`scenegen export` to another .parquet file makes smaller ones"
 
@@ -101,14 +128,15 @@ def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:
     return pa.Array.from_buffers(field.type, len(row), [None, pa.py_buffer(np.ascontiguousarray(row))])
 
 
-def read(path: Path, source: Any = None) -> Reading:
-    """Open a file of scenes; `source` is the open file, if it is not on a disk. Raises DataError, and so does the
-    iterator of blocks if a later part is damaged."""
+def read(path: Path, source: Any = None, check: Check | None = None) -> Reading:
+    """Open a file of scenes; `source` is the open file, if it is not on a disk, and `check` raises DataError for what
+    is not the file that it should be. Raises DataError, and so does the iterator of blocks if a later part is
+    damaged."""
     with contextlib.ExitStack() as opening:
-        parquet, header, labels = _open(path, opening, source)
+        parquet, header, labels = _open(path, opening, source, check)
         with _damage(path):
             count = parquet.metadata.num_rows
-        blocks = _blocks(path, parquet, header, opening.pop_all())
+        blocks = _blocks(path, parquet, header, columns(header, labels), opening.pop_all())
         return Reading(header, labels, blocks, count, str(path))
 
 
@@ -126,72 +154,103 @@ def group_sizes(path: Path) -> tuple[int, ...]:
         return sizes
 
 
-def read_groups(path: Path, groups: Sequence[int], source: Any = None) -> Iterator[Block]:
-    """The scenes of some row groups, in the given order; one group is in memory at a time. Raises DataError."""
+def read_groups(path: Path, groups: Sequence[int], source: Any = None, check: Check | None = None) -> Iterator[Block]:
+    """The scenes of some row groups, in the given order; one group is in memory at a time. Raises DataError, as `read`
+    does."""
     with contextlib.ExitStack() as opening:
-        parquet, header, _ = _open(path, opening, source)
+        parquet, header, labels = _open(path, opening, source, check)
+        wanted = columns(header, labels)
         with _damage(path):
             sizes = [parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups)]
         for index in groups:
             with _damage(path):
-                table = parquet.read_row_group(index, columns=_read(parquet), use_threads=False)
+                table = parquet.read_row_group(index, columns=wanted, use_threads=False).select(wanted)
             yield _block(path, table, header, sum(sizes[:index]))
 
 
 def _open(
-    path: Path, opening: contextlib.ExitStack, source: Any = None
+    path: Path, opening: contextlib.ExitStack, source: Any = None, check: Check | None = None
 ) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
     """The file, open for as long as `opening` is, its header and its labels. Raises DataError."""
     file = opening.enter_context(opened(path, "a scenes file") if source is None else source)
     with _damage(path):
-        parquet = pq.ParquetFile(file, page_checksum_verification=True)
+        parquet = open_parquet(path, file)
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
-        groups = [parquet.metadata.row_group(index).total_byte_size for index in range(parquet.num_row_groups)]
     if KEY not in metadata:
-        raise DataError(not_scenes(str(path), f"no header under `{KEY.decode()}` in its metadata"))
+        reason = f"no header under `{KEY.decode()}` in its metadata"
+        raise DataError(NOT_SCENES(file=path, reason=reason, poses=True))
+    header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
+    labels = _labels(path, schema, header)
+    if check is not None:
+        check(_footer(path, file, parquet, header, labels))
+    return parquet, header, labels
+
+
+def open_parquet(path: Path, file: Any) -> pq.ParquetFile:
+    """A Parquet file of any kind. Raises what pyarrow raises, and DataError where a row group is too large for
+    memory."""
+    parquet = pq.ParquetFile(file, page_checksum_verification=True)
+    groups = [parquet.metadata.row_group(index).total_byte_size for index in range(parquet.num_row_groups)]
     if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
         remedy = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
         facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
         raise DataError(LARGE_ROW_GROUP(path=path, **facts))
-    header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
-    return parquet, header, _labels(path, schema, header)
+    return parquet
+
+
+def check_rows(path: Path, parquet: pq.ParquetFile, columns: int) -> None:
+    """Before so many columns of numbers are read as a whole: a few bytes can stand for any number of equal values.
+    Raises DataError where they are too many for memory."""
+    numbers = parquet.metadata.num_rows * columns
+    if numbers > MOST:
+        raise DataError(TOO_LARGE_TO_READ(path=path, size=8 * numbers, limit=8 * MOST, remedy="write several files"))
+
+
+def _footer(path: Path, file: Any, parquet: pq.ParquetFile, header: SceneFile, labels: tuple[str, ...]) -> Footer:
+    with _damage(path):
+        groups = [parquet.metadata.row_group(index) for index in range(parquet.num_row_groups)]
+        at = {name: column for column, name in enumerate(parquet.schema_arrow.names)}
+        phi: dict[str, tuple[float, float] | None] = {}
+        for label in labels:
+            each = [group.column(at[f"{PHI}{label}"]).statistics for group in groups]
+            known = bool(each) and all(one is not None and one.has_min_max for one in each)
+            phi[label] = (min(one.min for one in each), max(one.max for one in each)) if known else None
+        size = file.seek(0, os.SEEK_END)
+        return Footer(header, labels, size, tuple(group.num_rows for group in groups), phi)
+
+
+def is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind))
 
 
 def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]:
-    """The labels of the columns, after these were checked."""
-    wanted = columns(header, ())
-    names = list(schema.names)
-    phi = names[len(wanted) :]
-    rare = [name for name in phi if name.startswith(RARITY)]
-    phi = phi[: len(phi) - len(rare)]
-    if rare and [name.removeprefix(RARITY) for name in rare] != [name.removeprefix(PHI) for name in phi]:
-        phi = names[len(wanted) :]
-    odd = [name for name in phi if not name.startswith(PHI)]
-    if names[: len(wanted)] != wanted or odd:
-        lack = next((name for name in wanted if name not in names), None)
-        raise DataError(WRONG_COLUMNS(path=path, lacking=lack, odd=odd[0] if odd else None, wanted=tuple(wanted)))
+    """The labels of the columns, after these were checked. Columns count by their names, in any order; others may
+    stand beside them. Raises DataError."""
+    wanted, names = columns(header, ()), list(schema.names)
+    labels = [name for name in names if name.startswith(PHI) and name not in wanted]
+    for name in (*wanted, *labels):
+        if names.count(name) != 1:
+            raise DataError(WRONG_COLUMNS(path=path, name=name, twice=(name in names) or None, wanted=tuple(wanted)))
     counts = {f"{COUNT}{one.name}" for one in header.counts}
-    for field in schema:
-        if field.type != (pa.int64() if field.name in counts else pa.float64()):
-            raise DataError(COLUMN_TYPE(column=field.name, path=path, found=field.type))
-    return tuple(name.removeprefix(PHI) for name in phi)
+    for name in (*wanted, *labels):
+        found = schema.field(name).type
+        if found != (pa.int64() if name in counts else pa.float64()):
+            raise DataError(COLUMN_TYPE(column=name, path=path, found=found))
+    return tuple(name.removeprefix(PHI) for name in labels)
 
 
-def _read(parquet: pq.ParquetFile) -> list[str]:
-    """The columns that are read: all but those that follow from phi."""
-    return [name for name in parquet.schema_arrow.names if not name.startswith(RARITY)]
-
-
-def _blocks(path: Path, parquet: pq.ParquetFile, header: SceneFile, closing: contextlib.ExitStack) -> Iterator[Block]:
+def _blocks(
+    path: Path, parquet: pq.ParquetFile, header: SceneFile, wanted: list[str], closing: contextlib.ExitStack
+) -> Iterator[Block]:
     with closing:
-        batches = parquet.iter_batches(BLOCK, columns=_read(parquet), use_threads=False)
+        batches = parquet.iter_batches(BLOCK, columns=wanted, use_threads=False)
         done = 0
         while True:
             with _damage(path):
                 batch = next(batches, None)
             if batch is None:
                 return
-            yield _block(path, batch, header, done)
+            yield _block(path, batch.select(wanted), header, done)
             done += batch.num_rows
 
 
@@ -232,11 +291,16 @@ def _numbered(path: Path, table: Array, header: SceneFile, done: int) -> Block:
     return Block(rows, phi)
 
 
+def _damage(path: Path) -> contextlib.AbstractContextManager[None]:
+    return refused(lambda said: DAMAGED_PARQUET(path=path, reason=said))
+
+
 @contextlib.contextmanager
-def _damage(path: Path) -> Iterator[None]:
+def refused(wrong: Callable[[str], Diagnostic]) -> Iterator[None]:
     """pyarrow's error for a file, as a diagnostic. Its text is for programmers, so only the first line is shown."""
     try:
         yield
+    except ScenegenError:
+        raise
     except (pa.ArrowException, OSError, ValueError) as error:
-        said = (str(error).splitlines() or [""])[0].rstrip(".")
-        raise DataError(DAMAGED_PARQUET(path=path, reason=said)) from error
+        raise DataError(wrong((str(error).splitlines() or [""])[0].rstrip(".")[:200])) from error

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors import RequestError
-from scenegen.errors.files import UNKNOWN_ENDING
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.formats.files import whole_file
 
@@ -82,5 +82,7 @@ def read_scenes(path: Path) -> Reading:
 
     if is_motions(path):
         return moments(path)
+    if path.suffix.lower() == ".csv":
+        raise DataError(NOT_SCENES(file=path, reason="a .csv file has no place for spec and shapes", poses=True))
     reading: Reading = format_of(path).read(path)
     return reading

@@ -8,14 +8,17 @@ names begin with `_` or a dot belong to an unfinished run; readers of Parquet fo
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import io
 import json
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
@@ -42,6 +45,7 @@ SHARDS = "part-"  # how the names of shards begin
 RUN = "_run"  # the folder of what only an unfinished run needs
 SHARD_BYTES = 1 << 28  # of a shard's numbers, as long as --shard-size does not say otherwise
 SHARD_SCENES = 1 << 20
+PART = 1 << 22  # bytes of a shard that are read at a time to be hashed
 
 
 class _Strict(BaseModel):
@@ -61,7 +65,7 @@ class Shard(_Strict):
     if it has one."""
 
     file: str
-    scenes: int
+    scenes: Annotated[int, Field(ge=1)]
     bytes: int
     sha256: str
     pieces: int
@@ -70,10 +74,17 @@ class Shard(_Strict):
 
 
 class Checkpoint(_Strict):
-    """Where a run stands, and the file with the scenes of its unfinished blocks."""
+    """Where a run stands, and the file with the scenes of its unfinished blocks; `crc32` is of both."""
 
     state: dict[str, Any]
     waiting: str | None = None
+    crc32: int = 0
+
+    def checked(self, waiting: bytes | memoryview) -> Checkpoint:
+        """The same with its checksum, `waiting` being the bytes of that file."""
+        rest = self.model_copy(update={"crc32": 0})
+        said = zlib.crc32(rest.model_dump_json(exclude_none=True).encode())
+        return rest.model_copy(update={"crc32": zlib.crc32(waiting, said)})
 
 
 class Manifest(_Strict):
@@ -93,6 +104,15 @@ class Manifest(_Strict):
     checkpoint: Checkpoint | None = None
     rarity: dict[str, Rareness] | None = None
     missing: list[str] | None = None
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if len(set(self.labels)) < len(self.labels):
+            raise ValueError("two labels are the same")
+        for shard in self.shards:
+            if list(shard.phi) != self.labels:
+                raise ValueError(f"phi of {shard.file} is not that of the labels")
+        return self
 
     @property
     def scenes(self) -> int:
@@ -184,25 +204,24 @@ def shard_name(number: int) -> str:
     return f"{SHARDS}{number:06d}.parquet"
 
 
-def waiting_name(number: int) -> str:
-    """The file of the scenes that wait after so many shards."""
-    return f"{RUN}/waiting-{number:06d}.npy"
-
-
-def write_array(store: Store, name: str, table: Array) -> None:
-    """Write an array for `read_array`. Raises OutputError."""
+def save_checkpoint(store: Store, shards: int, state: Mapping[str, Any], waiting: Array | None) -> Checkpoint:
+    """Where a run stands after so many shards; scenes that wait for the next go to a file. Raises OutputError."""
+    if waiting is None:
+        return Checkpoint(state=dict(state)).checked(b"")
     sink = io.BytesIO()
-    np.save(sink, table, allow_pickle=False)
+    np.save(sink, waiting, allow_pickle=False)
+    name = f"{RUN}/waiting-{shards:06d}.npy"
     store.write(name, sink.getbuffer())
+    return Checkpoint(state=dict(state), waiting=name).checked(sink.getbuffer())
 
 
-def read_array(store: Store, name: str) -> Array:
-    """Raises DataError."""
-    try:
-        table: Array = np.load(io.BytesIO(store.read(name)), allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise DataError(DAMAGED_SHARD(file=name, location=store.location, reason="it is no array")) from error
-    return table
+def read_waiting(store: Store, checkpoint: Checkpoint) -> Array:
+    """The scenes that wait; (0, 0) if there are none. Raises DataError where file or state are not what was written."""
+    data = b"" if checkpoint.waiting is None else store.read(checkpoint.waiting)
+    if checkpoint.checked(data).crc32 != checkpoint.crc32:
+        file, reason = checkpoint.waiting or MANIFEST, "what an unfinished run has to go on from has another checksum"
+        raise DataError(DAMAGED_SHARD(file=file, location=store.location, reason=reason))
+    return np.load(io.BytesIO(data), allow_pickle=False) if data else np.empty((0, 0))
 
 
 def write_manifest(store: Store, manifest: Manifest) -> None:
@@ -220,7 +239,9 @@ def read_manifest(store: Store) -> Manifest:
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         where = ".".join(map(str, problem["loc"]))
-        reason = f"`{where}` in {MANIFEST}: {problem['msg'].lower()}" if where else f"{MANIFEST} is no JSON"
+        said = problem["msg"].lower().removeprefix("value error, ")
+        reason = f"`{where}` in {MANIFEST}: {said}" if where else f"{MANIFEST}: {said}"
+        reason = f"{MANIFEST} is no JSON" if problem["type"] == "json_invalid" else reason
         raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?")) from None
 
 
@@ -297,20 +318,19 @@ def _is_unfinished(name: str) -> bool:
     return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD)))
 
 
-def read_set(store: Store, shards: Iterable[Shard] | None = None) -> Reading:
-    """All scenes of a set, shard after shard, or those of some shards. Raises DataError."""
+def read_set(store: Store) -> Reading:
+    """All scenes of a set, shard after shard. Raises DataError."""
     manifest = read_manifest(store)
-    chosen = list(manifest.shards if shards is None else shards)
-    if not chosen:
+    if not manifest.shards:
         reason = "none of its shards is complete yet"
         raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="go on with the run that makes it"))
+    header = set_header(store, manifest)
 
     def blocks() -> Iterator[Block]:
-        for shard in chosen:
-            yield from read_shard(store, shard).blocks
+        for shard in manifest.shards:
+            yield from read_shard(store, header, manifest.labels, shard).blocks
 
-    count = sum(shard.scenes for shard in chosen)
-    return Reading(set_header(store, manifest), tuple(manifest.labels), blocks(), count, store.location)
+    return Reading(header, tuple(manifest.labels), blocks(), manifest.scenes, store.location)
 
 
 def set_header(store: Store, manifest: Manifest) -> SceneFile:
@@ -318,20 +338,61 @@ def set_header(store: Store, manifest: Manifest) -> SceneFile:
     return load_header(json.dumps(manifest.header).encode(), f"the header of {store.location}").without_scenes()
 
 
-def read_shard(store: Store, shard: Shard) -> Reading:
-    """One shard. Raises DataError, also if it has another number of scenes than the manifest says."""
+def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> Reading:
+    """One shard of a set with this header and these labels. Raises DataError for a file that is not the one of the
+    manifest, as far as its end tells."""
     path = Path(store.root, shard.file)
-    reading = parquet.read(path) if store.local else parquet.read(path, store.open(shard.file))
-    if reading.count != shard.scenes:
-        reason = f"it has {reading.count} scenes, and {shard.scenes} in the manifest"
-        raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
-    return reading
+    return parquet.read(path, _opened(store, shard), functools.partial(_check, store, header, labels, shard))
 
 
-def read_shard_group(store: Store, shard: Shard, index: int) -> Block:
-    """The scenes of one row group of a shard. Raises DataError."""
+def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard, index: int) -> Block:
+    """The scenes of one row group of a shard. Raises DataError as `read_shard` does."""
     path = Path(store.root, shard.file)
-    return next(parquet.read_groups(path, [index], None if store.local else store.open(shard.file)))
+    check = functools.partial(_check, store, header, labels, shard)
+    return next(parquet.read_groups(path, [index], _opened(store, shard), check))
+
+
+def check_bytes(store: Store, shard: Shard) -> None:
+    """Raises DataError for a shard whose bytes, which are all read, are not those of the manifest."""
+    digest = hashlib.sha256()
+    with store.open(shard.file) as file:
+        while part := file.read(PART):
+            digest.update(part)
+    if digest.hexdigest() != shard.sha256:
+        raise _damaged(store, shard, "its checksum is not that of the manifest")
+
+
+def _opened(store: Store, shard: Shard) -> Any:
+    return None if store.local else store.open(shard.file)
+
+
+def _check(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard, found: parquet.Footer) -> None:
+    """Compare a file with its line of the manifest, by what costs nothing: the values of phi at its ends, which its
+    footer has, tell two files of one size apart."""
+    phi = {label: (one.lowest, one.highest) for label, one in shard.phi.items()}
+    known = {label: ends for label, ends in found.phi.items() if ends is not None}
+    facts = (
+        ("its size is not that", found.bytes, shard.bytes),
+        ("its number of scenes is not that", found.scenes, shard.scenes),
+        ("its row groups are not those", found.groups, group_sizes(shard.scenes)),
+        ("its spec is not that", found.header.spec.sha256, header.spec.sha256),
+        ("its objects are not those", found.header.objects, header.objects),
+        ("its numbers of things are not those", found.header.counts, header.counts),
+        ("its labels are not those", found.labels, tuple(labels)),
+        ("its range of phi is not that", known, {label: phi.get(label) for label in known}),
+    )
+    for what, has, wanted in facts:
+        if has != wanted:
+            raise _damaged(store, shard, f"{what} of the manifest")
+
+
+def _damaged(store: Store, shard: Shard, reason: str) -> DataError:
+    return DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
+
+
+def group_sizes(scenes: int) -> tuple[int, ...]:
+    """How many scenes the row groups of a shard have."""
+    return tuple(min(BLOCK, scenes - start) for start in range(0, scenes, BLOCK))
 
 
 def header_data(header: SceneFile) -> dict[str, Any]:

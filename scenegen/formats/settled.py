@@ -1,10 +1,10 @@
-"""Settled scenes as JSON, JSON Lines and Parquet; written block by block, whole or not at all.
-
-They are results, and are not read back: `json`, pandas and polars do that.
+"""Settled scenes as JSON, JSON Lines and Parquet; written block by block, whole or not at all. Of what is in them only
+the poses are read back.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -12,11 +12,18 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from scenegen.formats.files import whole_file
+from scenegen.errors import DataError
+from scenegen.errors.files import DAMAGED_SCENES
+from scenegen.formats.files import read_bytes, whole_file
+from scenegen.formats.header import first_problem, parse
 from scenegen.formats.registry import format_of
-from scenegen.formats.settled_blocks import MM, POSE, SettledBlock
-from scenegen.scene.settled import SettledHeader
+from scenegen.formats.scenes_json import MOST_BYTES
+from scenegen.formats.settled_blocks import MM, POSE, Array, SettledBlock
+from scenegen.scene.settled import FORMAT, SettledHeader
+
+PEEK = 256  # bytes at the start of a file within which it names its format
 
 
 def write_settled(path: Path, header: SettledHeader, blocks: Iterable[SettledBlock]) -> None:
@@ -52,6 +59,60 @@ def write_parquet(sink: IO[bytes], header: SettledHeader, blocks: Iterable[Settl
     from scenegen.formats import settled_parquet
 
     settled_parquet.write(sink, header, blocks)
+
+
+def is_settled(path: Path) -> bool:
+    """Whether a .json, .jsonl or .parquet file is one of settled scenes; False where it cannot be read."""
+    wanted = f'"{FORMAT}"'.encode()
+    with contextlib.suppress(OSError, ModuleNotFoundError):
+        match path.suffix.lower():
+            case ".json" | ".jsonl" if path.is_file():
+                with path.open("rb") as file:
+                    return wanted in file.read(PEEK)
+            case ".parquet" if path.is_file():
+                from scenegen.formats.settled_parquet import names_settled
+
+                return names_settled(path, wanted)
+    return False
+
+
+def read_settled(path: Path) -> tuple[SettledHeader, Array]:
+    """The header and the poses (n, N, 7) of a file of settled scenes, NaN of what is not there. Raises DataError, also
+    for a scene whose simulation diverged."""
+    if path.suffix.lower() == ".parquet":
+        from scenegen.formats.settled_parquet import read_poses
+
+        header, poses = read_poses(path)
+    else:
+        data = read_bytes(path, "a file of settled scenes", limit=MOST_BYTES, remedy="write .parquet")
+        first, *lines = data.split(b"\n") if path.suffix.lower() == ".jsonl" else [data]
+        raw, _ = parse(first, str(path))
+        scenes = [parse(line, f"line {k} of {path}")[0] for k, line in enumerate(lines, 2) if line.strip()] or (
+            raw.pop("scenes", []) if isinstance(raw, dict) else []
+        )
+        header = settled_header(json.dumps(raw), path)
+        poses = np.full((len(scenes), len(header.objects), len(POSE)), math.nan)
+        for number, scene in enumerate(scenes):
+            try:
+                for name, place in scene["objects"].items():
+                    poses[number, header.objects.index(name)] = [place[axis] for axis in POSE]
+            except (KeyError, TypeError, ValueError, AttributeError):
+                where = f"scenes.{number + 1}"
+                raise DataError(DAMAGED_SCENES(file=path, place=where, reason="a pose is missing or null")) from None
+    some, every = np.isnan(poses).any(axis=2), np.isnan(poses).all(axis=2)
+    odd = np.asarray((some & ~every) | np.isinf(poses).any(axis=2)).any(axis=1)
+    if odd.any():
+        where = f"scenes.{int(odd.argmax()) + 1}"
+        raise DataError(DAMAGED_SCENES(file=path, place=where, reason="a pose is missing or null"))
+    return header, poses
+
+
+def settled_header(text: str | bytes, path: Path) -> SettledHeader:
+    """Raises DataError."""
+    try:
+        return SettledHeader.model_validate_json(text)
+    except ValidationError as error:
+        raise DataError(first_problem(str(path), error)) from None
 
 
 def _lines(header: SettledHeader, blocks: Iterable[SettledBlock]) -> Iterator[str]:

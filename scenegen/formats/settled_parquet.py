@@ -7,17 +7,19 @@ Columns: `scene`, `settled`, then of each object `mug.x`, ..., `mug.qz`, `mug.sh
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import IO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenegen.errors import OutputError
-from scenegen.errors.files import COLUMN_TWICE
+from scenegen.errors import DataError, OutputError
+from scenegen.errors.files import COLUMN_TWICE, COLUMN_TYPE, DAMAGED_PARQUET, WRONG_COLUMNS
 from scenegen.formats.columns import PHI
-from scenegen.formats.parquet import KEY
-from scenegen.formats.settled_blocks import MM, POSE, SettledBlock
+from scenegen.formats.files import opened
+from scenegen.formats.parquet import KEY, check_rows, is_number, open_parquet, refused
+from scenegen.formats.settled_blocks import MM, POSE, Array, SettledBlock
 from scenegen.scene.settled import SettledHeader
 
 GROUP = 4096  # scenes of a row group: they come in small blocks
@@ -47,6 +49,37 @@ def write(sink: IO[bytes], header: SettledHeader, blocks: Iterable[SettledBlock]
                 waiting = []
         if waiting:
             writer.write_table(pa.Table.from_batches(waiting), row_group_size=GROUP)
+
+
+def names_settled(path: Path, wanted: bytes) -> bool:
+    """Whether the metadata of a file says that it holds settled scenes; False where it cannot be read."""
+    try:
+        metadata = pq.read_metadata(path).metadata or {}
+    except (pa.ArrowException, OSError, ValueError):
+        return False
+    return wanted in metadata.get(KEY, b"")
+
+
+def read_poses(path: Path) -> tuple[SettledHeader, Array]:
+    """The header and the poses (n, N, 7), NaN where null stands. Raises DataError."""
+    from scenegen.formats.settled import settled_header
+
+    with (
+        opened(path, "a file of settled scenes") as file,
+        refused(lambda said: DAMAGED_PARQUET(path=path, reason=said)),
+    ):
+        parquet = open_parquet(path, file)
+        header = settled_header((parquet.metadata.metadata or {}).get(KEY, b""), path)
+        names = [f"{name}.{column}" for name in header.objects for column in POSE]
+        for name in names:
+            if name not in parquet.schema_arrow.names:
+                raise DataError(WRONG_COLUMNS(path=path, name=name, wanted=tuple(names)))
+            if not is_number(parquet.schema_arrow.field(name).type):
+                raise DataError(COLUMN_TYPE(column=name, path=path, found=parquet.schema_arrow.field(name).type))
+        check_rows(path, parquet, len(names))
+        table = parquet.read(columns=names, use_threads=False)
+    values = np.array([table.column(name).to_numpy() for name in names], dtype=np.float64)
+    return header, values.T.reshape(table.num_rows, len(header.objects), len(POSE))
 
 
 def _batch(schema: pa.Schema, header: SettledHeader, block: SettledBlock, done: int) -> pa.RecordBatch:

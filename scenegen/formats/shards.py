@@ -1,11 +1,14 @@
 """A large scene file in progress: finished blocks in `x.parquet.part/`, joined into `x.parquet` at the end.
 
 The folder has `shard-000000.npy`, ... (blocks, one array after the other), `pool-000001.npy` with scenes for later
-blocks, and `manifest.json` with their names, the request, and the progress of the run. Shards and pool are on disk
-before the manifest that names them, and the manifest replaces the previous one in one step. So the manifest is always
-valid, even if the process dies: the run continues from its last checkpoint, and newer data is made again, with the same
-bytes. The scenes in the shards have no file format yet, because the header, which some formats write first, is known
-last.
+blocks, and `manifest.json` with their names and checksums, the request, and the progress of the run. Shards and pool
+are on disk before the manifest that names them, and the manifest replaces the previous one in one step. So the manifest
+is always valid, even if the process dies: the run continues from its last checkpoint, and newer data is made again,
+with the same bytes. The scenes in the shards have no file format yet, because the header, which some formats write
+first, is known last.
+
+A block with another checksum is damage. It cannot be drawn again alone, since where the run stood before it is not
+kept: the run is refused. All blocks are looked at before a run goes on, and each once more when it is joined.
 
 A folder with a checkpoint is never deleted unless the user asks for it: without `resume` it is refused. A folder
 without one comes from a run that had just begun, and is replaced.
@@ -18,6 +21,7 @@ import io
 import json
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -35,10 +39,18 @@ LOCK = "lock"
 _OURS = re.compile(r"manifest\.json|lock|joined|(shard|pool)-\d{6,}\.npy(\.new)?|\..*\.part")
 
 
+class _Stored(BaseModel):
+    """An array in a file, as long as it is."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    bytes: int
+    crc32: int
+
+
 class _Shard(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     file: str
-    blocks: int
+    blocks: list[_Stored]
     scenes: int
     bytes: int
 
@@ -46,13 +58,20 @@ class _Shard(BaseModel):
 class _Manifest(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     format: Literal["scenegen/shards"] = "scenegen/shards"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     request: dict[str, Any]
     coordinates: int
     shards: list[_Shard] = []
     checkpoint: int = 0
+    pool: _Stored | None = None
     state: dict[str, Any] = {}
     joined: bool = False
+    crc32: int = 0  # of all the rest
+
+    def checked(self) -> _Manifest:
+        """The same with its checksum."""
+        rest = self.model_copy(update={"crc32": 0})
+        return rest.model_copy(update={"crc32": zlib.crc32(rest.model_dump_json().encode())})
 
 
 class Shards:
@@ -65,7 +84,8 @@ class Shards:
         self._manifest = manifest
         self._shard: IO[bytes] | None = None
         self._joined = self.folder / "joined"
-        self._blocks = self._scenes = 0
+        self._blocks: list[_Stored] = []
+        self._scenes = 0
 
     @property
     def state(self) -> dict[str, Any]:
@@ -77,18 +97,18 @@ class Shards:
         return self._manifest.joined
 
     def pool(self) -> Array:
-        """The state that was passed to `checkpoint`."""
+        """The state that was passed to `checkpoint`. Raises DataError."""
+        assert self._manifest.pool is not None
         with self._reported(), self._pool_path(self._manifest.checkpoint).open("rb") as file:
-            return _load(file)
+            return _load(file, self._manifest.pool)
 
     def append(self, block: Block) -> None:
         """Add a block; it counts from the next checkpoint on."""
         with self._reported():
             if self._shard is None:
                 self._shard = self._shard_path(new=True).open("wb")
-            _save(self._shard, block.rows, block.phi)
+            self._blocks.append(_save(self._shard, block.rows, block.phi))
             begin_writing(self._shard)
-        self._blocks += 1
         self._scenes += block.count
 
     def checkpoint(self, state: Mapping[str, object], pool: Array) -> None:
@@ -103,12 +123,12 @@ class Shards:
                 new.replace(path)
                 size = path.stat().st_size
                 shards.append(_Shard(file=path.name, blocks=self._blocks, scenes=self._scenes, bytes=size))
-                self._blocks = self._scenes = 0
+                self._blocks, self._scenes = [], 0
             number = self._manifest.checkpoint + 1
             with self._pool_path(number).open("wb") as file:
-                _save(file, pool)
+                stored = _save(file, pool)
                 _sync(file)
-            self._publish(shards=shards, checkpoint=number, state=dict(state))
+            self._publish(shards=shards, checkpoint=number, pool=stored, state=dict(state))
             self._pool_path(number - 1).unlink(missing_ok=True)
 
     def join(self, write: Callable[[IO[bytes]], None]) -> None:
@@ -127,15 +147,15 @@ class Shards:
         self.discard()
 
     def blocks(self) -> Iterator[Block]:
-        """The blocks up to the last checkpoint before this call, in order."""
+        """The blocks up to the last checkpoint before this call, in order. The iterator raises DataError for damage."""
         return self._blocks_of(self._manifest)
 
     def _blocks_of(self, manifest: _Manifest) -> Iterator[Block]:
         coordinates = manifest.coordinates
         for shard in manifest.shards:
             with (self.folder / shard.file).open("rb") as file:
-                for _ in range(shard.blocks):
-                    table = _load(file)
+                for stored in shard.blocks:
+                    table = _load(file, stored)
                     yield Block(table[:coordinates], table[coordinates:])
 
     def discard(self) -> None:
@@ -166,7 +186,7 @@ class Shards:
 
     def _publish(self, **changes: object) -> None:
         _sync_folder(self.folder)
-        self._manifest = self._manifest.model_copy(update=changes)
+        self._manifest = self._manifest.model_copy(update=changes).checked()
         write_whole(self.folder / MANIFEST, self._manifest.model_dump_json(indent=1).encode() + b"\n")
         _sync_folder(self.folder)
 
@@ -231,6 +251,10 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
                 if entry.name.startswith(".") if goes_on else entry.name != LOCK:
                     entry.unlink()
         held.callback(shards.leave)
+        if not shards.joined:
+            with shards._reported():
+                for _ in shards.blocks():  # of an earlier run: damage is found now, not when all else is drawn
+                    pass
         yield shards
 
 
@@ -250,6 +274,8 @@ def _load_manifest(folder: Path) -> _Manifest | None:
         manifest = _Manifest.model_validate_json(path.read_bytes())
     except ValidationError:
         raise DataError(damage) from None
+    if manifest.crc32 != manifest.checked().crc32:
+        raise DataError(damage)
     sizes = {entry.name: entry.stat().st_size for entry in folder.iterdir()}
     there = all(sizes.get(shard.file) == shard.bytes for shard in manifest.shards)
     if not manifest.joined and not (there and _pool_name(manifest.checkpoint) in sizes):
@@ -291,22 +317,25 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _save(file: IO[bytes], *tables: Array) -> None:
+def _save(file: IO[bytes], *tables: Array) -> _Stored:
     """Writes arrays of as many columns as one, for `_load`, with no copy in memory of those that are contiguous."""
     shape = sum(len(table) for table in tables), tables[0].shape[1]
     descr = np.lib.format.dtype_to_descr(tables[0].dtype)
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": descr, "fortran_order": False, "shape": shape})
-    file.write(head.getbuffer())
-    for table in tables:  # numpy's own error for a full disk does not say the reason
-        file.write(np.ascontiguousarray(table).data)
+    size = checksum = 0
+    # numpy's own error for a full disk does not say the reason
+    for part in (head.getbuffer(), *(np.ascontiguousarray(table).data for table in tables)):
+        file.write(part)
+        size, checksum = size + part.nbytes, zlib.crc32(part, checksum)
+    return _Stored(bytes=size, crc32=checksum)
 
 
-def _load(file: IO[bytes]) -> Array:
-    try:
-        table: Array = np.load(file, allow_pickle=False)
-    except (ValueError, EOFError):
-        raise DataError(DAMAGED_RUN(path=file.name, folder="the folder it is in")) from None
+def _load(file: IO[bytes], stored: _Stored) -> Array:
+    data = file.read(stored.bytes)
+    if len(data) != stored.bytes or zlib.crc32(data) != stored.crc32:
+        raise DataError(DAMAGED_RUN(path=file.name, folder="the folder it is in"))
+    table: Array = np.load(io.BytesIO(data), allow_pickle=False)
     return table
 
 

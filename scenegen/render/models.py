@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from PIL import Image
-
 from scenegen.assets.drawn import mesh_surfaces, robot_surfaces
 from scenegen.assets.meshfile import MeshError
-from scenegen.assets.surface import Surface
+from scenegen.assets.surface import Surface, check_texture
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
@@ -53,16 +49,5 @@ def _model(folder: Path, shape: ShapeData) -> Model:
     file = own_file(folder, shape)
     made = robot_surfaces(file.data, file.beside) if file.is_robot else mesh_surfaces(file.path, file.data, file.beside)
     for texture in {one.texture for one in made if one.texture}:
-        _check_texture(texture)
+        check_texture(texture, "a texture of it")
     return tuple(replace(one, vertices=one.vertices @ file.matrix.T + file.offset) for one in made)
-
-
-def _check_texture(data: bytes) -> None:
-    """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
-                image.convert("RGB")
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        raise MeshError("a texture of it is damaged or cut short") from None

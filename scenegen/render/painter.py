@@ -123,11 +123,14 @@ class Painter:
 
     def paint(self, places: npt.NDArray[np.float64]) -> dict[str, Shot]:
         """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on; NaN
-        of objects that are not there."""
+        of objects that are not there. In (objects, 8) a quaternion follows, w first, which counts instead of theta."""
+        places, turns = places[:, :4], places[:, 4:].tolist()
         places = np.where(np.isnan(places[:, :1]), (*self._high[:2], 0.0, 0.0), places)
-        for bodies, (x, y, theta, z) in zip(self._things, np.clip(places, self._low, self._high), strict=True):
+        clipped = np.clip(places, self._low, self._high)
+        for bodies, (x, y, theta, z), turn in zip(self._things, clipped, turns, strict=True):
+            w, *axis = turn if turn and not math.isnan(turn[0]) else _about_z(float(theta))
             for body in bodies:
-                self._studio.place(body, (float(x), float(y), float(z)), float(theta))
+                self._studio.place(body, (float(x), float(y), float(z)), (*axis, w))
         _, light, _ = self._studio.shoot(self._light, self._look)
         _, landscape, _ = self._studio.shoot(self._landscape, self._look)
         shots = {}
@@ -142,7 +145,8 @@ class Painter:
         x, y, theta = patch.pose
         (part, *_) = plain(patch.footprint, thick, mix(patch.color, WOOD, 0.5))
         body = self._studio.add(part.mesh, part.color)
-        self._studio.place(body, (x, y, patch.height - thick), theta)
+        w, *axis = _about_z(theta)
+        self._studio.place(body, (x, y, patch.height - thick), (*axis, w))
         return body
 
     def camera(self, view: str) -> Camera:
@@ -258,8 +262,8 @@ class _Studio:
         path.write_text("\n".join(lines) + "\n")
         return {"fileName": str(path)}
 
-    def place(self, body: int, at: tuple[float, float, float], theta: float) -> None:
-        turn = (0.0, 0.0, math.sin(theta / 2.0), math.cos(theta / 2.0))
+    def place(self, body: int, at: tuple[float, float, float], turn: tuple[float, ...]) -> None:
+        """`turn` is a quaternion, w last."""
         pybullet.resetBasePositionAndOrientation(body, at, turn, physicsClientId=self._client)
 
     def shoot(self, camera: Camera, look: Look | None = None) -> tuple[Picture, Image, Bodies]:
@@ -281,3 +285,8 @@ class _Studio:
         if self._plugin is not None:
             buffer = camera.from_card(buffer)
         return picture, buffer, np.asarray(bodies, dtype=np.int32).reshape(height, width)
+
+
+def _about_z(theta: float) -> tuple[float, float, float, float]:
+    """The quaternion of a heading, w first."""
+    return math.cos(theta / 2.0), 0.0, 0.0, math.sin(theta / 2.0)

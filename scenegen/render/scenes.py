@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
 from PIL import Image
 
 from scenegen.errors import DataError
@@ -21,6 +23,7 @@ from scenegen.looks.read import read_looks
 from scenegen.looks.record import LOOKS
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
+from scenegen.pose import flat
 from scenegen.processes.process import cores
 from scenegen.render.files import PictureOptions
 from scenegen.render.pool import draw
@@ -69,6 +72,7 @@ def render_scenes(
     meshes: Path | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    rest: npt.NDArray[np.float64] | None = None,
 ) -> Rendered:
     """Draw every scene of a file into the folder `out` (made if its parent exists).
 
@@ -90,6 +94,9 @@ def render_scenes(
     `meshes` is the folder that the spec was in: objects whose shape is `mesh` or `urdf` of a file there are drawn as
     that file shows them, in its colours and textures, instead of as their outline.
 
+    `rest` (n, N, 7) are places and quaternions, w first, of scenes that came to rest in a simulator: objects are drawn
+    there instead.
+
     `workers` processes draw, by default one per core; the bytes do not depend on it. `progress` is called with scenes
     done and scenes in all. Files appear whole, and those of this call are removed if it fails.
 
@@ -110,6 +117,8 @@ def render_scenes(
     if not file.scenes:
         raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
+    if rest is not None:
+        poses = np.concatenate([flat(poses), rest[..., 2:]], axis=2)
     models = () if meshes is None else _models(file, meshes)
     textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
@@ -131,7 +140,7 @@ def render_scenes(
                     thumbnails.append(_small(files[shown_view, ".png"], small))
                 if progress is not None:
                     progress(number, total)
-        put(SHEET, contact_sheet(file, thumbnails))
+        put(SHEET, contact_sheet(file, thumbnails, planned=rest is None))
         put(CAMERAS, cameras_json(file, stage, options, drawn or ()))
         if drawn is not None:
             put(LOOKS, recorded(drawn, seed, stage, options))

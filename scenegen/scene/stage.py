@@ -189,9 +189,10 @@ def overlaps_of(file: SceneFile) -> list[list[str]]:
 
 
 def places_of(stage: Stage, poses: Floats) -> Floats:
-    """(scenes, objects, 4): x, y, theta and what each object stands on, for poses as `poses_of` gives them."""
+    """(scenes, objects, 4): x, y, theta and what each object stands on, for poses as `poses_of` gives them; poses that
+    have a quaternion after the height, w first, keep it."""
     heights = _bases([thing.shape for thing in stage.things], poses, stage.declared)
-    return np.concatenate([flat(poses), heights[..., None]], axis=2)
+    return np.concatenate([flat(poses), heights[..., None], poses[..., len(FLAT) + 1 :]], axis=2)
 
 
 def _declared(file: SceneFile) -> tuple[float, ...]:

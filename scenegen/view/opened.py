@@ -79,7 +79,7 @@ def open_(what: Path | None) -> Opened:
 def _spec(file: Path) -> Opened:
     file = file.resolve()
     folder = Folder(file.parent)
-    if file.suffix != ".spec":
+    if file.suffix.lower() != ".spec":
         raise DataError(WRONG_ENDING(path=file.name, ending=".spec", better=f"{file.stem}.spec"))
     try:
         text, found = folder.read(file.name)

@@ -171,3 +171,106 @@ def test_phi_that_is_not_the_specs(stored, tmp_path, monkeypatch):
     set_edit.write_blocks(f"{tmp_path}/set/", stored, wrong(stored), {})
     report = set_report(scenegen.open_set(tmp_path / "set"), map_jobs=here, verify=True, timeout=0)
     assert len(report.faults) == 3 and "phi of `task` is off by 1e-06" in report.faults[0].fault
+
+
+TWO = "object mug, plate, fork\na: leftOf(mug, plate)\nb: leftOf(fork, plate)\n"
+
+
+def impostor(folder, name):
+    """A shard that is not the one of the set's manifest, though each is a scene file that can be read."""
+    import json
+
+    import pyarrow.parquet as pq
+
+    path, manifest = folder / "part-000000.parquet", json.loads((folder / "manifest.json").read_text())
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"scenegen"])
+    names = list(table.column_names)
+    if name == "labels":  # what their order says
+        names[-2:] = names[-1], names[-2]
+    elif name == "objects":
+        header["objects"] = header["objects"][::-1]
+        names[:9] = [*names[6:9], *names[3:6], *names[:3]]
+    elif name == "rows":
+        table = table.slice(1)
+    elif name == "other scenes":
+        other = scenegen.sample(scenegen.parse(TWO), n=len(table), seed=9, workers=1)
+        other.save(path)
+        table = pq.read_table(path)
+    table = table.rename_columns(names).replace_schema_metadata({b"scenegen": json.dumps(header).encode()})
+    pq.write_table(table, path, compression="zstd")
+    manifest["shards"][0]["bytes"] = path.stat().st_size  # the size is checked, too; but it may be the same by chance
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("labels", "its labels are not those of the manifest"),
+        ("objects", "its objects are not those of the manifest"),
+        ("rows", "its number of scenes is not that of the manifest"),
+        ("other scenes", "its range of phi is not that of the manifest"),
+    ],
+)
+def test_every_reader_names_a_shard_that_is_another(name, said, tmp_path):
+    folder = tmp_path / "set"
+    scenegen.sample_to(f"{folder}/", scenegen.parse(TWO), n=500, workers=1)
+    impostor(folder, name)
+    there = scenegen.open_set(folder)
+    fine = tmp_path / "fine"
+    scenegen.sample_to(f"{fine}/", scenegen.parse(TWO), n=500, workers=1)
+    readers = [
+        lambda: scenegen.read_scenes(folder),
+        lambda: there.read(0, 5),
+        lambda: next(iter(there.batches())),
+        lambda: next(iter(there.stream())),
+        lambda: merge_sets([scenegen.open_set(fine), there], f"{tmp_path}/both/"),
+    ]
+    for read in readers:
+        with pytest.raises(DataError, match=rf"part-000000\.parquet in .*{said}|its checksum is not that"):
+            read()
+    assert not list((tmp_path / "both").glob("*.parquet"))
+    faults = set_report(there, map_jobs=here, timeout=0).faults
+    assert [(one.file, one.fault) for one in faults] == [("part-000000.parquet", said)]
+
+
+def test_a_new_set_is_made_of_the_bytes_that_its_source_had(tmp_path):
+    """The checksum of a shard stands in the new set: where it is copied, it is checked."""
+    import json
+
+    scenegen.sample_to(f"{tmp_path}/set/", scenegen.parse(TWO), n=500, workers=1)
+    path = tmp_path / "set" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["shards"][0]["sha256"] = "0" * 64
+    path.write_text(json.dumps(manifest))
+    stored = scenegen.open_set(tmp_path / "set")
+    with pytest.raises(DataError, match=r"part-000000\.parquet in .* its checksum is not that of the manifest"):
+        filter_set(stored, {"a": Range(0.0, None)}, f"{tmp_path}/some/")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda m: m["header"]["objects"].reverse(), "its objects are not those of the manifest"),
+        (lambda m: m["header"]["objects"].pop(), "has columns|has a column|its objects are not"),
+        (lambda m: m["labels"].reverse(), "phi of part-000000.parquet is not that of the labels"),
+        (lambda m: m["labels"].append("c"), "phi of part-000000.parquet is not that of the labels"),
+        (lambda m: m["shards"][0]["phi"].pop("a"), "phi of part-000000.parquet is not that of the labels"),
+        (lambda m: m["shards"][0].update(scenes=0), "greater than or equal to 1"),
+        (lambda m: m["request"].pop("n"), "has no `n`"),
+    ],
+)
+def test_a_manifest_that_does_not_fit_its_shards(change, said, tmp_path):
+    import json
+
+    for name in ("set", "other"):
+        scenegen.sample_to(f"{tmp_path}/{name}/", scenegen.parse(TWO), n=500, workers=1)
+    path = tmp_path / "set" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(DataError, match=said) as caught:
+        next(iter(scenegen.open_set(tmp_path / "set").batches()))
+    assert len(caught.value.diagnostics) == 1
+    with pytest.raises(DataError):
+        merge_sets([scenegen.open_set(tmp_path / "other"), scenegen.open_set(tmp_path / "set")], f"{tmp_path}/both/")

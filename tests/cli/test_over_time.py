@@ -175,3 +175,58 @@ def test_a_motion_of_another_spec(scenegen, here):
     for spec, said in (("longer", "error[trajectory-ends]"), ("other", "error[trajectory-column]")):
         outcome = scenegen("eval", f"{spec}.spec", "motions.jsonl")
         assert outcome.status == 1 and outcome.err.startswith(said), outcome.err
+
+
+TABLES = {
+    "text": ("cam", "front"),
+    "no number": ("note", "NaN"),
+    "an empty cell": ("grip.x", ""),
+    "a comma at the end": ("", ""),
+}
+
+
+@pytest.mark.parametrize("what", TABLES)
+@pytest.mark.usefixtures("carry")
+def test_columns_that_nobody_needs_may_hold_anything(what, scenegen, here):
+    head, cell = TABLES[what]
+    (here / "a.csv").write_text(MOTION)
+    wanted = scenegen("eval", "carry.spec", "a.csv").out
+    lines = [f"{line},{cell if k else head}" for k, line in enumerate(MOTION.splitlines())]
+    (here / "B.CSV").write_text("\n".join(lines))
+    outcome = scenegen("eval", "carry.spec", "B.CSV")
+    assert (outcome.status, outcome.out) == (0, wanted), outcome.err
+    assert ("columns that the spec does not need" in outcome.err) == bool(head)
+    (here / "rows.csv").write_text("".join(f"{line}{',' * (k > 0)}\n" for k, line in enumerate(MOTION.splitlines())))
+    assert scenegen("eval", "carry.spec", "rows.csv").out == wanted
+    (here / "a.csv").write_text(MOTION.replace("0.5,0.5,0.0\n", "0.5,,0.0\n", 1))
+    refused = scenegen("eval", "carry.spec", "a.csv")
+    assert refused.status == 1 and "error[trajectory-cell]: a.csv: `plate.y` in row 1 is ``" in refused.err
+
+
+@pytest.mark.usefixtures("carry")
+def test_text_beside_numbers_in_parquet_and_json_lines(scenegen, here):
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    (here / "a.csv").write_text(MOTION)
+    wanted = scenegen("eval", "carry.spec", "a.csv").out
+    columns = dict(zip(HEAD.strip().split(","), map(list, zip(*ROWS, strict=True)), strict=True))
+    pq.write_table(pa.table({"cam": ["front"] * 21, **columns, "hole": pa.nulls(21)}), here / "a.PARQUET")
+    assert scenegen("eval", "carry.spec", "a.PARQUET").out == wanted
+    (here / "a.JSONL").write_text("".join(f'{line[:-1]}, "note": [1, "x"]}}\n' for line in lines().splitlines()))
+    assert scenegen("eval", "carry.spec", "a.JSONL").out == wanted
+
+
+@pytest.mark.parametrize("first", [0.25, 1.7e9])
+@pytest.mark.usefixtures("carry")
+def test_times_may_begin_anywhere(first, scenegen, here):
+    (here / "a.csv").write_text(MOTION)
+    wanted = scenegen("eval", "carry.spec", "a.csv").out
+    later = [(row[0] + first, *row[1:]) for row in ROWS]
+    (here / "later.csv").write_text(HEAD + "".join(",".join(map(repr, row)) + "\n" for row in later))
+    for options in ([], ["--resample"]):
+        outcome = scenegen("eval", "carry.spec", "later.csv", *options)
+        assert outcome.status == 0 and f"its first row, at {first:.12g} s, counts as the moment 0" in outcome.err
+        assert [line.split("\t")[0] for line in outcome.out.splitlines()] == ["label", "task", "require"]
+        phi = [float(line.split("\t")[1]) for line in outcome.out.splitlines()[1:]]
+        assert phi == pytest.approx([float(line.split("\t")[1]) for line in wanted.splitlines()[1:]], abs=1e-6)

@@ -114,7 +114,7 @@ class InPairs(Local):
         return super().written(wait=True) if wait or len(self._packed) >= 2 else iter(())
 
 
-@pytest.mark.parametrize("what", ["write_array", "write_manifest"])
+@pytest.mark.parametrize("what", ["save_checkpoint", "write_manifest"])
 def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, tmp_path, monkeypatch):
     """Neither does the one after it take its place."""
     folder, write, calls = tmp_path / "set", getattr(sets, what), []
@@ -123,7 +123,7 @@ def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, t
         calls.append(1)
         if len(calls) == 1:
             raise OutputError(CANNOT_WRITE_STORE(file="x", location="y", reason="full", remedy="make room"))
-        write(store, *args)
+        return write(store, *args)
 
     monkeypatch.setattr(sets, what, full)
     with InPairs(2) as engine, pytest.raises(OutputError, match="full"):

@@ -212,6 +212,26 @@ def test_damage_is_found(plain, tmp_path):
         run(tmp_path, resume=True)
 
 
+@pytest.mark.parametrize("what", ["waiting", "state"])
+def test_a_bit_of_an_unfinished_run_is_never_believed(what, tmp_path):
+    asked = iter([False, False, False, True])
+    _, manifest = run(tmp_path, spent=lambda: next(asked))
+    assert manifest.checkpoint is not None and manifest.checkpoint.waiting is not None
+    if what == "waiting":
+        path = tmp_path / manifest.checkpoint.waiting
+        data = bytearray(path.read_bytes())
+        data[-10] ^= 64
+        path.write_bytes(data)
+    else:
+        idle = manifest.checkpoint.state["pieces"]
+        text = (tmp_path / MANIFEST).read_text()
+        changed = text.replace(f'"pieces": {idle},\n   "idle"', f'"pieces": {idle + 1},\n   "idle"')
+        assert changed != text
+        (tmp_path / MANIFEST).write_text(changed)
+    with pytest.raises(DataError, match="what an unfinished run has to go on from has another checksum"):
+        run(tmp_path, resume=True)
+
+
 def test_chosen_scenes():
     parts = {
         7: Block(np.arange(8.0).reshape(2, 4), np.arange(4.0)[None]),

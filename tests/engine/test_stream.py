@@ -179,7 +179,9 @@ def test_another_request_is_refused(run, tmp_path):
     assert path.exists()
 
 
-@pytest.mark.parametrize("what", ["shard", "pool", "cut", "manifest", "foreign", "busy"])
+@pytest.mark.parametrize(
+    "what", ["shard", "bit", "swap", "pool", "pool bit", "cut", "state", "manifest", "foreign", "busy"]
+)
 def test_folders_that_cannot_be_resumed(what, run, tmp_path):
     from made import Made, stream
 
@@ -188,6 +190,18 @@ def test_folders_that_cannot_be_resumed(what, run, tmp_path):
     if what == "shard":
         shard = min(folder.glob("shard-*"))
         shard.write_bytes(shard.read_bytes()[:-1])
+    elif what in ("bit", "pool bit"):
+        damaged = max(folder.glob("pool-*" if what == "pool bit" else "shard-*"))
+        data = bytearray(damaged.read_bytes())
+        data[-10] ^= 64
+        damaged.write_bytes(data)
+    elif what == "swap":  # the same bits, read from the other end
+        shard = min(folder.glob("shard-*"))
+        shard.write_bytes(shard.read_bytes().replace(b"<f8", b">f8", 1))
+    elif what == "state":
+        known = (folder / "manifest.json").read_text()
+        pieces = json.loads(known)["state"]["pieces"]
+        (folder / "manifest.json").write_text(known.replace(f'"pieces": {pieces}', f'"pieces": {pieces + 1}'))
     elif what == "pool":
         max(folder.glob("pool-*")).unlink()
     elif what == "cut":
@@ -335,7 +349,7 @@ def test_disk_full(tmp_path, monkeypatch, unbroken):
         calls.append(1)
         if len(calls) == 6:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        save(*args)
+        return save(*args)
 
     with monkeypatch.context() as patch:
         patch.setattr(shards, "_save", full)

@@ -113,3 +113,16 @@ def test_usd_finds_each_picture(scenes, tmp_path):
                     pictures.add(file)
             assert len(pictures) == 1, name
             assert same(pictures.pop().read_bytes(), data), name
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [("skin one.png", "texture 0 in it"), ("c.png", r"c.mtl:3: c\.png|c\.png"), ("robot skin.png", "skin")],
+)
+def test_a_damaged_picture_is_named_and_nothing_else_is_blamed(file, said, scenes, tmp_path):
+    whole = (tmp_path / file).read_bytes()
+    for damaged in (whole[: len(whole) - 20], whole[:-30] + bytes([whole[-30] ^ 1]) + whole[-29:]):
+        (tmp_path / file).write_bytes(damaged)
+        with pytest.raises(scenegen.errors.DataError, match=f"({said}).*is damaged or cut short"):
+            scenes.export(tmp_path / "out", "mjcf", meshes=tmp_path)
+    assert not (tmp_path / "out").exists()

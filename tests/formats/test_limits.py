@@ -128,3 +128,76 @@ def test_one_file_with_too_many_scenes(ending, to, most, scenes, tmp_path, monke
         scenes.export(tmp_path / f"x{ending}")
     assert not list(tmp_path.iterdir())
     assert len(scenes.export(tmp_path / "worlds", to)) == 4
+
+
+@pytest.fixture
+def motions(tmp_path):
+    """A small file of motions."""
+    import scenegen
+
+    timed = parse("object mug\ntime 1 steps\nrequire speed(mug) <= 20 cm/s\ntask: eventually leftOf(mug, (0.5, 0.5))")
+    return scenegen.sample_motions(timed, n=2).save(tmp_path / "m.parquet")
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (b"{", "the header of .* is not valid JSON"),
+        (b"\xff", "is not UTF-8 text"),
+        (b"[1]", 'its "format" is not "scenegen/motions"'),
+        (None, "no header under `scenegen`"),
+        ("columns", "columns.phi"),
+    ],
+)
+def test_headers_of_motions_that_are_none(header, said, motions):
+    import json
+
+    import pyarrow.parquet as pq
+
+    from scenegen.formats.motions.table import read_motions
+
+    table = pq.read_table(motions)
+    if header == "columns":
+        header = json.dumps({**json.loads(table.schema.metadata[b"scenegen"]), "columns": {"phi": [3]}}).encode()
+    pq.write_table(table.replace_schema_metadata(None if header is None else {b"scenegen": header}), motions)
+    with pytest.raises(DataError, match=said) as caught:
+        read_motions(motions)
+    assert len(caught.value.diagnostics) == 1
+
+
+def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
+    """A column of one value is a few bytes on disk, however long it is."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from scenegen.errors.temporal import NOT_A_TRAJECTORY
+    from scenegen.formats.motions.table import read_motions
+    from scenegen.formats.plain import read_table
+
+    table = pq.read_table(motions)
+    columns = {name: pa.array(np.full(2_000_000, 1.0)) for name in table.column_names}
+    pq.write_table(pa.table(columns).replace_schema_metadata(table.schema.metadata), motions)
+    assert motions.stat().st_size < 100_000
+    monkeypatch.setattr(parquet, "MOST", 1_000_000)
+    with pytest.raises(DataError, match=r"cannot read .*: [\d,]+ bytes are too many"):
+        read_motions(motions)
+    with pytest.raises(DataError, match=r"cannot read .*: 16,000,000 bytes are too many"):
+        read_table(motions, "a trajectory", NOT_A_TRAJECTORY)
+    monkeypatch.setattr(parquet, "LARGEST", 1_000)
+    with pytest.raises(DataError, match=r"a row group of .* holds"):
+        read_motions(motions)
+
+
+def test_columns_of_motions_that_hold_no_numbers(motions):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from scenegen.formats.motions.table import read_motions
+
+    table = pq.read_table(motions)
+    pq.write_table(table.append_column("note", pa.array(["a"] * 4)), motions)
+    assert len(read_motions(motions)) == 2
+    place = table.column_names.index("mug.y")
+    pq.write_table(table.set_column(place, "mug.y", pa.array(["a"] * 4)), motions)
+    with pytest.raises(DataError, match=r"is damaged at `mug.y`: its values are no numbers"):
+        read_motions(motions)

@@ -106,5 +106,5 @@ def test_obj_stl_and_urdf_are_drawn_too(tmp_path):
 
 def test_a_texture_that_ends_early_is_refused_before_anything_is_drawn(scenes, tmp_path):
     (tmp_path / "skin.png").write_bytes(png(64, 64)[:60])
-    with pytest.raises(DataError, match="a texture of it is damaged or cut short"):
+    with pytest.raises(DataError, match="texture 0 in it is damaged or cut short"):
         models_of(scenes.file(), tmp_path)

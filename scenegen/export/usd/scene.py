@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from scenegen.assets.mesh import shaded
@@ -66,10 +65,9 @@ class Scene:
         return self.layer.text()
 
     def _places(self, index: int) -> dict[str, tuple[tuple[float, float, float], Quaternion]]:
-        poses = self.world.poses[index].tolist()
         return {
-            self.names[body.name]: ((x, y, z), (math.cos(theta / 2.0), 0.0, 0.0, math.sin(theta / 2.0)))
-            for body, (x, y, z, theta) in zip(self.world.bodies, poses, strict=True)
+            self.names[body.name]: ((x, y, z), (qw, qx, qy, qz))
+            for body, (x, y, z, qw, qx, qy, qz) in zip(self.world.bodies, self.world.places(index), strict=True)
         }
 
     def _facts(self) -> dict[str, Any]:

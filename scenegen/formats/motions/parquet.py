@@ -13,15 +13,15 @@ import pyarrow.parquet as pq
 
 from scenegen.errors import DataError
 from scenegen.errors.motions import DAMAGED_MOTIONS, NOT_MOTIONS
-from scenegen.formats.columns import COUNT
+from scenegen.formats.columns import COUNT, PHI
 from scenegen.formats.files import opened
-from scenegen.formats.motions.table import PEEK, MotionArrays, columns
+from scenegen.formats.header import parse
+from scenegen.formats.motions.table import KINDS, PEEK, MotionArrays, columns
 from scenegen.formats.motions.text import motion_file
+from scenegen.formats.parquet import KEY, check_rows, is_number, open_parquet, refused
 from scenegen.pose import NAMES
-from scenegen.scene.motions import FORMAT
+from scenegen.scene.motions import FORMAT, MotionFile
 from scenegen.scene.numbers import element
-
-KEY = b"scenegen"
 
 
 def write(sink: IO[bytes], motions: MotionArrays, ending: str) -> None:
@@ -54,21 +54,23 @@ def names_motions(path: Path) -> bool:
 
 def read(path: Path) -> MotionArrays:
     """Raises DataError."""
-    with opened(path, "a motions file") as file:
-        try:
-            # one thread: others may still run when the program ends
-            table = pq.ParquetFile(file, page_checksum_verification=True).read(use_threads=False)
-        except (pa.ArrowException, OSError, ValueError) as error:
-            said = (str(error).splitlines() or [""])[0].rstrip(".")
-            raise DataError(NOT_MOTIONS(file=path, reason=said)) from error
-    metadata = table.schema.metadata or {}
-    if KEY not in metadata:
-        raise DataError(NOT_MOTIONS(file=path, reason=f"no header under `{KEY.decode()}` in its metadata"))
-    raw: dict[str, Any] = json.loads(metadata[KEY])
-    names = raw.pop("columns", {})
-    header = motion_file({**raw, "motions": []}, str(path))
+    with (
+        opened(path, "a motions file") as file,
+        refused(lambda said: NOT_MOTIONS(file=path, reason=said)),
+    ):
+        parquet = open_parquet(path, file)
+        metadata = parquet.metadata.metadata or {}
+        if KEY not in metadata:
+            raise DataError(NOT_MOTIONS(file=path, reason=f"no header under `{KEY.decode()}` in its metadata"))
+        header, names = _header(metadata[KEY], path)
+        kept = [name for name in _wanted(header, names) if name in parquet.schema_arrow.names]
+        for name in kept:
+            if not is_number(parquet.schema_arrow.field(name).type):
+                raise DataError(DAMAGED_MOTIONS(file=path, place=name, reason="its values are no numbers"))
+        check_rows(path, parquet, len(kept))
+        # one thread: others may still run when the program ends
+        table = parquet.read(columns=kept, use_threads=False)
     moments = header.time.steps + 1
-
     spare = {f"{element(one, k)}." for one in header.counts for k in range(1, one.most + 1)}
 
     def column(name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -93,6 +95,27 @@ def read(path: Path) -> MotionArrays:
         if not agree:
             reason = "its poses are not those of as many things as it says"
             raise DataError(DAMAGED_MOTIONS(file=path, place="", reason=reason))
-    phi = {name: column(f"phi.{name}")[::moments] for name in names.get("phi", ())}
-    facts = {name: column(name)[::moments] for name in names.get("facts", ())}
+    phi = {name: column(f"{PHI}{name}")[::moments] for name in names["phi"]}
+    facts = {name: column(name)[::moments] for name in names["facts"]}
     return replace(found, phi=phi, facts=facts)
+
+
+def _header(data: bytes, path: Path) -> tuple[MotionFile, dict[str, list[str]]]:
+    """The file without its motions, and the names of its columns of phi and of facts. Raises DataError."""
+    raw, _ = parse(data, f"the header of {path}")
+    names = raw.pop("columns", {}) if isinstance(raw, dict) else {}
+    header = motion_file({**raw, "motions": []} if isinstance(raw, dict) else raw, str(path))
+    found: dict[str, list[str]] = {}
+    for kind in KINDS:
+        given = names.get(kind, []) if isinstance(names, dict) else None
+        if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+            raise DataError(DAMAGED_MOTIONS(file=path, place=f"columns.{kind}", reason="it is no list of names"))
+        found[kind] = given
+    return header, found
+
+
+def _wanted(header: MotionFile, names: dict[str, list[str]]) -> list[str]:
+    """The columns that are read, each once."""
+    places = [f"{one.name}.{axis}" for one in header.objects for axis in NAMES]
+    counts = [f"{COUNT}{one.name}" for one in header.counts]
+    return list(dict.fromkeys([*places, *counts, *(f"{PHI}{name}" for name in names["phi"]), *names["facts"]]))

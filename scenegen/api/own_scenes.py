@@ -1,0 +1,308 @@
+"""Scenes from elsewhere: poses in arrays, tables and files of other programs, with phi of a spec."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.scene_arrays import make_header
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.counts import NUMBERS_DISAGREE
+from scenegen.errors.files import COLUMN_NOT_A_NUMBER, NO_SURFACE_GIVEN, NOT_SCENES, OTHER_SPEC, OTHER_SURFACE
+from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
+from scenegen.errors.temporal import TRAJECTORY_COLUMN, TRAJECTORY_UNUSED
+from scenegen.formats.blocks import counts_in
+from scenegen.formats.columns import COUNT, PHI, RARITY
+from scenegen.formats.files import read_bytes
+from scenegen.formats.header import not_scenes, parse
+from scenegen.formats.plain import Table, read_table
+from scenegen.formats.scenes_json import MOST_BYTES, REMEDY
+from scenegen.formats.settled import read_settled
+from scenegen.lang.check import check_text
+from scenegen.physics.attitude import upright
+from scenegen.pose import NAMES, THETA, TWO_PI, X, as_rows
+from scenegen.scene.data import ObjectData, Pose, RequestData, SceneFile
+
+if TYPE_CHECKING:
+    from scenegen.api.scenes import SceneSet
+    from scenegen.api.spec import Spec
+    from scenegen.lang.spec import CheckedSpec
+
+Array = npt.NDArray[np.float64]
+
+ON = "on"
+WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.theta, or an array (n, %d, 3)'
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """`count` scenes in a place called `name`: `axis` gives a coordinate of an object, (count,), `on` on what it
+    stands, by name or number; None for what is not said. `unused` is what no object needs."""
+
+    name: str
+    count: int
+    axis: Callable[[str, str], Array | None]
+    on: Callable[[str], Sequence[Any] | None]
+    unused: tuple[str, ...] = ()
+
+
+def own_scenes(spec: Spec, poses: object, on: object = None) -> SceneSet:
+    """See `Spec.scenes`."""
+    drawn = spec.drawn
+    return _scenes(drawn, _given(drawn, poses, on))
+
+
+def read_own(spec: Spec, path: Path) -> SceneSet:
+    """The scenes of a file that holds poses alone. Raises DataError."""
+    drawn, ending = spec.drawn, path.suffix.lower()
+    if ending == ".json":
+        raw, _ = parse(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
+        if isinstance(raw, dict) and isinstance(raw.get("scenes"), list):
+            raw = raw["scenes"]
+        return _scenes(drawn, _listed(drawn, raw if isinstance(raw, list) else [raw], str(path)))
+    table = read_table(path, "a scenes file", NOT_SCENES)
+    if "poses" in table.names:
+        return _scenes(drawn, _listed(drawn, list(table.cells("poses")), str(path)))
+    if any(name in table.names for name in drawn.objects):
+        rows = [dict(zip(table.names, row, strict=True)) for row in zip(*map(table.cells, table.names), strict=True)]
+        return _scenes(drawn, _listed(drawn, rows, str(path)))
+    return _scenes(drawn, _tabled(drawn, table))
+
+
+def settled_scenes(path: Path) -> SceneSet:
+    """The scenes of a file of `scenegen settle`, as they came to rest. Raises DataError."""
+    from scenegen.api.scenes import SceneSet, evaluate
+
+    said, rest = read_settled(path)
+    spec = check_text(said.spec.source, f"the spec of {path}")
+    if list(spec.objects) != said.objects:
+        facts = {"wanted": tuple(spec.objects), "found": tuple(said.objects)}
+        raise DataError(OTHER_SPEC(reason="the objects of the file are not those of its spec", **facts))
+    if not len(rest):
+        raise RequestError(NO_SCENES())
+    header = make_header(spec, {"method": "settled", **said.simulator.model_dump()}, RequestData(phi={}, n=len(rest)))
+    poses = upright(rest)
+    poses[np.isnan(rest[..., 0])] = math.nan
+    bare = SceneSet(poses, {}, header)
+    return SceneSet(poses, evaluate(spec, bare), header, rest=rest, trusted=True)
+
+
+def mirrored(scenes: SceneSet) -> SceneSet:
+    """See `SceneSet.mirrored`."""
+    from scenegen.api.scenes import SceneSet, evaluate
+
+    scenes.refuse_rest("mirrored")
+    spec, (left, right) = check_text(scenes.header.spec.source, "the spec of the scenes"), scenes.header.workspace.x
+    poses = scenes.poses.copy()
+    poses[..., X] = left + right - poses[..., X]
+    poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
+    header = scenes.header.model_copy(update={"sampler": {**scenes.header.sampler, "mirrored": True}})
+    bare = SceneSet(poses, {}, header, on=scenes.on)
+    return SceneSet(poses, evaluate(spec, bare), header, scenes.warnings, on=scenes.on, trusted=True)
+
+
+def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
+    from scenegen.api.scenes import SceneSet, evaluate
+
+    if not given.count:
+        raise RequestError(NO_SCENES())
+    header = make_header(spec, {"method": "poses from elsewhere"}, RequestData(phi={}, n=given.count))
+    spare = {f"{one.name}[{k}]" for one in header.counts for k in range(one.least + 1, one.most + 1)}
+    spare |= {f"{one.name}:{asset}" for one in header.counts for asset in one.assets}
+    poses = np.empty((given.count, len(spec.objects), len(NAMES)))
+    for index, name in enumerate(spec.objects):
+        each = [given.axis(name, axis) for axis in NAMES]
+        for place, (axis, values) in enumerate(zip(NAMES, each, strict=True)):
+            if values is None and name in spare and all(one is None for one in each):
+                values = np.full(given.count, math.nan)
+            if values is None and index in spec.fixed and place < len(spec.fixed[index]):
+                values = np.full(given.count, spec.fixed[index][place])
+            if values is None:
+                raise DataError(TRAJECTORY_COLUMN(file=given.name, name=f"{name}.{axis}", known=_known(spec, given)))
+            bad = np.isinf(values) if name in spare else ~np.isfinite(values)
+            if bad.any():
+                facts = {"column": f"{name}.{axis}", "scene": int(bad.argmax()) + 1}
+                raise DataError(COLUMN_NOT_A_NUMBER(path=given.name, **facts))
+            poses[:, index, place] = values
+    on = _surfaces(header, given)
+    if header.counts:
+        rows = as_rows(poses) if on is None else np.concatenate([as_rows(poses), on.T])
+        try:
+            counts_in(header, rows)
+        except ValueError as error:
+            raise DataError(NUMBERS_DISAGREE(file=given.name, scene=str(error))) from None
+    notes: tuple[Diagnostic, ...] = ()
+    if given.unused:
+        notes = (TRAJECTORY_UNUSED(file=given.name, columns=list(given.unused)),)
+    bare = SceneSet(poses, {}, header, on=on)
+    return SceneSet(poses, evaluate(spec, bare), header, notes, on=on, trusted=True)
+
+
+def _known(spec: CheckedSpec, given: _Given) -> list[str]:
+    """What is said of the spec's objects."""
+    return [f"{name}.{axis}" for name in spec.objects for axis in NAMES if given.axis(name, axis) is not None]
+
+
+def _surfaces(header: SceneFile, given: _Given) -> Array | None:
+    """(n, M): on which of its surfaces each chooser stands, counted from 1. Raises DataError."""
+    if not header.choosers:
+        return None
+    found = np.empty((given.count, len(header.choosers)))
+    for column, one in enumerate(header.choosers):
+        said = given.on(one.name)
+        if said is None:
+            raise DataError(NO_SURFACE_GIVEN(name=one.name))
+        found[:, column] = [_surface(one, cell, number) for number, cell in enumerate(said, 1)]
+    return found
+
+
+def _surface(chooser: ObjectData, said: Any, number: int) -> float:
+    assert chooser.support is not None
+    names = [one.on for one in chooser.support.any]
+    if said is None or (said == "" and "" not in names) or (isinstance(said, float) and math.isnan(said)):
+        return math.nan
+    if said in names:
+        return 1.0 + names.index(said)
+    try:
+        place = float(said)
+    except (TypeError, ValueError):
+        place = 0.0
+    if place not in range(1, len(names) + 1):
+        raise DataError(OTHER_SURFACE(scene=f"scene {number}", name=chooser.name, surface=said, known=names))
+    return place
+
+
+def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
+    """What an argument says. Raises RequestError for what says no poses."""
+    if hasattr(poses, "columns") and not isinstance(poses, Mapping):  # a data frame, of pandas or polars
+        poses = {str(name): poses[name] for name in poses.columns}
+    if isinstance(poses, Mapping):
+        if any("." in str(name) for name in poses):
+            columns = {str(name): _array(values) for name, values in poses.items() if _is_place(spec, str(name))}
+            sizes = {len(one) for one in columns.values()}
+            if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
+                raise _refused(spec, poses)
+            more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
+            return _Given("`poses`", sizes.pop(), _axes(columns), more.get if on is None else _numbers(spec, on))
+        _refuse_unknown(spec, poses)
+        each = {name: _array(_tuple(value)) for name, value in poses.items()}
+        each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
+        sizes = {len(one) for one in each.values() if one.ndim == 2 and one.shape[1] == len(NAMES)}
+        if len(sizes) != 1 or any(one.ndim != 2 or one.shape[1] != len(NAMES) for one in each.values()):
+            raise _refused(spec, poses)
+        columns = {f"{name}.{axis}": one[:, k] for name, one in each.items() for k, axis in enumerate(NAMES)}
+        said = {f"{name}.{ON}": [value.on] for name, value in poses.items() if hasattr(value, ON)}
+        return _Given("`poses`", sizes.pop(), _axes(columns), _on(said) if on is None else _numbers(spec, on))
+    if isinstance(poses, Sequence) and not isinstance(poses, str) and poses and isinstance(poses[0], Mapping):
+        return _listed(spec, list(poses), "`poses`")
+    array = _array(poses)
+    if array.ndim == 2:
+        array = array[None]
+    if array.shape[1:] != (len(spec.objects), len(NAMES)):
+        raise _refused(spec, poses)
+    columns = {
+        f"{name}.{axis}": array[:, index, k] for index, name in enumerate(spec.objects) for k, axis in enumerate(NAMES)
+    }
+    return _Given("`poses`", len(array), _axes(columns), _numbers(spec, on))
+
+
+def _listed(spec: CheckedSpec, scenes: list[Any], name: str) -> _Given:
+    """A list of scenes, each with poses by name: {"x": .., "y": .., "theta": ..} or [x, y, theta]."""
+    columns = {f"{one}.{axis}": np.full(len(scenes), math.nan) for one in spec.objects for axis in NAMES}
+    on: dict[str, list[Any]] = {}
+    for number, scene in enumerate(scenes):
+        said = scene.get("poses", scene) if isinstance(scene, Mapping) else None
+        if not isinstance(said, Mapping):
+            raise DataError(not_scenes(name, f"scene {number + 1} has no poses by name"))
+        _refuse_unknown(spec, said)
+        for thing, pose in said.items():
+            if isinstance(pose, Mapping):
+                values = [pose.get(axis) for axis in NAMES]
+                if ON in pose:
+                    on.setdefault(f"{thing}.{ON}", [None] * len(scenes))[number] = pose[ON]
+            else:
+                values = list(_tuple(pose)) if isinstance(pose, Sequence | Pose) and not isinstance(pose, str) else []
+            for axis, value in zip(NAMES, values, strict=len(values) == len(NAMES)):
+                if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
+                    column = f"{thing}.{axis}"
+                    raise DataError(COLUMN_NOT_A_NUMBER(path=name, column=column, scene=number + 1))
+                columns[f"{thing}.{axis}"][number] = value
+            if len(values) != len(NAMES):
+                raise DataError(not_scenes(name, f"scene {number + 1} has no x, y and theta of `{thing}`"))
+    known = {column: values for column, values in columns.items() if not np.isnan(values).all()}
+    return _Given(name, len(scenes), _axes(known), _on(on))
+
+
+def _tabled(spec: CheckedSpec, table: Table) -> _Given:
+    """A table with the columns mug.x, mug.y, mug.theta of each object."""
+
+    def axis(name: str, axis: str) -> Array | None:
+        column = f"{name}.{axis}"
+        return table.column(column, holes=True) if column in table.names else None
+
+    def on(name: str) -> Sequence[Any] | None:
+        column = f"{name}.{ON}"
+        return list(table.cells(column)) if column in table.names else None
+
+    unused = [name for name in table.names if name and not _is_place(spec, name)]
+    unused = [name for name in unused if not name.endswith(f".{ON}") and not name.startswith((PHI, RARITY, COUNT))]
+    return _Given(table.file, len(table), axis, on, tuple(unused))
+
+
+def _is_place(spec: CheckedSpec, column: str) -> bool:
+    name, _, axis = column.rpartition(".")
+    return name in spec.objects and axis in NAMES
+
+
+def _axes(columns: Mapping[str, Array]) -> Callable[[str, str], Array | None]:
+    return lambda name, axis: columns.get(f"{name}.{axis}")
+
+
+def _on(columns: Mapping[str, list[Any]]) -> Callable[[str], Sequence[Any] | None]:
+    return lambda name: columns.get(f"{name}.{ON}")
+
+
+def _numbers(spec: CheckedSpec, on: Any) -> Callable[[str], Sequence[Any] | None]:
+    """Columns of an array (n, M), as `SceneSet.on` has them."""
+    names = [spec.objects[index] for index, choice in spec.choices.items() if len(choice.options) > 1]
+    if on is None:
+        return lambda name: None
+    array = _array(on)
+    if array.ndim == 1:
+        array = array[None]
+    if array.ndim != 2 or array.shape[1] != len(names):
+        raise RequestError(WRONG_VALUE(argument="on", value=repr(on)[:80], wanted=f"an array (n, {len(names)})"))
+    return lambda name: array[:, names.index(name)].tolist()
+
+
+def _tuple(pose: Any) -> Any:
+    return (pose.x, pose.y, pose.theta) if isinstance(pose, Pose) else pose
+
+
+def _array(values: Any) -> Array:
+    """Of numpy, torch, pandas, polars and lists. NaN where no numbers stand."""
+    if hasattr(values, "detach"):  # a tensor, on any device
+        values = values.detach().cpu().numpy()
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.full((1,) * 4, math.nan)
+
+
+def _refused(spec: CheckedSpec, poses: Any) -> RequestError:
+    shape = tuple(getattr(poses, "shape", ()))
+    value = f"of the shape {shape}" if shape else repr(poses)[:80]
+    return RequestError(WRONG_VALUE(argument="poses", value=value, wanted=WANTED % len(spec.objects)))
+
+
+def _refuse_unknown(spec: CheckedSpec, names: Mapping[Any, Any]) -> None:
+    odd = sorted(str(name) for name in names if name not in spec.objects)
+    if odd:
+        facts = {"wanted": tuple(spec.objects), "found": tuple(map(str, names))}
+        raise DataError(OTHER_SPEC(reason=f"the spec does not know `{odd[0]}`", **facts))

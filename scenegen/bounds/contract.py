@@ -33,7 +33,7 @@ SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the nu
 
 
 def start(
-    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, slack: float = SLACK
+    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, *, slack: float = SLACK
 ) -> tuple[Array, Array]:
     """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
     Contraction proves nothing with less `slack` than SLACK."""

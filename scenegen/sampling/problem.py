@@ -282,7 +282,7 @@ def _alive(
     if len(wanted) == count == 1 and not thin:
         return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
-    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)), 0.0 if thin else SLACK)
+    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)), slack=0.0 if thin else SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin:
         alive &= ~improbable(tape, lo, hi, thin)

@@ -199,13 +199,13 @@ def _measure(
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
-            raise _clash(spec) or error from None
+            raise _clash(spec, budget) or error from None
     found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
     if isinstance(found, OutOfReach):
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError:
-            raise _clash(spec) or _out_of_reach(found) from None
+            raise _clash(spec, budget) or _out_of_reach(found) from None
     known = [name for name in labels if name in found.reaches]
     untold = [name for name in known if bounds[name][1] > 0.0 and found.reaches[name].up(0.0) is None]
     if not untold:
@@ -219,8 +219,10 @@ def _measure(
     return replace(found, reaches=reaches, evaluations=found.evaluations + grown.evaluations)
 
 
-def _clash(spec: Spec) -> RequestError | None:
-    """Which parts of what the spec requires clash, where that is known."""
+def _clash(spec: Spec, budget: Budget) -> RequestError | None:
+    """Which parts of what the spec requires clash, where that is known, and time is not up."""
+    if budget.spent:
+        return None
     for one in spec.infeasible():
         if one.kind in (REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET):
             return RequestError(replace(one, severity="error"))

@@ -21,6 +21,7 @@ Index = npt.NDArray[np.intp]
 
 BINS = 256
 HAIR = 1e-9  # of a bin: how far a border may lie off by rounding
+ROUNDING = 2.0**-50  # of a sum along an edge, relative
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,7 @@ class Chain:
 
 def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float]]) -> Chain:
     """The chain of a tree of edges, parents first, over rows with the given intervals. Its volume is 0 where no point
-    meets all edges."""
+    meets all edges, and where it is too small for a number."""
     rows = [edges[0].parent, *(edge.child for edge in edges)]
     at = {row: position for position, row in enumerate(rows)}
     low = np.array([intervals[row][0] for row in rows])
@@ -125,6 +126,17 @@ def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float
     volume = float(weight[0].sum())
     root = make_alias(weight[0] if volume > 0.0 else np.ones(1))
     return Chain(tuple(rows), low, width, tuple(sums), tuple(reversed(links)), volume, root)
+
+
+def empty(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float]]) -> bool:
+    """Whether it is proved that no point meets all edges of a tree: from its leaves to its root, what each child leaves
+    to its parent."""
+    left = dict(intervals)
+    for edge in reversed(edges):
+        (low, high), (least, most) = left[edge.parent], left[edge.child]
+        left[edge.parent] = max(low, least - edge.high), min(high, most - edge.low)
+    room = ROUNDING * len(edges) * max(abs(end) for ends in intervals.values() for end in ends)
+    return any(low > high + room for low, high in left.values())
 
 
 def _sum(weight: Array) -> Array:

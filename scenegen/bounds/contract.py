@@ -32,8 +32,11 @@ KEPT = 4  # contracted boxes of a tape that are kept
 SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
 
 
-def start(tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array) -> tuple[Array, Array]:
-    """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes."""
+def start(
+    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, *, slack: float = SLACK
+) -> tuple[Array, Array]:
+    """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
+    Contraction proves nothing with less `slack` than SLACK."""
     lo, hi = np.full((len(tape.nodes), len(wanted)), -np.inf), np.full((len(tape.nodes), len(wanted)), np.inf)
     for row, node in tape.rows.items():
         lo[node], hi[node] = lowest[row], highest[row]
@@ -41,7 +44,7 @@ def start(tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highe
     for node in tape.loops:
         lo[node], hi[node] = -scale * SLACK, scale * SLACK
     for column, ends in enumerate(wanted):
-        impose(tape, ends, lo[:, column], hi[:, column], scale)
+        impose(tape, ends, lo[:, column], hi[:, column], scale, slack)
     return lo, hi
 
 
@@ -50,12 +53,12 @@ def size_of(lowest: Array, highest: Array) -> float:
     return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
 
 
-def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float) -> None:
+def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
     """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
     for node, (low, high) in wanted.items():
         at = tape.where[node]
-        lo[at] = max(lo[at], low - SLACK * (size + abs(low)))
-        hi[at] = min(hi[at], high + SLACK * (size + abs(high)))
+        lo[at] = max(lo[at], low - slack * (size + abs(low)))
+        hi[at] = min(hi[at], high + slack * (size + abs(high)))
 
 
 def contract(

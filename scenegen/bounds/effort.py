@@ -7,6 +7,7 @@ the same units. Counts do not depend on the machine: what gives up for having co
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
@@ -83,6 +84,11 @@ class Effort:
         """Raises StoppedError where `stop` says so."""
         if self.stop():
             raise StoppedError
+
+
+def until(deadline: float) -> Effort:
+    """Work that is stopped after `deadline`, by the monotonic clock."""
+    return Effort(lambda: time.monotonic() > deadline)
 
 
 def bounding(node: Node, boxes: int) -> int:

@@ -27,12 +27,14 @@ Array = npt.NDArray[np.float64]
 LARGEST = 1 << 21  # numbers that one contraction may work on at a time
 FEWEST = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
 SHARE = 0.25  # boxes smaller than this share of the largest are left for a later round
+TINY = 1e-300  # for volumes that are not 0, but too small for a number
 KEPT = 64  # grids of one search that are kept
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """K disjoint boxes lo..hi, (d, K), over the tape's nodes `dims`, and their volumes together."""
+    """K disjoint boxes lo..hi, (d, K), over the tape's nodes `dims`, and their volumes together: TINY where that is
+    no number; only no boxes at all have no volume."""
 
     dims: tuple[int, ...]
     lo: Array
@@ -180,8 +182,8 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None =
     else:
         if boxes.open_.any() and last is None:
             last = boxes, effort.used - used
-    total = float(boxes.volume.sum())
-    alias = make_alias(boxes.volume if total > 0.0 else np.ones(1))
+    total = max(float(boxes.volume.sum()), TINY if boxes.count else 0.0)
+    alias = make_alias(boxes.volume if total > TINY else np.ones(max(boxes.count, 1)))
     where = list(what.dims)
     grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
     budgets = range(budget, sys.maxsize if last is None else budget + 1)

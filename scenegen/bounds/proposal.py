@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.chain import Chain, make_chain
+from scenegen.bounds.chain import Chain, empty, make_chain
 from scenegen.bounds.coupling import Forest, Open, groups_of, make_forest, row_at, trees, variables
 from scenegen.bounds.effort import PYTHON, Effort
-from scenegen.bounds.grid import Coupled, Grid, Grids
+from scenegen.bounds.grid import TINY, Coupled, Grid, Grids
 from scenegen.bounds.order import Order, make_order
 from scenegen.bounds.patches import Step
 from scenegen.bounds.standing import Stand, steps_for
@@ -106,7 +106,7 @@ def propose(
     known: Grids,
     stands: Collection[Stand] = (),
 ) -> Proposal | None:
-    """The proposal for one contracted box lo, hi (T,). None where a cover comes out empty: there is no solution.
+    """The proposal for one contracted box lo, hi (T,). None where it is proved that there is no solution.
 
     `pending` are the demands that the box leaves open; those whose core node is in `coupling` are worth a grid.
     `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
@@ -156,9 +156,9 @@ def propose(
     for edges in trees(tape, lo, hi, taken):
         rows_in = [edges[0].parent, *(edge.child for edge in edges)]
         intervals = {row: (float(lo[tape.rows[row]]), float(hi[tape.rows[row]])) for row in rows_in}
-        taken.update(rows_in)
         order = make_order(edges, intervals)
         if order is not None:
+            taken.update(rows_in)
             orders.append(order)
             loose += [
                 row
@@ -169,7 +169,10 @@ def propose(
             continue
         chain = make_chain(edges, intervals)
         if chain.volume <= 0.0:
-            return None
+            if empty(edges, intervals):
+                return None
+            continue  # too small for a number: each coordinate is drawn by itself
+        taken.update(rows_in)
         chains.append(chain)
         log_volume += math.log(chain.volume)
     spans = []
@@ -180,9 +183,9 @@ def propose(
         low, high = (float(lo[node]), float(hi[node])) if node >= 0 else (float(lowest[row]), float(highest[row]))
         spans.append((row, low, high - low))
         if lowest[row] < highest[row]:
-            if high <= low:
+            if high < low:
                 return None
-            log_volume += math.log(high - low)
+            log_volume += math.log(max(high - low, TINY))
     return Proposal(
         lowest,
         highest,

@@ -132,7 +132,7 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[Piece] | None:
         begin = end
         if stand.switch is not None:
             low, high = max(low, ends(stand.switch)[0]), min(high, ends(stand.switch)[1])
-            if low >= high:
+            if low > high:
                 continue
         left = True
         low, high = max(low, 0.0), min(high, 1.0)
@@ -148,7 +148,7 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[Piece] | None:
             if not radius:
                 middle, half = cut(middle, half, held, [ends(row_of(stand.thing, axis)) for axis in PLACE])
                 kept &= (half > 0.0).all(axis=0)
-        if kept.any():
+        if kept.any() and high > low:
             found.append(Piece(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
     return found if left else None
 

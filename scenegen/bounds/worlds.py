@@ -48,8 +48,9 @@ def chooses(core: Core) -> bool:
 
 
 def improbable(tape: Tape, lo: Array, hi: Array, thin: float) -> Bool:
-    """Which of K boxes, (K,), hold scenes of probability 0 only: the interval of some number, of lo..hi (T, K), is at
-    most `thin`, and each value of that number is one of a surface in the space of scenes."""
+    """Which of K boxes, (K,), hold hardly any scenes: the interval of some number, of lo..hi (T, K), is at most `thin`,
+    and each value of that number is one of a surface in the space of scenes. That is no proof: such a box can hold
+    single scenes."""
     smooth = _smooth(tape)
     narrow = hi - lo <= thin
     out: Bool = np.asarray(narrow[smooth].any(axis=0))

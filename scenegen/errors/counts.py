@@ -102,14 +102,14 @@ HELD_MAY_BE_MISSING = Kind(
 )
 NUMBER_LEFT_OUT = Kind(
     "number-left-out",
-    "no scenes with {counted}: {why}",
+    "scenes with {counted} are left out: {why}",
     help="the other numbers share its scenes",
     note="",
     severity="warning",
 )
 NO_NUMBER_POSSIBLE = Kind(
     "no-number-possible",
-    "no number of things has scenes: with {counted}, {why}",
+    "no scenes came with any number of things: with {counted}, {why}",
     help="ask for another range, or for other numbers",
     note="",
 )

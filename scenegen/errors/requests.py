@@ -203,6 +203,12 @@ NO_SUCH_SCENE = Kind(
     ),
     "{others}",
 )
+TOO_IMPROBABLE = Kind(
+    "too-improbable",
+    ("scenes with {wanted} are too improbable to find", "scenes that the spec allows are too improbable to find"),
+    help="ask for a wider range, or for larger tolerances",
+    note="the range is not proved empty: single scenes may have such phi",
+)
 REQUIREMENT_NOT_FOUND = Kind(
     "requirement-not-found",
     "no scene was found that meets what the spec requires[[, in {evaluations:,} evaluations]]",

@@ -18,6 +18,7 @@ from scenegen.errors.requests import (
     TABLE_TOO_FULL,
     TOO_FEW_IN_RANGE,
     TOO_FEW_MEET_REQUIREMENT,
+    TOO_IMPROBABLE,
 )
 from scenegen.lang.core import gated
 from scenegen.lang.counts import combinations, written
@@ -31,7 +32,7 @@ from scenegen.sampling.request import FixedPose, SampleRequest, check_seed
 
 SEEDS = 9  # the stream of random numbers for the members' seeds; sampling/problem.py names the others
 MOST_TURNS = 4096  # pieces until the turns begin again
-WITHOUT = (NO_SUCH_SCENE, BEYOND_BOUNDS, TABLE_TOO_FULL, REQUIREMENT_NOT_FOUND, NO_ROOM)
+WITHOUT = (NO_SUCH_SCENE, TOO_IMPROBABLE, BEYOND_BOUNDS, TABLE_TOO_FULL, REQUIREMENT_NOT_FOUND, NO_ROOM)
 NOT_FOUND = (TOO_FEW_IN_RANGE, TOO_FEW_MEET_REQUIREMENT)  # in all the effort that there is, or in too little time
 
 MakePlan = Callable[[CheckedSpec, SampleRequest], Plan]
@@ -112,9 +113,9 @@ def _problem(
     own = first.cells
     each = tuple(plan.problem.cells for plan in plans)
     cells = NumberedCells(own.labels, own.bounded, own.edges, own.low, own.high, each, names)
-    possible = frozenset(
-        start + cell for start, plan in zip(cells.starts, plans, strict=True) for cell in plan.problem.possible
-    )
+    members = [(start, plan.problem) for start, plan in zip(cells.starts, plans, strict=True)]
+    possible = frozenset(start + cell for start, one in members for cell in one.possible)
+    improbable = frozenset(start + cell for start, one in members for cell in one.improbable)
     warnings = dict[Diagnostic, None]()
     for mine, why in left_out:
         warnings[NUMBER_LEFT_OUT(counted=written(mine), why=why)] = None
@@ -122,7 +123,7 @@ def _problem(
         warnings |= dict.fromkeys(one.but(counted=written(mine)) for one in plan.problem.warnings)
     return replace(
         first, spec=spec, core=gated(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
-        cells=cells, possible=possible, warnings=tuple(warnings),
+        cells=cells, possible=possible, improbable=improbable, warnings=tuple(warnings),
     )  # fmt: skip
 
 

@@ -53,7 +53,7 @@ def independent_parts(problem: Problem, budget: Budget) -> tuple[Part, ...]:
 
 
 def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
-    touches = touched(problem)
+    touches = touched(problem, effort)
     labels = _demands(problem, touches)
     names = tuple(problem.core.labels)
     # a cell spans all labels with bounded ranges: their objects stay together
@@ -133,7 +133,7 @@ def _share(one: Part, effort: Effort) -> float:
     problem = one.problem
     if problem.cells.count > 1:
         return 0.0
-    graph = make_graph(problem)
+    graph = make_graph(problem, effort=effort)
     low, high = graph.low, graph.high
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PAIRED]))
     rows = low + rng.random((len(low), LOOK)) * (high - low)

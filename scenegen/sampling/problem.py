@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.contract import ROUNDS, contract, contract_box, size_of, start
+from scenegen.bounds.contract import ROUNDS, SLACK, contract, contract_box, size_of, start
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.tape import Tape, make_tape
 from scenegen.bounds.worlds import improbable, worlds
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK
+from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK, TOO_IMPROBABLE
 from scenegen.lang.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
@@ -36,7 +36,7 @@ Array = npt.NDArray[np.float64]
 PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
 
 LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
-THIN = 2e-8  # of the size of coordinates: more than the slack of contraction
+THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
 GRACE = 0.5  # seconds
 
 
@@ -80,8 +80,9 @@ class Problem:
     """A checked request, with all that plans need from its spec. `core` and `cells` are over the gated core: if the
     spec requires something, the requirement's margin is an additional label, the last, with the range 0 and above.
     `lowest` and `highest` (3N,) are the box of poses; their rows are equal for an object that the spec or the request
-    fixes. `possible` are the cells that bounds do not exclude; `tape` is the core as contraction reads it; `warnings`
-    are about the request. It can be pickled."""
+    fixes. `possible` are the cells that scenes are looked for in; of those that are not, bounds prove all but the
+    `improbable` ones empty. `tape` is the core as contraction reads it; `warnings` are about the request. It can be
+    pickled."""
 
     spec: CheckedSpec
     core: Core
@@ -92,6 +93,7 @@ class Problem:
     possible: frozenset[int]
     tape: Tape
     warnings: tuple[Diagnostic, ...] = ()
+    improbable: frozenset[int] = frozenset()
 
     @property
     def fixed(self) -> dict[str, tuple[float, ...]]:
@@ -148,8 +150,8 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int
     cells = cut(checked, tuple(core.labels), most)
     if core is not spec.core:
         cells.low[-1] = 0.0
-    possible = _possible(core, tape, cells, lowest, highest, effort, rounds)
-    problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings)
+    possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds)
+    problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings, improbable)
     if not possible:
         raise RequestError(impossible(problem, effort))
     return problem
@@ -174,16 +176,18 @@ def narrowed(
     request = dataclasses.replace(problem.request, phi=phi, seed=seed)
     cells = cut(request, tuple(core.labels))
     tape = make_tape(core, *box, effort)
-    possible = _possible(core, tape, cells, *box, effort)
-    made = Problem(problem.spec, core, *box, request, cells, possible, tape)
+    possible, improbable = _possible(core, tape, cells, *box, effort)
+    made = Problem(problem.spec, core, *box, request, cells, possible, tape, improbable=improbable)
     if not possible:
         raise RequestError(impossible(made, effort))
     return made
 
 
 def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
-    """The error for a request that is proved to have no scene: it names the atoms that conflict, if there is time to
-    find out."""
+    """The error for a request of which no cell is left: it is proved to have no scene, and the error names the atoms
+    that conflict, if there is time to find out; or some cells are only too improbable."""
+    if problem.improbable:
+        return TOO_IMPROBABLE(wanted=_asked(problem.request.phi))
     effort = Effort() if effort is None else effort
     return _impossible(problem.core, problem.lowest, problem.highest, problem.request.phi, problem.wanted(), effort)
 
@@ -196,14 +200,18 @@ def _impossible(
     wanted: Mapping[int, Ends],
     effort: Effort,
 ) -> Diagnostic:
-    asked = " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
+    asked = _asked(phi)
     try:
-        found = clash(core, lowest, highest, wanted, effort=effort)
+        found = clash(core, lowest, highest, wanted, search=False, effort=effort)
     except (StoppedError, TooMuchError):
         found = None
     if found is None:
         return NO_SUCH_SCENE(wanted=asked)
     return explain(core, found, NO_SUCH_SCENE, wanted=asked)
+
+
+def _asked(phi: Mapping[str, Range]) -> str:
+    return " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
 
 
 def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], effort: Effort) -> None:
@@ -233,21 +241,29 @@ def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
 
 def _possible(
     core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = ROUNDS
-) -> frozenset[int]:
-    """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone."""
+) -> tuple[frozenset[int], frozenset[int]]:
+    """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone: those in which
+    scenes can be found, and those whose scenes are too improbable, which contraction shows where surfaces are chosen.
+    """
     if len(tape.nodes) * cells.count > LARGE:
         least, most = label_bounds(core, lowest, highest, effort)
         limits = map(cells.limits, range(cells.count))
-        return frozenset(cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all())
+        return frozenset(
+            cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all()
+        ), frozenset()
     wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
     boxes = lowest[:, None], highest[:, None]
     alive = _alive(tape, wanted, *boxes, effort, rounds)
+    likely = alive
     choices = worlds(core, lowest, highest)
     if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
+        likely = alive = alive & _alive(tape, wanted, *choices, effort, rounds)
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
         thin = THIN * size_of(lowest, highest)
-        alive &= _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
-    return frozenset(map(int, np.flatnonzero(alive)))
+        if alive.any() and narrowest > 100.0 * thin:
+            likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin)
+    found, improbable = (frozenset(map(int, np.flatnonzero(each))) for each in (likely, alive & ~likely))
+    return found, improbable
 
 
 def _alive(
@@ -259,14 +275,15 @@ def _alive(
     rounds: int,
     thin: float = 0.0,
 ) -> npt.NDArray[np.bool_]:
-    """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,).
-    Boxes whose scenes have probability 0, as `improbable` finds with `thin`, do not count."""
+    """Which of C demands can be met in some of the boxes low..high, (3N, W), as far as contraction can tell, (C,). With
+    `thin`, those that are met in more than single scenes, as far as contraction without slack and `improbable` tell.
+    """
     count = low.shape[1]
     if len(wanted) == count == 1 and not thin:
         return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
-    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)))
+    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)), slack=0.0 if thin else SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
-    if thin > 0.0:
+    if thin:
         alive &= ~improbable(tape, lo, hi, thin)
     return np.asarray(alive.reshape(len(wanted), count).any(axis=1))

@@ -38,7 +38,9 @@ def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagno
     if plan.verified:
         count = problem.cells.count
         missing = sorted(set(range(count)).difference(plan.reached))
-        warnings += _unreached(problem, missing, problem.possible - plan.ruled_out, account.tried, len(tally.strays))
+        warnings += _unreached(
+            problem, missing, (problem.possible | problem.improbable) - plan.ruled_out, account.tried, len(tally.strays)
+        )
         if problem.fixed:
             info["fix"] = {name: list(pose) for name, pose in problem.fixed.items()}
         info["cells"] = {"asked": count, "reached": count - len(missing)}

@@ -27,7 +27,7 @@ from scenegen.sampling.growth.islands import Islands, NoRoom, grow_islands
 from scenegen.sampling.growth.reading import flat
 from scenegen.sampling.growth.sampler import no_growth
 from scenegen.sampling.interval import Estimate, ratio
-from scenegen.sampling.problem import Problem, make_problem
+from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rarity import DEPTH, WORK, cost
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import make_frame
@@ -71,10 +71,10 @@ def measure_vast(
     """The results of `rarity.measure`; the same arguments give the same numbers. With `up_only`, the tails towards the
     lowest phi are left out. After `deadline`, by the monotonic clock, runs end with what they have.
 
-    Raises RequestError if no scene satisfies the requirement, or if none was found, and StoppedError where that is not
-    known by the deadline.
+    Raises RequestError if no scene satisfies the requirement, or if none was found, or if time is up before bounds are
+    known, and StoppedError where the rest is not known by the deadline.
     """
-    base = make_problem(spec, SampleRequest(n=1, seed=seed))
+    base = make_problem(spec, SampleRequest(n=1, seed=seed), Budget(deadline, started=0.0))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):

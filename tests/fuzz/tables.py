@@ -1,4 +1,5 @@
-"""Random tables: specs of 5 to 30 objects such as people set, with a request for each.
+"""Random tables: specs of 5 to 30 objects such as people set, with a request for each. `wide` ones have up to 60
+objects, heights, choices of surfaces, numbers of things, more disjunctions, or time.
 
 Every text is a valid spec; whether any scene satisfies it is left open.
 """
@@ -9,7 +10,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-FEWEST, MOST = 5, 30
+FEWEST, MOST, WIDEST = 5, 30, 60
 FULL = (0.02, 0.35)  # shares of the workspace that footprints take together
 HEADINGS = ("NORTH", "EAST", "SOUTH", "WEST")
 
@@ -37,6 +38,7 @@ class Author:
 
     rng: random.Random
     side: float = 1.0
+    wide: bool = False
     arrays: dict[str, int] = field(default_factory=dict)
     regions: list[str] = field(default_factory=list)
 
@@ -155,7 +157,7 @@ class Author:
     def label(self) -> str:
         parts = [self.many() if self.chance(0.4) else self.one() for _ in range(self.rng.choice([1, 1, 2, 2, 3, 4]))]
         text = " & ".join(parts)
-        if self.chance(0.1):
+        if self.chance(0.4 if self.wide else 0.1):
             text = f"({text}) | ({self.many()})"
         return text
 
@@ -178,14 +180,27 @@ class Author:
         if self.chance(0.25):
             self.side = rng.choice([0.6, 0.8, 1.5])
             lines.append(f"workspace [0, {self.side}] x [0, {self.side}]")
-        count, full = rng.randint(FEWEST, MOST), rng.uniform(*FULL)
+        count, full = rng.randint(FEWEST, WIDEST if self.wide else MOST), rng.uniform(*FULL)
+        timed, surfaces, counted = False, list[str](), False
+        if self.wide:
+            timed, counted = self.chance(0.1), self.chance(0.2)
+            surfaces = ["workspace"]
+            for number in range(0 if timed else rng.choice([0, 1, 2])):
+                x, y = (rng.uniform(0.0, 0.5) * self.side for _ in "xy")
+                surfaces.append(f"board{number}")
+                wide = f"rect({x:.2f}, {y:.2f}, {x + self.side / 2:.2f}, {y + self.side / 2:.2f})"
+                lines.append(f"region board{number} = {wide} at {rng.randint(20, 90)} cm")
+        if timed:
+            lines.append(f"time {rng.randint(2, 6)} steps")
         left = count
         while left:
             size = min(left, rng.randint(1, max(1, count // 2)))
             name = f"{rng.choice(['block', 'can', 'part', 'item', 'coin'])}{len(self.arrays)}"
             self.arrays[name] = size
             area = full * self.side**2 / count * rng.uniform(0.4, 1.6)
-            lines.append(f"object {name}[{size}] = {self.shape(area)}")
+            more = f"..{size + rng.randint(1, 3)}" if counted and not timed and len(self.arrays) == 1 else ""
+            where = f" on any of [{', '.join(surfaces)}]" if len(surfaces) > 1 and self.chance(0.4) else ""
+            lines.append(f"object {name}[{size}{more}] = {self.shape(area)}{where}")
             left -= size
         if self.chance(0.15):
             x, y = (rng.uniform(0.2, 0.8) * self.side for _ in "xy")
@@ -203,13 +218,14 @@ class Author:
         required += [self.one()] if self.chance(0.2) else []
         lines.append(f"require {' & '.join(required)}")
         names = ["task", "safe", "tidy"][: rng.choice([1, 1, 2, 3])]
-        lines += [f"{name}: {self.label()}" for name in names]
+        when = rng.choice(["finally", "eventually", "always"]) if timed else ""
+        lines += [f"{name}: {when} ({self.label()})" if timed else f"{name}: {self.label()}" for name in names]
         ranges: dict[str, tuple[float | None, float | None]] = dict.fromkeys(names, (0.0, None))
         if self.chance(0.3):
             ranges["task"] = rng.choice([(-0.1, 0.0), (0.0, 0.02), (-0.2, 0.1)])
         return Table("\n".join(lines) + "\n", ranges)
 
 
-def table(seed: int, number: int) -> Table:
+def table(seed: int, number: int, wide: bool = False) -> Table:
     """Table `number` of a seed; the same on any machine."""
-    return Author(random.Random(f"table {seed} {number}")).write()
+    return Author(random.Random(f"{'wide ' * wide}table {seed} {number}"), wide=wide).write()

@@ -75,7 +75,7 @@ def aimed(particles: Particles, boxes: Boxes, new: Sequence[New], stage: int) ->
         asked = [one.clauses[place] for one, place in parts]
         machine.rooms[key] = make_room(machine.problem, touch, touch.in_force(stage), asked, halved=True)
     room = machine.rooms[key]
-    more = room.boxes(particles.scenes, particles.cell)
+    more = room.boxes(particles.scenes, particles.cell, machine.effort)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     halves = len(room.branches) // len(parts)
     whole = boxes.volumes.sum(axis=0)

@@ -52,11 +52,10 @@ class First:
         machine = None
         with np.errstate(all="ignore"):
             try:
-                machine = make_machine(self.problem)
+                machine = make_machine(self.problem, deadline=self.budget.ends)
                 proof = too_full(machine.graph, self.problem.core.objects)
                 if proof:
                     return Stalled(machine, None, 0.0, proof)
-                machine.deadline = self.budget.ends
                 made = make_population(machine, size, _of_plan(self.problem.request.seed, 0))
             except StoppedError:
                 return Stalled(machine, None, 0.0 if machine is None else machine.work)
@@ -73,7 +72,10 @@ class Second:
 
     def __call__(self, size: Size) -> Taken:
         with np.errstate(all="ignore"):
-            machine = with_deadline(make_machine(self.problem), self.budget.ends)
+            try:
+                machine = make_machine(self.problem, deadline=self.budget.ends)
+            except StoppedError:
+                raise StoppedError(f"the next {size.count:,} scenes had not begun when time was up") from None
             try:
                 made = make_population(machine, replace(size, fewest=0.0), _of_plan(self.problem.request.seed, 1))
             except StoppedError:

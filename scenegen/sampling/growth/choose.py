@@ -40,7 +40,7 @@ def jump(particles: Particles, thing: int, tally: Tally | None) -> None:
     if len(branches) > WAYS:
         branches = [branches[k] for k in np.sort(rng.choice(len(branches), WAYS, replace=False))]
     room = _room(machine, thing, touch.in_force(particles.stage), branches)
-    boxes = room.boxes(particles.scenes, particles.cell)
+    boxes = room.boxes(particles.scenes, particles.cell, machine.effort)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw_evenly(rng)
     before, after = boxes.even_density(particles.scenes[list(touch.rows)]), boxes.even_density(poses)

@@ -27,22 +27,23 @@ MOST = 64  # distances that are looked at
 
 def too_full(graph: Graph, names: Collection[str]) -> str:
     """Why there is no scene, as a sentence; "" where that is not proved."""
-    apart, shapes = _distances(graph)
+    apart, clear, shapes = _distances(graph)
     places = {thing: _place(graph, thing) for thing in sorted({end for pair in apart for end in pair})}
     called = list(names)
     for rectangle in dict.fromkeys([*places.values(), _around(places.values())] if places else ()):
         inside = [thing for thing, place in places.items() if _within(place, rectangle)]
         width, height = rectangle[2] - rectangle[0], rectangle[3] - rectangle[1]
         near = {pair: least for pair, least in apart.items() if pair[0] in inside and pair[1] in inside}
-        for least in sorted({round(value, 12) for value in near.values() if value > 0.0}, reverse=True)[:MOST]:
-            group = _clique(inside, near, least * (1.0 - SAFE))
+        for value in sorted({round(value, 12) for value in near.values() if value > 0.0}, reverse=True)[:MOST]:
+            least = value * (1.0 - SAFE)
+            group = _clique(inside, near, least)
             most = 2.0 * width * height / (math.sqrt(3.0) * least**2) + (width + height) / least + 1.0
             if len(group) > math.floor(most * (1.0 + SAFE) + SAFE):
                 return (
                     f"the centres of {len(group)} objects ({_listed(group, called)}) must be {100 * least:.3g} cm"
                     f" apart, in {100 * width:.3g} x {100 * height:.3g} cm: no more than {math.floor(most)} can be"
                 )
-        group = _clique([thing for thing in inside if thing in shapes], near, 0.0)
+        group = _clique([thing for thing in inside if thing in shapes], clear, 0.0)
         reach = max((measures(shapes[thing]).outer for thing in group), default=0.0)
         room = width * height + 2.0 * (width + height) * reach + math.pi * reach**2
         taken = sum(area(shapes[thing]) for thing in group)
@@ -54,9 +55,11 @@ def too_full(graph: Graph, names: Collection[str]) -> str:
     return ""
 
 
-def _distances(graph: Graph) -> tuple[Distances, dict[int, Footprint]]:
-    """How far the centres of two objects are apart at least; and the footprints of those that overlap with no other."""
+def _distances(graph: Graph) -> tuple[Distances, Distances, dict[int, Footprint]]:
+    """How far the centres of two objects are apart at least, of all and of those whose footprints do not overlap; and
+    these footprints."""
     apart: Distances = {}
+    clear: Distances = {}
     shapes: dict[int, Footprint] = {}
     for pair in graph.pairs:
         if not (isinstance(pair.first, int) and isinstance(pair.second, int)):
@@ -67,8 +70,9 @@ def _distances(graph: Graph) -> tuple[Distances, dict[int, Footprint]]:
         key = min(pair.first, pair.second), max(pair.first, pair.second)
         apart[key] = max(apart.get(key, 0.0), least + sum(inner))
         if pair.shapes != (POINT, POINT):
+            clear[key] = apart[key]
             shapes |= {pair.first: pair.shapes[0], pair.second: pair.shapes[1]}
-    return apart, shapes
+    return apart, clear, shapes
 
 
 def _place(graph: Graph, thing: int) -> Rectangle:

@@ -39,8 +39,7 @@ def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] =
 
 
 def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
-    machine = make_machine(problem, rounds=ROUNDS)
-    machine.deadline = budget.ends
+    machine = make_machine(problem, rounds=ROUNDS, deadline=budget.ends)
     possible = sorted(problem.possible)
     cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *ASIDE]))

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS, contract, start
+from scenegen.bounds.effort import Effort
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.standing import Stand, stands_of
 from scenegen.lang.core import REQUIRE, Apply, Const, Coord, Core, Junction, Node
@@ -110,10 +111,10 @@ class Graph:
         return (*(() if switch is None else (switch,)), *(row for row in rows_of(thing) if row in self.rows))
 
 
-def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
-    """The factor graph of a request, its box contracted in so many rounds."""
+def make_graph(problem: Problem, rounds: int = ROUNDS, effort: Effort | None = None) -> Graph:
+    """The factor graph of a request, its box contracted in so many rounds. Raises what `effort` raises."""
     stands = {one.thing: one for one in stands_of(problem.spec, problem.lowest, problem.highest)}
-    builder = _Builder(problem, rounds, stands)
+    builder = _Builder(problem, rounds, stands, effort)
     clauses: list[Clause] = []
     pairs: list[Pair] = []
     choices: list[Choice] = []
@@ -138,10 +139,10 @@ def make_graph(problem: Problem, rounds: int = ROUNDS) -> Graph:
     )
 
 
-def touched(problem: Problem) -> dict[int, frozenset[int]]:
+def touched(problem: Problem, effort: Effort | None = None) -> dict[int, frozenset[int]]:
     """The free objects that each formula node touches of which something is asked; none where it is the same in every
-    scene."""
-    builder = _Builder(problem)
+    scene. Raises what `effort` raises."""
+    builder = _Builder(problem, effort=effort)
     return {clause.node: clause.objects for clause in builder.clauses(builder.demands())}
 
 
@@ -161,7 +162,14 @@ def components(groups: Iterable[frozenset[int]]) -> tuple[frozenset[int], ...]:
 
 
 class _Builder:
-    def __init__(self, problem: Problem, rounds: int = ROUNDS, stands: Mapping[int, Stand] = NONE) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        rounds: int = ROUNDS,
+        stands: Mapping[int, Stand] = NONE,
+        effort: Effort | None = None,
+    ) -> None:
+        self._effort = Effort() if effort is None else effort
         self._problem, self._core, self._rounds = problem, problem.core, rounds
         self._switches = {one.switch: thing for thing, one in stands.items() if one.switch is not None}
         free = problem.lowest < problem.highest
@@ -185,6 +193,7 @@ class _Builder:
                 found[node] = np.full(cells.count, ends[0]), np.full(cells.count, ends[1])
         names = [name for name in core.labels if name != REQUIRE]
         for cell in range(cells.count):
+            self._effort.check()
             low, high = cells.limits(cell)
             wanted: dict[int, Ends] = {}
             for place, name in enumerate(names):
@@ -265,6 +274,7 @@ class _Builder:
             return None
         ways = []
         for arg in flat(self._core, clause.node):
+            self._effort.check()
             whole = Clause(arg, self._objects(arg), clause.low, clause.high)
             ways.append(Way(whole, tuple(self.clauses(asked(self._core, whole)))))
         if len(clause.objects) <= LOCAL and all(way.whole.objects == clause.objects for way in ways):
@@ -300,7 +310,7 @@ class _Builder:
         lo, hi = start(problem.tape, wanted, *box)
         nodes, number = problem.tape.restrict([problem.tape.where[node] for ends in wanted for node in ends])
         old = sorted(number, key=lambda index: number[index])
-        alive = contract(nodes, lo[old], hi[old], self._rounds)
+        alive = contract(nodes, lo[old], hi[old], self._rounds, effort=self._effort)
         return [way for way, possible in zip(ways, alive, strict=True) if possible]
 
     def box(self, clauses: Sequence[Clause]) -> tuple[Array, Array]:
@@ -314,7 +324,7 @@ class _Builder:
         nodes, number = tape.restrict([*(tape.where[one.node] for one in clauses), *tape.rows.values()])
         old = sorted(number, key=lambda index: number[index])
         lo, hi = lo[old], hi[old]
-        alive = contract(nodes, lo, hi, self._rounds)
+        alive = contract(nodes, lo, hi, self._rounds, effort=self._effort)
         for row, node in tape.rows.items():
             lowest[row] = np.where(alive, lo[number[node]], lowest[row])
             highest[row] = np.where(alive, hi[number[node]], highest[row])

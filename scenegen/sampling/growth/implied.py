@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from scenegen.bounds.effort import Effort
 from scenegen.bounds.tape import make_tape
 from scenegen.lang.core import Apply, Atom, Const, Core, Junction, Node, moved
 from scenegen.sampling.problem import Problem
@@ -19,12 +20,13 @@ Even = tuple[int, int, float]
 """One number, the mean of several of which it is one (nodes), and how near they must be."""
 
 
-def strengthened(problem: Problem) -> Problem:
-    """The problem with what its formulas imply, for growth; phi of every scene is the same but for rounding."""
+def strengthened(problem: Problem, effort: Effort) -> Problem:
+    """The problem with what its formulas imply, for growth; phi of every scene is the same but for rounding. Raises
+    what `effort` raises."""
     core = with_implied(problem.core)
     if core is problem.core:
         return problem
-    return replace(problem, core=core, tape=make_tape(core, problem.lowest, problem.highest))
+    return replace(problem, core=core, tape=make_tape(core, problem.lowest, problem.highest, effort))
 
 
 def with_implied(core: Core) -> Core:

@@ -41,7 +41,7 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
     stage = particles.stage + 1
     thing = machine.order[stage]
     room = machine.room(thing, stage)
-    boxes = room.boxes(particles.scenes, particles.cell)
+    boxes = room.boxes(particles.scenes, particles.cell, machine.effort)
     if planning and room.nodes and boxes.volumes.sum(axis=0).mean() > WIDE:
         machine.leave_whole(thing, stage)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)

@@ -53,9 +53,8 @@ def grow_islands(
     formula nodes it may take. Raises StoppedError after `deadline`, by the monotonic clock.
     """
     assert problem.cells.count == 1
-    machine = make_machine(problem)
+    machine = make_machine(problem, deadline=deadline)
     machine.most = most / len(problem.core.nodes)
-    machine.deadline = deadline
     try:
         return _grow_islands(problem, machine, islands, each, seed)
     except TooMuchError:

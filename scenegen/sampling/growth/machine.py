@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS
-from scenegen.bounds.effort import StoppedError, TooMuchError
+from scenegen.bounds.effort import Effort, StoppedError, TooMuchError, until
 from scenegen.pose import TWO_PI, axis_of, is_angle, owner
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.implied import strengthened
@@ -62,6 +62,11 @@ class Machine:
     @property
     def cells(self) -> int:
         return self.problem.cells.count
+
+    @property
+    def effort(self) -> Effort:
+        """Work that is stopped once the deadline has passed."""
+        return until(self.deadline)
 
     def room(self, thing: int, stage: int) -> Room | Standing:
         """The room of an object under the clauses in force at a stage; of what stands, its surfaces."""
@@ -114,12 +119,16 @@ class Machine:
         return self.evaluators[key]
 
 
-def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS) -> Machine:
+def make_machine(
+    problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS, deadline: float = math.inf
+) -> Machine:
     """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
-    after all others. `rounds` are those of contraction."""
-    problem = strengthened(problem)
-    graph = make_graph(problem, rounds)
-    order, parent = insertion_order(graph, last)
+    after all others. `rounds` are those of contraction. Raises StoppedError after `deadline`, by the monotonic clock.
+    """
+    effort = until(deadline)
+    problem = strengthened(problem, effort)
+    graph = make_graph(problem, rounds, effort)
+    order, parent = insertion_order(graph, last, effort)
     at = {thing: place for place, thing in enumerate(order)}
     groups: dict[int, list[int]] = {thing: [thing] for thing in order}
     for thing in order:
@@ -128,7 +137,7 @@ def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROU
             groups[above].append(thing)
             above = parent.get(above)
     begins = tuple(min(at[thing] for thing in choice.objects) for choice in graph.choices)
-    touch = touches(graph, order)
+    touch = touches(graph, order, effort)
     hanging = {thing: tuple(group) for thing, group in groups.items()}
     roots = [thing for thing in order if thing not in parent]
     kin = _kin(touch, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1])
@@ -141,8 +150,10 @@ def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROU
         for thing, one in graph.stands.items()
         if thing in touch and (found := make_standing(one, touch[thing])) is not None
     }
-    seen = outlooks(problem, graph, at)
-    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing)
+    seen = outlooks(problem, graph, at, effort)
+    return Machine(
+        problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing, deadline=deadline
+    )
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from scenegen.bounds.effort import Effort
 from scenegen.pose import rows_of
 from scenegen.primitives.outline import measures
 from scenegen.sampling.growth.graph import Clause, Graph
@@ -22,20 +23,23 @@ LEAST = 0.25 / RANDOM
 FEW = 3  # objects of a clause or a choice up to which it says something of any two of them
 
 
-def insertion_order(graph: Graph, last: Collection[int] = ()) -> tuple[tuple[int, ...], dict[int, int]]:
+def insertion_order(
+    graph: Graph, last: Collection[int] = (), effort: Effort | None = None
+) -> tuple[tuple[int, ...], dict[int, int]]:
     """The objects that phi depends on in the order of their placing, those in `last` after all others, and for each the
     object that it hangs from, if any.
 
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
-    and moves together with it. Deterministic: ties go by size, then by place in the spec.
+    and moves together with it. Deterministic: ties go by size, then by place in the spec. Raises what `effort` raises.
     """
+    effort = Effort() if effort is None else effort
     # what stands on a surface moves with what carries it by moves of its own: see hop.py
     near = _neighbours(graph, [clause.objects for clause in graph.clauses if clause.node not in graph.switched])
     groups = [clause.objects for clause in graph.clauses] + [choice.objects for choice in graph.choices]
     linked = _neighbours(graph, groups)
     size = _sizes(graph)
     room = _log_room(graph)
-    for thing, share in _log_share(graph).items():
+    for thing, share in _log_share(graph, effort).items():
         room[thing] += share
     left, none = set(graph.objects), frozenset[int]()
     waits = {  # what stands is placed on what carries it
@@ -46,6 +50,7 @@ def insertion_order(graph: Graph, last: Collection[int] = ()) -> tuple[tuple[int
     parent: dict[int, int] = {}
     depth: dict[int, int] = {}
     while left:
+        effort.check()
         # the neighbours of what was placed last come first: a group is finished before the next one begins
         ready = {thing for thing in left if waits.get(thing, none).isdisjoint(left)}
         now = ready.difference(last) or ready
@@ -76,7 +81,7 @@ def _neighbours(graph: Graph, groups: Iterable[frozenset[int]]) -> dict[int, set
     return near
 
 
-def _log_share(graph: Graph) -> dict[int, float]:
+def _log_share(graph: Graph, effort: Effort) -> dict[int, float]:
     """The logarithm of the share of random scenes that meet what touches each object, pairs apart; of what touches
     several objects, each gets a part."""
     asked: list[Clause] = [*graph.clauses, *(choice.whole for choice in graph.choices)]
@@ -85,8 +90,9 @@ def _log_share(graph: Graph) -> dict[int, float]:
     low, high = graph.low[:, cell], graph.high[:, cell]
     scenes = low + np.random.default_rng(0).random(low.shape) * (high - low)
     with np.errstate(all="ignore"):
-        values = make_values(graph.core, [clause.node for clause in asked])(list(scenes))
+        values = make_values(graph.core, [clause.node for clause in asked])(list(scenes), effort.check)
         for clause, value in zip(asked, values, strict=True):
+            effort.check()
             inside = within(np.broadcast_to(value, RANDOM), clause, cell)
             if inside is not None:
                 for thing in clause.objects:

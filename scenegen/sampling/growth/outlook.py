@@ -16,6 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import Effort
 from scenegen.sampling.growth.graph import Choice, Clause, Graph
 from scenegen.sampling.growth.touch import within
 from scenegen.sampling.growth.values import make_values
@@ -31,9 +32,9 @@ LEAST = 0.25 / RANDOM  # share taken for clauses that none of them meets
 SURE = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
 
 
-def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int]) -> tuple[Array, ...]:
+def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effort) -> tuple[Array, ...]:
     """For each choice, (W, stages, C or 1): log(1 - p), p the chance that a way will hold which no object placed by
-    that stage rules out; SURE once all its objects are placed."""
+    that stage rules out; SURE once all its objects are placed. Raises what `effort` raises."""
     if not graph.choices:
         return ()
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, len(graph.choices)]))
@@ -41,17 +42,19 @@ def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int]) -> tuple[Arr
     cell = np.arange(RANDOM) % cells
     low, high = graph.low[:, cell], graph.high[:, cell]
     scenes = low + rng.random(low.shape) * (high - low)
-    return tuple(_outlook(problem, choice, at, scenes, cells) for choice in graph.choices)
+    return tuple(_outlook(problem, choice, at, scenes, cells, effort) for choice in graph.choices)
 
 
-def _outlook(problem: Problem, choice: Choice, at: Mapping[int, int], scenes: Array, cells: int) -> Array:
+def _outlook(
+    problem: Problem, choice: Choice, at: Mapping[int, int], scenes: Array, cells: int, effort: Effort
+) -> Array:
     clauses = {(clause.node, id(clause)): clause for way in choice.ways for clause in way.clauses if clause.objects}
     same = all((ends == ends[0]).all() for one in clauses.values() for ends in (one.low, one.high))
     table = np.zeros((len(choice.ways), len(at), 1 if same else cells))
     with np.errstate(all="ignore"):
-        found = make_values(problem.core, [node for node, _ in clauses])(list(scenes))
+        found = make_values(problem.core, [node for node, _ in clauses])(list(scenes), effort.check)
         shares = {
-            key: np.log(_shares(value, clause, table.shape[2]))
+            key: np.log(_shares(value, clause, table.shape[2], effort))
             for (key, clause), value in zip(clauses.items(), found, strict=True)
         }
     for row, way in zip(table, choice.ways, strict=True):
@@ -64,11 +67,12 @@ def _outlook(problem: Problem, choice: Choice, at: Mapping[int, int], scenes: Ar
     return table
 
 
-def _shares(value: Array, clause: Clause, cells: int) -> Array:
+def _shares(value: Array, clause: Clause, cells: int, effort: Effort) -> Array:
     """The share of values within the clause's ends, for each cell, (C,)."""
     value = np.broadcast_to(value, RANDOM)
     share = np.ones(cells)
     for cell in range(cells):
+        effort.check()
         inside = within(value, clause, np.full(RANDOM, cell))
         if inside is not None:
             share[cell] = max(LEAST, float(np.mean(inside)))

@@ -31,7 +31,7 @@ def reinsert(particles: Particles, thing: int, room: Room | Standing, tries: int
     """Move one object to one of `tries` poses in its room."""
     machine, rng, stage = particles.machine, particles.rng, particles.stage
     rows = list(machine.touch[thing].rows)
-    boxes = room.boxes(particles.scenes, particles.cell)
+    boxes = room.boxes(particles.scenes, particles.cell, machine.effort)
     machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw(tries, rng)
     value, _ = scored(particles, boxes, poses, thing, stage)

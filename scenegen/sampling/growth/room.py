@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import SLACK, contract, size_of
+from scenegen.bounds.effort import Effort
 from scenegen.lang.core import Coord, Junction, Node
 from scenegen.pose import THETA, TWO_PI, axis_of
 from scenegen.sampling.growth.graph import Clause, asked
@@ -123,8 +124,8 @@ class Room:
     branches: tuple[tuple[int, tuple[Clause, ...]], ...]
     scale: float
 
-    def boxes(self, scenes: Array, cell: Index) -> Boxes:
-        """The room in each of P scenes, `scenes` (3N, P), `cell` (P,)."""
+    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> Boxes:
+        """The room in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
         graph, rows = self.touch.graph, list(self.touch.rows)
         count, branches = scenes.shape[1], len(self.branches)
         base_low, base_high = graph.low[rows][:, cell], graph.high[rows][:, cell]
@@ -151,7 +152,7 @@ class Room:
                 self._impose(clause, cell, lo[:, branch], hi[:, branch], slice(None))
         shape = (len(self.nodes), branches * count)
         lo, hi = lo.reshape(shape), hi.reshape(shape)
-        alive = contract(self.nodes, lo, hi, ROUNDS).reshape(branches, count)
+        alive = contract(self.nodes, lo, hi, ROUNDS, effort=effort).reshape(branches, count)
         dims = list(self.dims)
         low, high = lo[dims].reshape(-1, branches, count), hi[dims].reshape(-1, branches, count)
         width = np.where(alive, np.maximum(high - low, 0.0), 0.0)

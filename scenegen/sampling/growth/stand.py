@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import Effort
 from scenegen.bounds.patches import Step
 from scenegen.bounds.standing import Stand, step_for
 from scenegen.sampling.growth.touch import Touch
@@ -60,8 +61,9 @@ class Standing:
     nodes: tuple[()] = ()
     branches: tuple[None] = (None,)
 
-    def boxes(self, scenes: Array, cell: Index) -> Places:
-        """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,)."""
+    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> Places:
+        """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
+        effort.check()
         graph, rows = self.touch.graph, self.touch.rows
         low, high = graph.low[list(rows)][:, cell], graph.high[list(rows)][:, cell]
         width = np.maximum(high - low, 1e-300)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import StoppedError, TooMuchError
+from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.errors import Diagnostic, Span
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW
 from scenegen.lang.core import Atom, Core, Junction
@@ -36,10 +36,13 @@ def others(problem: Problem, machine: Machine, end: Stuck) -> tuple[int, tuple[i
     refused = [machine.order[end.stage]]
     most = end.stage
     for attempt in range(MORE):
-        again = make_machine(problem, refused)
-        again.deadline, again.most = machine.deadline, max(EFFORT, machine.work)
         number = np.arange(SCENES)
         cell = end.particles.cell[number % end.particles.count]
+        try:
+            again = make_machine(problem, refused, deadline=machine.deadline)
+        except StoppedError:
+            break
+        again.most = max(EFFORT, machine.work)
         try:
             found, _ = explore(again, cell, number % 2, np.random.default_rng(attempt), Tally())
         except (StoppedError, TooMuchError):
@@ -103,7 +106,7 @@ def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Sp
     thing, particles = machine.order[end.stage], end.particles
     some = np.arange(min(TRIED, particles.count))
     scenes, cell = particles.scenes[:, some], particles.cell[some]
-    poses = machine.room(thing, end.stage).boxes(scenes, cell).draw(TRIED, np.random.default_rng(0))
+    poses = machine.room(thing, end.stage).boxes(scenes, cell, Effort()).draw(TRIED, np.random.default_rng(0))
     rows: list[Array] = list(scenes)
     for row, values in zip(machine.touch[thing].rows, poses, strict=True):
         rows[row] = values

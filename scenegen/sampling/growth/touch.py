@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.bounds.effort import Effort
 from scenegen.pose import FLAT, along
 from scenegen.primitives import Footprint
 from scenegen.primitives.footprint import Circle
@@ -184,8 +185,8 @@ def _coordinates(layer: Layer, axis: int, part: slice, scenes: Array, columns: I
     return rows if columns is None else rows[:, columns]
 
 
-def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
-    """What touches each object, given the order in which they are placed."""
+def touches(graph: Graph, order: Sequence[int], effort: Effort) -> dict[int, Touch]:
+    """What touches each object, given the order in which they are placed. Raises what `effort` raises."""
     at = {thing: place for place, thing in enumerate(order)}
     clauses: dict[int, list[Clause]] = {thing: [] for thing in order}
     pairs: dict[int, list[tuple[Pair, bool]]] = {thing: [] for thing in order}
@@ -206,6 +207,7 @@ def touches(graph: Graph, order: Sequence[int]) -> dict[int, Touch]:
 
     found = {}
     for thing in order:
+        effort.check()
         mine = sorted(clauses[thing], key=lambda one: (stage(one.objects), one.node))
         found[thing] = Touch(
             thing,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,9 +26,10 @@ class Values:
     wanted: tuple[int, ...]
     rows: tuple[int, ...]
 
-    def __call__(self, rows: Sequence[Any]) -> list[Array]:
-        """One value per wanted node. `rows` are 3N arrays that broadcast against each other, or numbers."""
-        values = fold(self.steps, Numbers(NUMPY, rows))
+    def __call__(self, rows: Sequence[Any], check: Callable[[], None] | None = None) -> list[Array]:
+        """One value per wanted node. `rows` are 3N arrays that broadcast against each other, or numbers. `check` is
+        called before each primitive: what it raises ends the work."""
+        values = fold(self.steps, Numbers(NUMPY, rows), before=check)
         return [values[place] for place in self.wanted]
 
 

@@ -7,18 +7,16 @@ checks its examples.
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
 
 from scenegen.assets import ASSETS
 from scenegen.lang import ast
 from scenegen.lang.measure import SIGNATURES
 from scenegen.lang.print import print_expr
+from scenegen.lang.relations import groups
 from scenegen.lang.resolve import FILES
-from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, prelude, signature_of, signatures
+from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, prelude, signatures
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "llms.txt"
@@ -89,21 +87,12 @@ def table(page: str, first: str) -> list[str]:
 def relations() -> list[str]:
     """Every definition of the prelude: usage, unit of defaults, and meaning, under its group."""
     out = []
-    for group in _relations().groups():
+    for group in groups():
         out.append(f"\n{group.title[0].upper()}{group.title[1:]}")
-        out += [f"- {signature_of(one.definition).usage}: {one.meaning}" for one in group.entries]
+        out += [f"- {one.usage}: {one.meaning}" for one in group.entries]
     constants = [one for one in prelude().statements if isinstance(one, ast.Constant)]
     out.append("\nConstants: " + ", ".join(f"{one.name.id} = {print_expr(one.value)}" for one in constants) + ".")
     return out
-
-
-def _relations() -> ModuleType:
-    path = DOCS / "make_relations.py"
-    spec = importlib.util.spec_from_file_location("make_relations", path)
-    assert spec is not None and spec.loader is not None
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def page() -> str:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,11 +16,11 @@ from typing import Any
 from scenegen.figures.dimensions import dimensions, short
 from scenegen.figures.drawing import Guide, Thing, View
 from scenegen.figures.topview import topview
-from scenegen.lang import ast
 from scenegen.lang.core import Atom
 from scenegen.lang.interpret import deciding_atom, evaluate
 from scenegen.lang.print import print_expr
-from scenegen.lang.scope import prelude, signature_of
+from scenegen.lang.relations import Entry, defaults, groups
+from scenegen.lang.scope import signature_of
 from scenegen.primitives.units import ANGLE, LENGTH
 
 DOCS = Path(__file__).resolve().parent
@@ -44,24 +42,6 @@ points.
 """
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A definition with the comment above it."""
-
-    definition: ast.Definition
-    meaning: str
-
-    @property
-    def name(self) -> str:
-        return self.definition.name.id
-
-
-@dataclass(frozen=True)
-class Group:
-    title: str
-    entries: list[Entry]
-
-
 def load_scenes() -> ModuleType:
     """The reader of the golden files, which lives with the tests."""
     path = DOCS.parent / "tests" / "lang" / "relation_scenes.py"
@@ -71,33 +51,6 @@ def load_scenes() -> ModuleType:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
-
-
-def groups() -> Iterator[Group]:
-    """The definitions under the headings `# ---- title` of the prelude, in its order."""
-    module = prelude()
-    definitions = {one.start: one for one in module.statements if isinstance(one, ast.Definition)}
-    title, entries, comment, place = "", list[Entry](), list[str](), 0
-    for line in module.source.text.splitlines(keepends=True):
-        if line.startswith("# ---- "):
-            if entries:
-                yield Group(title, entries)
-            title, entries, comment = line.removeprefix("# ---- ").strip(), [], []
-        elif line.startswith("#"):
-            comment.append(line.removeprefix("#").strip())
-        elif place in definitions:
-            entries.append(Entry(definitions[place], " ".join(comment)))
-        elif not line.strip():
-            comment = []
-        place += len(line)
-    yield Group(title, entries)
-
-
-def defaults(definition: ast.Definition) -> str:
-    """The constants that stand for parameters left out."""
-    values = {one.name.id: print_expr(one.value) for one in prelude().statements if isinstance(one, ast.Constant)}
-    used = dict.fromkeys(print_expr(one.default) for one in definition.parameters if one.default is not None)
-    return ", ".join(f"`{name}` = {values[name]}" for name in used if name in values)
 
 
 def unit(entry: Entry, scenes: Any) -> str:

@@ -1,4 +1,4 @@
-"""The only module that knows where grammar/ and specs/ live.
+"""The only module that knows where grammar/, specs/ and docs/ live.
 
 An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
 package.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+
+PAGES = ("assets", "language", "language-models", "models", "not-here", "pictures", "time")  # as in pyproject.toml
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -21,6 +23,11 @@ def _root() -> Path:
 def grammar_file(name: str) -> Path:
     """The path of a file of grammar/, e.g. `spec.lark`, `prelude.spec`."""
     return _root() / "grammar" / name
+
+
+def shipped_pages() -> dict[str, Path]:
+    """The pages of docs/ that texts of the program point to: name without ending -> path, in alphabetical order."""
+    return {path.stem: path for path in sorted((_root() / "docs").glob("*.md")) if path.stem in PAGES}
 
 
 def shipped_specs() -> dict[str, Path]:

@@ -23,6 +23,14 @@ PLANNERS = "pddl"
 NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # formats of scene files
 
 
+CALLED = {  # what formats are called elsewhere, mostly after what reads them
+    **dict.fromkeys(("mujoco", "mjx", "mujocoplayground", "dmcontrol", "robosuite", "maniskill", "xml"), "mjcf"),
+    **dict.fromkeys(("isaac", "isaacsim", "isaaclab", "omniverse", "openusd", "usda", "usdc", "usdz"), "usd"),
+    **dict.fromkeys(("gazebo", "gz", "ignition", "gzsim", "world"), "sdf"),
+    **dict.fromkeys(("bddl", "planner", "strips"), "pddl"),
+}
+
+
 def chosen(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
     known = (*simulators.SIMULATORS, PLANNERS, *NAMES)
@@ -34,7 +42,9 @@ def chosen(to: str | None, out: Path) -> str:
             return ending.removeprefix(".")
         raise RequestError(NO_FORMAT(path=out, known=known, name=""))
     if to not in known:
-        raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=known))
+        meant = CALLED.get(to.casefold().replace("_", "").replace("-", "").replace(" ", ""))
+        instead = None if meant is None else f"the format for {to} is `{meant}`"
+        raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=known, instead=instead))
     return to
 
 

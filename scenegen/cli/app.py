@@ -66,11 +66,12 @@ COMMANDS: dict[str, str] = {
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.dataset:dataset",
     "grammar": "scenegen.cli.grammar:grammar",
+    "relations": "scenegen.cli.relations:relations",
     "explain": "scenegen.cli.explain:explain",
     "view": "scenegen.cli.view:view",
     "lsp": "scenegen.cli.lsp:lsp",
 }
-ALONE = ("assets", "explain", "lsp", "specs", "view")  # that need no argument; any other shows its help instead
+ALONE = ("assets", "explain", "lsp", "relations", "specs", "view")  # no argument needed; others show their help
 
 
 COMPLETE = "_SCENEGEN_COMPLETE"  # set by the shell's function that typer installs

@@ -1,4 +1,4 @@
-"""`scenegen explain`: what a diagnostic means, by its code."""
+"""`scenegen explain`: what a diagnostic means, by its code; relations, words and pages."""
 
 from __future__ import annotations
 
@@ -12,14 +12,20 @@ if TYPE_CHECKING:
 
 def _codes(incomplete: str) -> list[str]:
     from scenegen.errors.catalog import catalog
+    from scenegen.resources import PAGES
 
-    return [code for code in catalog() if code.startswith(incomplete)]
+    return [code for code in (*PAGES, *catalog()) if code.startswith(incomplete)]
 
 
 def explain(
     code: Annotated[
         str | None,
-        typer.Argument(help="The code in brackets.", metavar="CODE", show_default=False, autocompletion=_codes),
+        typer.Argument(
+            help="The code in brackets, a relation, a word or a page.",
+            metavar="CODE|NAME",
+            show_default=False,
+            autocompletion=_codes,
+        ),
     ] = None,
 ) -> None:
     """Explain an error or warning by its code: what it means, its facts, an example, and the example mended.
@@ -27,13 +33,19 @@ def explain(
     \b
       scenegen explain
       scenegen explain unknown-relation
+      scenegen explain closeTo
+      scenegen explain not-here
 
-    Without a code, all codes are listed. Codes stay the same from version to version; texts may change. Facts are
-    what `check --json`, editors and Python have as data.
+    Without a code, all codes and pages are listed. Codes stay the same from version to version; texts may change. Facts
+    are what `check --json`, editors and Python have as data. A relation or function is shown as by `scenegen
+    relations`; a page of the documentation is printed whole; a word of another language gets what to write for it here.
     """
+    from scenegen.cli.relations import described
     from scenegen.errors import RequestError
     from scenegen.errors.catalog import GROUPS, catalog
     from scenegen.errors.program import UNKNOWN_CODE
+    from scenegen.lang.other_words import of_relation
+    from scenegen.resources import PAGES, shipped_pages
 
     entries = catalog()
     if code is None:
@@ -43,11 +55,19 @@ def explain(
             for one in entries.values():
                 if one.group == group:
                     typer.echo(f"  {one.kind.code:<{wide}}  {one.means.split('. ')[0].rstrip('.')}")
+        typer.echo(f"Pages:\n  {', '.join(PAGES)}")
         return
     code = code.strip("[]")
-    if code not in entries:
-        raise RequestError(UNKNOWN_CODE(name=code, known=entries))
-    typer.echo("\n".join(lines(entries[code])))
+    if code in entries:
+        typer.echo("\n".join(lines(entries[code])))
+    elif code in PAGES:
+        typer.echo(shipped_pages()[code].read_text(encoding="utf-8"), nl=False)
+    elif relation := list(described(code)):
+        typer.echo("\n".join(relation))
+    elif instead := of_relation(code, ()):
+        typer.echo(f"{code}: {instead}")
+    else:
+        raise RequestError(UNKNOWN_CODE(name=code, known=[*entries, *PAGES]))
 
 
 def lines(entry: Entry) -> list[str]:

@@ -58,7 +58,7 @@ def grammar(
 
     Objects, regions and relations are those of the spec, with the arguments and numbers that each can have. Whatever a
     model says in it passes `scenegen check`, except that with --shape formulas labels may contradict themselves.
-    docs/language-models.md says how to use it.
+    `scenegen explain language-models` says how to use it.
     """
     from scenegen.api.grammar import grammar_of
     from scenegen.cli.output import print_error

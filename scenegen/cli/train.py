@@ -87,7 +87,7 @@ def train(
         list[str] | None,
         typer.Option(
             "--hyper",
-            help="A setting of the model's own, such as width=128; repeat it for more. docs/models.md has them all.",
+            help="A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.",
             metavar="NAME=VALUE",
         ),
     ] = None,

@@ -7,7 +7,7 @@ from scenegen.errors.diagnostic import NEAREST, Kind
 # objects and regions
 NO_OBJECTS = Kind("no-objects", "there are no objects", "none is declared", "declare them: object mug, plate")
 TOO_MANY_OBJECTS = Kind("too-many-objects", "more than {limit:,} objects", help="declare fewer")
-EMPTY_ARRAY = Kind("empty-array", "an array cannot have {count} elements", "it has one or more")
+EMPTY_ARRAY = Kind("empty-array", "an array cannot have {count} elements", "it has one or more", "{instead}")
 UNKNOWN_ASSET = Kind(
     "unknown-asset",
     "the library has no `{name}`",
@@ -26,10 +26,10 @@ NO_ASSET_INDEX = Kind(
     "no-asset-index",
     "there is no {path}",
     "this asset is looked up in it",
-    'docs/assets.md shows how to write one; of an index in a folder write asset("folder/{name}")',
+    '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
 )
 BAD_ASSET_INDEX = Kind(
-    "bad-asset-index", "{path} cannot be used: {reason}", help="docs/assets.md shows what an index has"
+    "bad-asset-index", "{path} cannot be used: {reason}", help="`scenegen explain assets` shows what an index has"
 )
 UNKNOWN_INDEXED_ASSET = Kind(
     "unknown-indexed-asset",

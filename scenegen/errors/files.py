@@ -16,7 +16,7 @@ TOO_LARGE_TO_READ = Kind(
 BAD_LOOKS = Kind(
     "bad-looks",
     "[[{key}: ]]{reason}",
-    help="docs/pictures.md shows what looks are; `<looks=random>` ships with scenegen",
+    help="`scenegen explain pictures` shows what looks are; `<looks=random>` ships with scenegen",
 )
 SPEC_NOT_FOUND = Kind(
     "spec-not-found",

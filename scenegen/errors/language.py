@@ -9,7 +9,7 @@ UNKNOWN_RELATION = Kind(
     "unknown-relation",
     "unknown relation `{name}`",
     "no relation or function has this name",
-    ("{instead}", NEAREST, "the relations are {relations:quoted8}; docs/language.md has all of them"),
+    ("{instead}", NEAREST, "the relations are {relations:quoted8}; `scenegen relations` lists all of them"),
 )
 UNKNOWN_NAME = Kind(
     "unknown-name",
@@ -17,7 +17,9 @@ UNKNOWN_NAME = Kind(
     ("{wanted} is needed here", "no object, constant or label has this name"),
     ("{instead}", NEAREST, "the objects are {objects:quoted}", "declare it: object {name}"),
 )
-UNKNOWN_CONSTANT = Kind("unknown-constant", "unknown constant `{name}`", help=(NEAREST, "define it: const {name} = 1"))
+UNKNOWN_CONSTANT = Kind(
+    "unknown-constant", "unknown constant `{name}`", help=("{instead}", NEAREST, "define it: const {name} = 1")
+)
 NOT_A_CONSTANT = Kind("not-a-constant", "`{name}` is not a constant", "only numbers and constants can stand here")
 NOT_A_RELATION = Kind("not-a-relation", "`{name}` is not a relation", "it cannot be called")
 NOT_FINITE = Kind(

@@ -7,8 +7,8 @@ from scenegen.errors.diagnostic import Kind
 COMMAND_LINE = Kind("command-line", "{message}", help="see `{command} --help`")
 UNKNOWN_CODE = Kind(
     "unknown-code",
-    "there is no diagnostic `{name}`",
-    help=("did you mean `{nearest}`?", "`scenegen explain` lists all"),
+    "nothing here is called `{name}`",
+    help=("did you mean `{nearest}`?", "`scenegen explain` lists what can be explained"),
 )
 OUT_OF_MEMORY = Kind("out-of-memory", "there is not enough memory for this", help="ask for fewer scenes at a time")
 INTERNAL_ERROR = Kind(

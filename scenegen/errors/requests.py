@@ -13,7 +13,7 @@ ODD_FILE_NAME = Kind(
 UNKNOWN_CHOICE = Kind(
     "unknown-choice",
     "[[{path}: ]]unknown {what} `{name}`",
-    help=(NEAREST, "the {plural} are {known:quoted}", "the {what}s are {known:quoted}"),
+    help=("{instead}", NEAREST, "the {plural} are {known:quoted}", "the {what}s are {known:quoted}"),
 )
 NO_VALID_SCENE = Kind(
     "no-valid-scene",

@@ -124,6 +124,7 @@ UNIT_AFTER_NAME = Kind(
     "unit-after-name", "`{name}` cannot have a unit", help="a unit follows a written number: {name} * 1 {unit}"
 )
 BARE_POINT = Kind("bare-point", "a number starts and ends with a digit", help="write {mended}")
+CANNOT_BE_SAID = Kind("cannot-be-said", "`{word}` cannot be said here", help="{instead}")
 FOREIGN_OPERATOR = Kind("foreign-operator", "`{operator}` is not an operator here", help="write {instead}")
 EQUALITY = Kind(
     "equality",
@@ -133,7 +134,7 @@ EQUALITY = Kind(
 STRAY_EQUAL = Kind(
     "stray-equal",
     "`=` only stands in `const`, `def`, `object` and `region`",
-    help="to compare numbers write `<=` or `>=`",
+    help="to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm",
 )
 SEMICOLON = Kind("semicolon", "statements cannot be separated with `;`", help="start the next statement on a new line")
 COMMA_BETWEEN_FORMULAS = Kind(

@@ -28,6 +28,7 @@ from scenegen.lang.cabinets import cabinet
 from scenegen.lang.category import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
 from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
 from scenegen.lang.places import Point
+from scenegen.lang.print import print_expr
 from scenegen.lang.provenance import Frame
 from scenegen.lang.resolve import BUILT, FILES, SHAPES, bind
 from scenegen.lang.scope import Thing
@@ -104,7 +105,10 @@ def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> i
     value = lowering.coerce.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
     count = whole_number(lowering, value, expr, frame, "the number of elements")
     if count < 1:
-        raise SpecError(EMPTY_ARRAY(expr.span(source), count=count))
+        ends = (expr.left, expr.right) if isinstance(expr, ast.Binary) and expr.operator == "-" else ()
+        written = [print_expr(end) for end in ends if isinstance(end, ast.Quantity)]
+        instead = f"for a number that is drawn write {written[0]}..{written[1]}" if len(written) == 2 else None
+        raise SpecError(EMPTY_ARRAY(expr.span(source), count=count, instead=instead))
     if before + count > MAX_OBJECTS:
         raise SpecError(TOO_MANY_OBJECTS(expr.span(source), limit=MAX_OBJECTS))
     return count

@@ -36,8 +36,8 @@ from scenegen.errors.language import (
 )
 from scenegen.errors.temporal import TIME_MISSING
 from scenegen.lang import ast, traversal
-from scenegen.lang.height_words import THE_TABLE, of_heights
 from scenegen.lang.imports import Placed
+from scenegen.lang.other_words import PRIOR, RELATIONS, THE_TABLE, of_relation, plain
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
@@ -184,7 +184,9 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
         if node.id in scope.labels:
             yield NOT_A_CONSTANT(here, name=node.id)
         elif node.id not in scope.things:
-            yield UNKNOWN_CONSTANT(here, name=node.id, known=[*scope.constants, *scope.regions, *scope.things])
+            drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
+            known = [*scope.constants, *scope.regions, *scope.things]
+            yield UNKNOWN_CONSTANT(here, name=node.id, known=known, instead=drawn)
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
@@ -211,8 +213,11 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
             yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
-        instead = of_heights(name, [print_expr(one.value) for one in node.arguments])
-        yield UNKNOWN_RELATION(here, name=name, known=scope.functions(), relations=relations, instead=instead)
+        known = scope.functions()
+        instead = of_relation(name, [print_expr(one.value) for one in node.arguments])
+        if any(plain(one) == plain(name) for one in known):
+            instead = None  # `left_of`: the name alone is another
+        yield UNKNOWN_RELATION(here, name=name, known=known, relations=relations, instead=instead)
         return
     problem = bind(node, signature, source)
     if isinstance(problem, Diagnostic):

@@ -32,7 +32,7 @@ from scenegen.lang import ast
 from scenegen.lang.builder import FALSE, TRUE
 from scenegen.lang.cabinets import not_open
 from scenegen.lang.choices import area_of, choose, cut_off, grouped
-from scenegen.lang.height_words import one_list
+from scenegen.lang.other_words import one_list
 from scenegen.lang.places import Area
 from scenegen.lang.provenance import Frame
 from scenegen.lang.scope import Thing

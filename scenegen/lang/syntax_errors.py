@@ -15,6 +15,7 @@ from scenegen.errors.declarations import NESTED_CHOICE
 from scenegen.errors.syntax import (
     BARE_POINT,
     BRACES,
+    CANNOT_BE_SAID,
     DEFINITION_WITHOUT_PARAMETERS,
     EQUALITY,
     FOREIGN_COMMENT,
@@ -41,7 +42,7 @@ from scenegen.errors.syntax import (
 from scenegen.lang.brackets import BINARY, bracket, open_brackets, unclosed
 from scenegen.lang.expected import expected, shown
 from scenegen.lang.foreign_syntax import explain_foreign_syntax
-from scenegen.lang.height_words import one_list
+from scenegen.lang.other_words import PRIOR, one_list
 from scenegen.lang.time_syntax import UNITS_OF_TIME, explain_time
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending, has_time
 
@@ -133,7 +134,11 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
             and not (length == 2 and at < start and found not in ("&&", "||", "==", "**", "//"))
         ):
             kind, instead = _FOREIGN[found]
-            return kind(Span(source, at, at + length), operator=found, instead=instead)
+            here = Span(source, at, at + length)
+            operand = re.search(r"(\w+|[)\]])$", line)
+            if found == "~" and operand is not None and operand[1] not in KEYWORDS:
+                return CANNOT_BE_SAID(here, word="~", instead=PRIOR)  # a name and its distribution
+            return kind(here, operator=found, instead=instead)
     return None
 
 
@@ -146,6 +151,12 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     found = ending(r"[A-Za-z_0-9.]+$", before)
     previous = found[0] if found else ""
     here = Span(source, start, end)
+    if _opens_with_equal(source, start, end):
+        number = re.match(r"[ \t]*=[ \t]*(-?\d[^\n#]*)", text[end:])
+        if number is not None:
+            instead = f"write const {word} = {number[1].strip()}"
+            return UNEXPECTED(here, found=f"`{word}`", expected=expected(accepts), instead=instead)
+        return MISSING_LABEL_COLON(here, name=word, formula="...")
     if word.lower() in KEYWORDS and word != word.lower():
         return KEYWORD_CASE(here, word=word, keyword=word.lower())
     if "COLON" in accepts:
@@ -181,6 +192,12 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         labels="`task: ...` and `safe: ...`" if not names and not stack and "\n" in between else None,
         only="a name" if not names and word == "(" and (stack or "\n" not in between) else None,
     )
+
+
+def _opens_with_equal(source: Source, start: int, end: int) -> bool:
+    """Whether `name = ...` stands on a line of its own, where `name: ...` is meant."""
+    line = source.text[source.text.rfind("\n", 0, start) + 1 : start]
+    return not line.strip() and re.match(r"[ \t]*=(?!=)", source.text[end:]) is not None
 
 
 def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:

@@ -7,8 +7,15 @@ from collections.abc import Sequence
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
 from scenegen.errors.syntax import KEYWORD_AS_NAME, UNEXPECTED
-from scenegen.errors.temporal import MOVES_WITHOUT_TIME, NO_WINDOW_HERE, TIME_MISSING, TIME_UNFINISHED
+from scenegen.errors.temporal import (
+    HORIZON_OUT_OF_RANGE,
+    MOVES_WITHOUT_TIME,
+    NO_WINDOW_HERE,
+    TIME_MISSING,
+    TIME_UNFINISHED,
+)
 from scenegen.lang.expected import expected
+from scenegen.lang.horizon import MAX_STEPS
 from scenegen.lang.tokens import KEYWORDS, OVER_TIME, TEMPORAL, ending
 
 # a part of help lines
@@ -45,14 +52,18 @@ def _without(source: Source, start: int, end: int) -> Diagnostic | None:
     before = text[:start]
     if word in ("until", "until_with"):
         return TIME_MISSING(Span(source, start, end), word=word)
+    found = ending(r"\btime\s+(-\s*\d[\d.]*)\s+$", before)
+    if found is not None and word == "steps":
+        steps = float(found[1].replace(" ", "").rstrip("."))
+        return HORIZON_OUT_OF_RANGE(Span(source, found.start(1), end), steps=steps, limit=MAX_STEPS)
     found = ending(r"\bmoves\s+$", before)
     if found is not None and word.isidentifier():
         return MOVES_WITHOUT_TIME(Span(source, found.start(), end))
     found = ending(rf"\b({'|'.join(OVER_TIME)})\s+$", before)
     if found is not None and _OPERAND.match(word):
         return TIME_MISSING(Span(source, found.start(1), found.end(1)), word=found[1])
-    found = ending(r"\b(always|eventually)\s*\[[^][]*(\]\s*)?$", before)
-    if found is not None and (word == "," if found[2] is None else _OPERAND.match(word)):
+    found = ending(rf"\b(always|eventually|{'|'.join(_ELSEWHERE)})\s*\[[^][]*(\]\s*)?$", before)
+    if found is not None and (word in (",", ":") if found[2] is None else _OPERAND.match(word)):
         return TIME_MISSING(Span(source, found.start(1), found.end(1)), word=found[1])
     return None
 
@@ -64,7 +75,7 @@ def _in_time(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
         return KEYWORD_AS_NAME(Span(source, start, end), word=word)
     found = ending(r"\b([A-Za-z_]\w*)(\s*\[[^][]*|\s+)$", before)
     known = None if found is None or found[1] in KEYWORDS else _meant(found[1], (*OVER_TIME, "moves", "until"))
-    if found is not None and known is not None and (word == "," if "[" in found[2] else _OPERAND.match(word)):
+    if found is not None and known is not None and (word in (",", ":") if "[" in found[2] else _OPERAND.match(word)):
         return UNEXPECTED(Span(source, found.start(1), found.end(1)), found=f"`{found[1]}`", nearest=known)
     known = _meant(word, ("until", "until_with", "moves"))
     if known is not None and "NAME" not in accepts and word not in KEYWORDS:

@@ -154,11 +154,11 @@ def wrong_kind(value: Value, wanted: str, place: str) -> SpecError:
     """The diagnostic for a value of the wrong kind; `place` says what wanted it where the value has no role."""
     role = value.role or place
     return SpecError(
-        WRONG_TYPE(value.origin, role=role, wanted=wanted, found=value.kind, remedy=_remedy(value, wanted))
+        WRONG_TYPE(value.origin, role=role, wanted=wanted, found=value.kind, remedy=_remedy(value, wanted, role))
     )
 
 
-def _remedy(value: Value, wanted: str) -> str:
+def _remedy(value: Value, wanted: str, role: str) -> str:
     if wanted == "a formula" and isinstance(value, NumberValue):
         return "compare it with something: ... <= 0.25"
     if wanted == "a formula" and isinstance(value, ObjectValue):
@@ -166,6 +166,8 @@ def _remedy(value: Value, wanted: str) -> str:
         return f"say something about it: leftOf({value.origin.text}, {other})"
     if "`heading`" in value.role:
         return "a heading is an angle: NORTH, 90 deg, theta(plate)"
+    if role == "what `*` works on" and isinstance(value, FormulaValue):
+        return "join formulas with `&` (and), `|` (or); for shares of the scenes see `scenegen explain not-here`"
     if wanted == "a number" and isinstance(value, ObjectValue):
         return f"take a coordinate of it: x({value.origin.text}), or the distance to something: dist(a, b)"
     if isinstance(value, NeighboursValue):

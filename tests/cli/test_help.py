@@ -55,3 +55,48 @@ def test_the_installed_program_says_the_same(process, scenegen):
 
 def _trimmed(text):
     return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+
+
+def test_relations_in_the_terminal(scenegen):
+    """All of them, one, and what another language calls them; `explain` shows the same."""
+    from scenegen.lang.relations import groups
+    from scenegen.lang.scope import signatures
+
+    listed = scenegen("relations").out
+    for usage in (
+        *(one.usage for group in groups() for one in group.entries),
+        *(one.usage for one in signatures().values()),
+    ):
+        assert f"  {usage}\n" in listed
+    one = scenegen("relations", "closeTo").out
+    assert "def closeTo(a, b, e = EPS_CLOSE) = dist(a, b) <= e" in one and "EPS_CLOSE = 25 cm" in one
+    assert "at most e apart" in one and one == scenegen("explain", "closeTo").out
+    assert scenegen("relations", "gap").out.startswith("gap(a, b)\n")
+    missing = scenegen("relations", "near")
+    assert (missing.status, missing.out) == (1, "") and "write closeTo(a, b, 20 cm)" in missing.err
+
+
+def test_words_and_pages_are_explained(scenegen):
+    assert "draw masks" in scenegen("explain", "visible").out
+    assert scenegen("explain", "not-here").out.startswith("# What the language cannot say")
+    assert scenegen("explain", "neither").status == 1
+
+
+def test_texts_of_the_program_point_to_nothing_that_an_installation_lacks(root):
+    """What a message calls a page, `scenegen explain` prints, and the wheel carries it."""
+    import tomllib
+
+    from scenegen.errors.catalog import catalog
+    from scenegen.resources import PAGES, shipped_pages
+
+    assert set(shipped_pages()) == set(PAGES)
+    build = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert {f"docs/{page}.md": f"scenegen/_data/docs/{page}.md" for page in PAGES}.items() <= build[
+        "force-include"
+    ].items()
+    for entry in catalog().values():
+        texts = [
+            *(str(text) for text in (entry.kind.title, entry.kind.label, entry.kind.help, entry.kind.note)),
+            entry.means,
+        ]
+        assert "docs/" not in " ".join(texts), entry.kind.code

@@ -14,7 +14,7 @@ PDDL_NO_PROBLEM = Kind(
     "pddl-no-problem", "{file} is not a PDDL problem: {reason}", help="it starts with `(define (problem NAME) ...)`"
 )
 PDDL_FORM = Kind("pddl-form", "this is not {wanted}", "{reason}")
-PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=NEAREST)
+PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=(NEAREST, "{advice}"))
 PDDL_TOO_LARGE = Kind("pddl-too-large", "{what} has too many instances", help="the limit is {limit:,}")
 PDDL_TOO_MANY_THINGS = Kind(
     "pddl-too-many-things",
@@ -31,16 +31,24 @@ UNKNOWN_CATEGORY = Kind(
 UNKNOWN_PREDICATE = Kind(
     "unknown-predicate",
     "no relation is known for the predicate `{name}`: it is left out",
-    help='map it: [predicates] {key} = "restsOn($1, $2)", or "none"[[; nearest: {near:quoted}]]',
+    help='map it: [predicates] {key} = [["{relation}", or ]]"none"[[; nearest: {near:quoted}]]',
     severity="warning",
 )
 NO_SPATIAL_GOAL = Kind(
     "no-spatial-goal",
-    "nothing in the goal of {file} is about places: {missing:quoted}",
-    help='map a predicate to a relation, as in [predicates] {key} = "closeTo($1, $2)"',
+    "nothing in the goal of {file} is about places[[: {missing:quoted}]]",
+    help=(
+        'give `{thing}` a body in a map: [objects] {kind} = "cylinder(20 cm, 1 m)"',
+        'map a predicate to a relation, as in [predicates] {key} = "closeTo($1, $2)"',
+    ),
 )
 BAD_MAP = Kind("bad-map", "{file} is not a map of objects and predicates: {reason}")
-MAP_NAMES_NOTHING = Kind("map-names-nothing", "{file} maps `{name}`, which the problem does not have", help=NEAREST)
+MAP_NAMES_NOTHING = Kind(
+    "map-names-nothing",
+    "{file} maps {names:quoted5}, which the problem does not have",
+    help=NEAREST,
+    severity="note",
+)
 IMPORT_FAILS = Kind(
     "import-fails",
     "{file} makes no spec that holds: {reason}",

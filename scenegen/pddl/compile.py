@@ -24,16 +24,21 @@ from scenegen.errors.planning import (
 from scenegen.lang.check import check_text
 from scenegen.lang.layout import format_source
 from scenegen.pddl.collisions import collisions
-from scenegen.pddl.goal import Goal, Meaning
-from scenegen.pddl.mapping import Map
+from scenegen.pddl.goal import NO_PLACE, Goal, Meaning
+from scenegen.pddl.mapping import Map, key
 from scenegen.pddl.problem import Problem
-from scenegen.pddl.read import Group, Node
+from scenegen.pddl.read import Atom, Group, Node
 from scenegen.pddl.setting import Ref, Setting, shape_from, supports_of
 from scenegen.pddl.tables import COMMON, LIBERO, Relation, plain, relation
 from scenegen.primitives import Circle
 
 LONGEST = 100  # characters of the source in a comment
 OVER_ALL = ("reachableFromAbove", "others", "objects", "load", "stable", "noOverlap", "noCollision")  # take all things
+ADVICE = {  # where a spec fails for another reason than sizes, by code
+    "constant-label": "the goal holds in every scene or in none, whatever the sizes: ask for less, or for more",
+    "too-many-cases": "leave out some of the things, or of what the goal puts them on",
+}
+PROPOSED = {1: "reachableFromAbove($1)", 2: "restsOn($1, $2)", 3: "between($1, $2, $3)"}  # by number of arguments
 TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
 
 
@@ -68,7 +73,8 @@ class _Compiler:
     said: list[str] = field(default_factory=list)  # comments of the formula being read
     wanted: list[tuple[str, Ref, str]] = field(default_factory=list)  # mover, carrier, its name
     unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
-    met: set[str] = field(default_factory=set)  # predicates of the problem
+    bodiless: list[str] = field(default_factory=list)  # things of relations that have no body
+    met: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
     tried: dict[str, int] = field(default_factory=dict)  # those of them that the map has, and their arguments
     formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
@@ -78,8 +84,8 @@ class _Compiler:
             text = f"{text[: LONGEST - 3]}..."
         return f"line {self.problem.source.position(node.span.start)[0]}: {text}"
 
-    def lose(self, node: Node) -> Meaning:
-        line = f"without geometry, {self.line(node)}"
+    def lose(self, node: Node, why: str = NO_PLACE) -> Meaning:
+        line = f"{why}, {self.line(node)}"
         if line not in self.lost:
             self.lost.append(line)
         return Meaning(None, whole=False)
@@ -92,58 +98,72 @@ class _Compiler:
         return (LIBERO.get(name) if self.problem.regions else None) or COMMON.get(name)
 
     def atom(self, node: Group, names: Sequence[str], wanted: bool) -> Meaning:
-        self.met.add(plain(node.head))
+        self.met[plain(node.head)] = max(len(names), self.met.get(plain(node.head), 0))
+        mapped = self._is_mapped(node.head, len(names))
         found = self.known(node.head)
-        if found is None:
-            close = nearest(plain(node.head), {*LIBERO, *COMMON})
-            key = node.head if re.fullmatch(r"[\w-]+", node.head) else f'"{node.head}"'
-            near = [close] if close else []
-            self.told.setdefault(node.head, UNKNOWN_PREDICATE(node.span, name=node.head, key=key, near=near))
-        self._mapped(node.head, len(names))
-        arity = self.problem.domain.predicates.get(node.head, None if found is None else found.arity)
+        declared = self.problem.domain.predicates.get(node.head)
+        arity = declared if declared is not None or found is None else found.arity
         if arity is not None and 0 <= arity != len(names):
             raise DataError(PDDL_FORM(node.span, wanted=f"a fact of `{node.head}`", reason=f"it takes {arity}"))
+        if found is not None and not mapped and not found.takes(len(names)):
+            found = None  # the domain's own predicate of that name
+        if found is None:
+            self.told.setdefault(node.head, _unknown(node, len(names)))
         if found is None or (not found.formula and not found.holds):
             return self.lose(node)
-        if any(name in self.setting.without for name in names):
+        bodiless = [name for name in names if name in self.setting.without]
+        if bodiless:
+            self.bodiless += bodiless
             return self.lose(node)
         refs = [self.setting.resolve(name, part) for name, part in zip(names, node.rest, strict=True)]
+        if (found.holds or len(found.places) == 1) and refs[found.places[0]].kind != "thing":
+            return self.lose(node)
         self.said.append(self.line(node))
-        if found.holds:
-            if refs[0].kind != "thing":
-                return self.lose(node)
-            if wanted:
-                self.wanted.append((names[0], refs[1], names[1]))
-            else:
-                self.unwanted.append((names[0], names[1]))
-            text = self.held(found, names, refs)
-        else:
-            text = filled(found.formula, [one.argument for one in refs])
+        text = self._formula(found, names, refs, wanted)
         self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
-        return Meaning(text)
+        return Meaning(text, whole=len(self.setting.grounds) < 2 or all(one.kind != "ground" for one in refs))
 
-    def _mapped(self, name: str, count: int) -> None:
-        """Refuse a formula of the map that has not the arguments of the predicate's facts. Raises DataError."""
-        key = next((one for one in self.table.predicates if plain(one) == plain(name)), None)
-        if key is None or not relation(self.table.predicates[key]).formula:
-            return
-        formula = self.table.predicates[key]
-        said = {int(one) for one in re.findall(r"\$(\d)", formula)}
-        short = max(said, default=0) < count and name not in self.problem.domain.predicates
-        if not said or min(said) < 1 or max(said) > count or short:
-            named = " and ".join(f"${one}" for one in sorted(said)) or "none"
-            reason = f"{count} arguments in a fact, and the formula names {named}"
-            raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=key, reason=reason))
-        self.tried[key] = count
-
-    def held(self, found: Relation, names: Sequence[str], refs: Sequence[Ref]) -> str:
-        upper, lower = refs[0].argument, refs[1]
+    def _formula(self, found: Relation, names: Sequence[str], refs: Sequence[Ref], wanted: bool) -> str:
+        arguments = [one.argument for one in refs]
+        if len({arguments[place] for place in found.places}) < len(found.places):
+            return "false"  # nothing is in a relation with itself
+        if not found.holds:
+            return filled(found.formula, arguments)
+        upper, lower = refs[:2]
+        if wanted:
+            self.wanted.append((upper.owner, lower, names[1]))
+        else:
+            self.unwanted.append((names[0], names[1]))
         if lower.kind != "thing":
-            return resting(upper, lower)
-        owner = next(one for one, made in self.setting.ids.items() if made == lower.argument)
-        if owner == names[0]:
-            return "false"
-        return carried(found, upper, lower.argument, self.setting.carries(names[0], owner, inside=found.holds == "in"))
+            return resting(upper.argument, lower)
+        off = self.setting.carries(upper.owner, lower.owner, inside=found.holds == "in")
+        return carried(found, upper.argument, lower.argument, off)
+
+    def _is_mapped(self, name: str, count: int) -> bool:
+        """Whether the map has a predicate. Raises DataError for a formula that has not the arguments of its facts."""
+        key = next((one for one in self.table.predicates if plain(one) == plain(name)), None)
+        if key is None:
+            return False
+        formula = self.table.predicates[key]
+        found = relation(formula)
+        if found.holds and count < 2:
+            reason = "it is of two things, and a fact has fewer"
+            raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=key, reason=reason))
+        if found.formula:
+            said = {int(one) for one in re.findall(r"\$(\d)", formula)}
+            short = max(said, default=0) < count and name.lower() not in self.problem.domain.predicates
+            if not said or min(said) < 1 or max(said) > count or short:
+                named = " and ".join(f"${one}" for one in sorted(said)) or "none"
+                reason = f"{count} arguments in a fact, and the formula names {named}"
+                raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=key, reason=reason))
+            self.tried[key] = count
+        return True
+
+
+def _unknown(node: Group, count: int) -> Diagnostic:
+    close = nearest(plain(node.head), {*LIBERO, *COMMON})
+    near = [close] if close else []
+    return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
 
 def filled(formula: str, arguments: Sequence[str]) -> str:
@@ -177,20 +197,18 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
     setting.classify()
     own = _Compiler(problem, setting, table)
     for fact in problem.init:  # furniture is held first: where its boards are follows
-        if isinstance(fact, Group) and len(fact.rest) == 2 and plain(fact.head) in ("on", "ontop"):
-            name, region = (one.span.text for one in fact.rest)
+        if isinstance(fact, Group) and len(_names(fact)) == 2 and plain(fact.head) in ("on", "ontop"):
+            name, region = _names(fact)
             if name in setting.furniture and region in problem.regions and problem.regions[region].ranges:
                 setting.place(name, problem.regions[region])
                 setting.notes[name] = f"{own.line(fact)}, held in the middle"
     assert problem.goal is not None
-    meaning = Goal(problem, own.atom).read(problem.goal, {})
+    meaning = Goal(problem, own.atom, own.lose).read(problem.goal, {})
     goal_lines, own.said = own.said, []
     if meaning.text is None:
-        missing = sorted(own.met)
-        key = missing[0] if missing else "NAME"
-        raise DataError(NO_SPATIAL_GOAL(problem.goal.span, file=problem.source.name, missing=missing, key=key))
+        raise DataError(_no_places(own, problem.goal))
     lines = _written(own, meaning.text, list(dict.fromkeys(goal_lines)))
-    _refuse_unused(own)
+    unused = _unused(own)
     text = "\n".join(lines) + "\n"
     try:
         text = format_source(Source(problem.source.name, text))
@@ -198,11 +216,19 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
     except SpecError as error:
         _refuse_formulas(own)
         first = error.diagnostics[0]
-        same = "the goal holds in every scene or in none, whatever the sizes: ask for less, or for more"
-        advice = same if first.code == "constant-label" else None
+        advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
     reading = Reading(problem, setting, own.formulas, own.known)
-    return Imported(text, tuple(own.lost), tuple(own.told.values()), reading)
+    return Imported(text, tuple(own.lost), (*own.told.values(), *unused), reading)
+
+
+def _no_places(own: _Compiler, goal: Node) -> Diagnostic:
+    missing = sorted(own.met)
+    of_two = next((key(one) for one in missing if own.met[one] == 2 and own.known(one) is None), None)
+    thing = own.bodiless[0] if own.bodiless else None
+    kind = None if thing is None else key(own.problem.things[thing].kinds[0])
+    file = own.problem.source.name
+    return NO_SPATIAL_GOAL(goal.span, file=file, missing=missing, key=of_two, thing=thing, kind=kind)
 
 
 def _refuse_formulas(own: _Compiler) -> None:
@@ -218,15 +244,27 @@ def _refuse_formulas(own: _Compiler) -> None:
                 raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=name, reason=first.title)) from None
 
 
-def _refuse_unused(own: _Compiler) -> None:
-    """A map names only what there is."""
-    kinds = {name for one, (kind, _) in own.problem.things.items() for name in (one, kind, kind.split(".")[0])}
-    for name in own.table.objects:
-        if name not in kinds:
-            raise DataError(MAP_NAMES_NOTHING(file="the map", name=name, known=kinds))
-    for name in own.table.predicates:
-        if plain(name) not in own.met and name.lower() not in own.problem.domain.predicates:
-            raise DataError(MAP_NAMES_NOTHING(file="the map", name=name, known=own.met))
+def _unused(own: _Compiler) -> list[Diagnostic]:
+    """Notes on what a map has and this problem has not: it may serve several problems, or be misspelt."""
+    words = {one for name, thing in own.problem.things.items() for one in (name, *thing.kinds)}
+    words |= {one.partition(".")[0] for one in words}
+    predicates = {*own.met, *own.problem.domain.predicates}
+    notes, others = [], []
+    for names, known, alike in (
+        (own.table.objects, words, str.lower),
+        (own.table.predicates, predicates, plain),
+    ):
+        had, mapped = {alike(one) for one in known}, {alike(one) for one in names}
+        for name in names:
+            if alike(name) not in had:
+                note = MAP_NAMES_NOTHING(
+                    file="the map", name=name, names=[name], known={one for one in known if alike(one) not in mapped}
+                )
+                if note.facts["nearest"]:
+                    notes.append(note)
+                else:
+                    others.append(name)
+    return notes + ([MAP_NAMES_NOTHING(file="the map", names=others)] if others else [])
 
 
 def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
@@ -236,10 +274,9 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
 
     def add(name: str, ref: Ref, owner: str) -> bool:
         if ref.kind == "thing":
-            below = next(one for one, made in setting.ids.items() if made == ref.argument)
-            if supports_of(edges, below, name):
+            if supports_of(edges, ref.owner, name):
                 return False
-            edges.setdefault(name, []).append(below)
+            edges.setdefault(name, []).append(ref.owner)
         if (
             name in movers
             and ref.kind == "region"
@@ -250,7 +287,7 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
         own_options.extend(one for one in ref.surfaces if one not in own_options)
         return True
 
-    initial = {tuple(one.span.text for one in fact.rest) for fact in problem.init if isinstance(fact, Group)}
+    initial = {_names(fact) for fact in problem.init}
     movers = {name for name, _, _ in own.wanted} | {pair[0] for pair in own.unwanted if pair in initial}
     for name in movers:
         options[name] = ["workspace"]
@@ -263,6 +300,9 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
     start_lines: list[str] = []
     for fact in problem.init:
         _initial(own, fact, movers, add, start, require, comments, start_lines)
+    grounds = [one for one in setting.grounds if any(one in names for _, names in own.formulas)]
+    if len(grounds) > 1:
+        own.lost.append(f"without geometry, as the ground is one: that {' and '.join(grounds)} are apart")
     setting.fill()
     left, bottom, right, top = setting.space
     title = problem.language or problem.name or problem.source.name
@@ -286,16 +326,20 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
         on = "" if not place or place == ["workspace"] else f" on {place[0]}"
         if len(place) > 1:
             on = f" on any of [{', '.join(place)}]"
-        node = problem.things[name][1]
-        line = problem.source.position(node.span.start)[0]
+        thing = problem.things[name]
+        line = thing.node.span.source.position(thing.node.span.start)[0]
         lines += [f"# {one}" for one in comments.get(name, ())]
         if name in setting.notes:
             lines.append(f"# {setting.notes[name]}")
-        lines.append(f"object {setting.ids[name]} = {shape}{on}  # line {line}: {name} - {problem.things[name][0]}")
+        lines.append(f"object {setting.ids[name]} = {shape}{on}  # line {line}: {name} - {thing.kind}")
     lines += ["", "# no two bodies share space: those that could meet", *collisions(setting, options), *require, ""]
-    if start:
+    everywhere = {setting.ids[name] for name in movers if options[name] == ["workspace"]}
+    low = [re.fullmatch(r"\(*z\((\w+)\) <= EPS_LEVEL\)*", one) for one in start]
+    if all(one is not None and one[1] in everywhere for one in low):
+        lines += ["# every scene is a start", ""] if start else []
+    else:
         lines += [*(f"# {one}" for one in start_lines), f"start: {' & '.join(start)}", ""]
-    lines += [*(f"# {one}" for one in goal_lines), f"goal: {_bare(goal)}"]
+    lines += [*(f"# {one}" for one in goal_lines), f"goal: {goal}"]
     return lines
 
 
@@ -312,23 +356,24 @@ def _initial(
     """One initial fact: what carries a thing that stays, or a part of `start`."""
     assert callable(add)
     setting, problem = own.setting, own.problem
-    if isinstance(fact, Group) and fact.head in ("=", "increase"):
-        own.lose(fact)
+    names = _names(fact)
+    name = names[0] if names else ""
+    head = fact.head if isinstance(fact, Group) else ""
+    held = len(names) == 2 and name in setting.furniture and name in setting.poses
+    if held and (own.known(head) or Relation(0)).holds:
+        own.met[plain(head)] = 2
+        setting.notes.setdefault(name, f"{own.line(fact)}, in a row")
         return
-    if isinstance(fact, Group) and fact.rest and fact.rest[0].span.text in setting.furniture:
-        name = fact.rest[0].span.text
-        if name in setting.poses and len(fact.rest) == 2 and (own.known(fact.head) or Relation(0)).holds:
-            own.met.add(plain(fact.head))
-            setting.notes.setdefault(name, f"{own.line(fact)}, in a row")
-            return
     own.said, before = [], len(own.wanted)
-    meaning = Goal(problem, own.atom).read(fact, {})
+    meaning = Goal(problem, own.atom, own.lose).read(fact, {})
     new = own.wanted[before:]
     del own.wanted[before:]
-    if meaning.text is None:
+    if meaning.text is None or meaning.text == "true":
         return
-    name = fact.rest[0].span.text if isinstance(fact, Group) and fact.rest else ""
-    texts, place = [meaning.text], problem.regions.get(fact.rest[-1].span.text) if isinstance(fact, Group) else None
+    if meaning.text == "false":
+        own.lost.append(f"not kept, as it cannot hold, {own.line(fact)}")
+        return
+    texts, place = [meaning.text], problem.regions.get(names[-1]) if names else None
     if len(new) == 1 and place is not None and place.yaw and name in setting.shapes:
         low, high = place.yaw[0]
         half = max(abs(high - low) / 2, TURN)
@@ -348,11 +393,13 @@ def _initial(
         start += [f"({meaning.text})"]
         start_lines.append(own.line(fact))
     else:
-        require.append(f"require {_bare(meaning.text)}  # {own.line(fact)}")
+        require.append(f"require {meaning.text}  # {own.line(fact)}")
 
 
-def _bare(text: str) -> str:
-    return text
+def _names(fact: Node) -> tuple[str, ...]:
+    """The arguments of a fact about things; none for any other."""
+    found = tuple(one.text for one in fact.rest if isinstance(one, Atom)) if isinstance(fact, Group) else ()
+    return found if isinstance(fact, Group) and len(found) == len(fact.rest) else ()
 
 
 def _clean(text: str) -> str:

@@ -1,43 +1,56 @@
 """A goal -> a formula of the language, over the instances of its quantifiers.
 
-What has no geometry is left out, and told. The formula stays a necessary condition of the goal: of a conjunction the
-rest remains; of a disjunction, a negation or an implication with such a part nothing does.
+What has no geometry is left out, and told: states, numbers, preferences, whatever is no relation of things. The
+formula stays a necessary condition of the goal: of a conjunction the rest remains; of a disjunction, a negation or an
+implication with such a part nothing does, which is told as well.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenegen.errors import DataError
-from scenegen.errors.planning import PDDL_FORM, PDDL_TOO_LARGE
+from scenegen.errors.planning import PDDL_FORM, PDDL_TOO_LARGE, PDDL_UNKNOWN_NAME
 from scenegen.pddl.problem import Problem, typed
 from scenegen.pddl.read import Atom, Group, Node
 
 MOST = 20_000  # instances of a formula
+MOST_PAIRED = 2_000  # parts of a formula about pairs: all ways to pair 4 things with 6, or 5 with 5
+NUMERIC = ("=", "<", "<=", ">", ">=", "increase", "decrease", "assign", "scale-up", "scale-down")  # over numbers
 
 Names = Mapping[str, str]  # of variables
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """A formula, None where nothing of it is about places; `whole` if all of it is."""
+    """A formula, None where nothing of it is about places; `whole` if all of it is. `more`: the part that is left out
+    has relations of things in it."""
 
     text: str | None
     whole: bool = True
+    more: bool = False
 
 
 Lower = Callable[[Group, Sequence[str], bool], Meaning]  # an atom with the names of its arguments; whether it is wanted
+Lose = Callable[[Node, str], Meaning]  # what is left out, and why; `NO_PLACE` where it says nothing about places
+
+NO_PLACE = "without geometry"
+WITH_IT = "left out, as a part of it has no geometry"
+AT_LEAST = "kept as `at least`, as a part of it has no geometry"
+PARTLY = "kept in part (how many have a partner, not that no two share one: there are too many ways)"
 
 
 @dataclass(slots=True)
 class Goal:
-    """Reads formulas of a problem; `atom` says what an atom means."""
+    """Reads formulas of a problem; `atom` says what an atom means, `lose` is told what is left out."""
 
     problem: Problem
     atom: Lower
+    lose: Lose
     instances: int = field(default=0)
 
     def read(self, node: Node, names: Names, wanted: bool = True) -> Meaning:
@@ -51,37 +64,62 @@ class Goal:
             raise DataError(PDDL_FORM(node.span, wanted="a formula", reason="(PREDICATE ...) belongs here"))
         match node.head:
             case "and":
-                return both([self.read(one, names, wanted) for one in node.rest])
+                return both(self._until("false", node.rest, names, wanted))
             case "or":
-                return either([self.read(one, names, wanted) for one in node.rest])
+                return self._whole(node, either(self._until("true", node.rest, names, wanted)))
             case "not":
                 (inner,) = self._parts(node, 1)
-                return negation(self.read(inner, names, not wanted))
+                return self._whole(node, negation(self.read(inner, names, not wanted)))
             case "imply" | "implies":
                 first, second = self._parts(node, 2)
-                return either([negation(self.read(first, names, not wanted)), self.read(second, names, wanted)])
+                fails = negation(self.read(first, names, not wanted))
+                holds = fails if fails.text == "true" else self.read(second, names, wanted)
+                return self._whole(node, either([fails, holds]))
             case "forall" | "exists":
                 variables, body = self._parts(node, 2)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
-                return both(found) if node.head == "forall" else either(found)
+                return both(found) if node.head == "forall" else self._whole(node, either(found))
             case "forn":
                 count, variables, body = self._parts(node, 3)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
-                return self._exactly(self._count(count), found, node)
+                return self._whole(node, self._exactly(self._count(count), found, node))
             case "forpairs":
                 one, other, body = self._parts(node, 3)
-                return self._pairs(None, one, other, body, names, wanted, node)
+                return self._whole(node, self._pairs(None, one, other, body, names, wanted, node))
             case "fornpairs":
                 count, one, other, body = self._parts(node, 4)
-                return self._pairs(self._count(count), one, other, body, names, wanted, node)
+                return self._whole(node, self._pairs(self._count(count), one, other, body, names, wanted, node))
             case "":
                 raise DataError(PDDL_FORM(node.span, wanted="a formula", reason="a word comes first"))
-        arguments = []
-        for part in node.rest:
-            if not isinstance(part, Atom):
-                raise DataError(PDDL_FORM(part.span, wanted="a name", reason="arguments are names"))
-            arguments.append(names.get(part.text, part.text.removeprefix("?")))
+        arguments = [names.get(part.text, part.text.removeprefix("?")) for part in node.rest if isinstance(part, Atom)]
+        if node.head == "=" and len(arguments) == len(node.rest) == 2 and not any(map(_is_number, arguments)):
+            for name, part in zip(arguments, node.rest, strict=True):
+                self._refuse_unknown("thing", name, (*self.problem.things, *self.problem.regions), part)
+            return Meaning("true" if arguments[0] == arguments[1] else "false")
+        if node.head in NUMERIC or len(arguments) < len(node.rest):
+            return self.lose(node, NO_PLACE)
         return self.atom(node, arguments, wanted)
+
+    def _until(self, end: str, nodes: Sequence[Node], names: Names, wanted: bool) -> list[Meaning]:
+        """What some formulas mean, up to one that decides all."""
+        found: list[Meaning] = []
+        for one in nodes:
+            found.append(self.read(one, names, wanted))
+            if found[-1].text == end:
+                break
+        return found
+
+    def _whole(self, node: Node, meaning: Meaning) -> Meaning:
+        """Tell where more is left out than what has no geometry."""
+        if meaning.text is None and meaning.more:
+            self.lose(node, WITH_IT)
+            return Meaning(None, whole=False)
+        return meaning
+
+    def _refuse_unknown(self, what: str, name: str, known: Collection[str], node: Node) -> None:
+        if name not in known:
+            advice = "types are declared in the domain: <domain>" if what == "type" else None
+            raise DataError(PDDL_UNKNOWN_NAME(node.span, what=what, name=name, known=known, advice=advice))
 
     def _parts(self, node: Group, count: int) -> tuple[Node, ...]:
         if len(node.rest) != count:
@@ -91,8 +129,10 @@ class Goal:
     def _choices(self, variables: Node) -> list[dict[str, str]]:
         if not isinstance(variables, Group):
             raise DataError(PDDL_FORM(variables.span, wanted="a list of variables", reason="(?x - TYPE) belongs here"))
-        kinds = {name: kind for name, (kind, _) in typed(variables.items).items()}
-        known = [[one for one in self.problem.things if self.problem.is_a(one, kind)] for kind in kinds.values()]
+        kinds = {name: found.kinds for name, found in typed(variables.items)}
+        for kind in (kind for several in kinds.values() for kind in several):
+            self._refuse_unknown("type", kind.lower(), self.problem.types, variables)
+        known = [[one for one in self.problem.things if self.problem.is_a(one, each)] for each in kinds.values()]
         if math.prod(len(each) for each in known) > MOST:
             raise DataError(PDDL_TOO_LARGE(variables.span, what="this quantifier", limit=MOST))
         return [dict(zip(kinds, chosen, strict=True)) for chosen in itertools.product(*known)]
@@ -104,8 +144,10 @@ class Goal:
         return int(word.text)
 
     def _exactly(self, count: int, found: Sequence[Meaning], node: Group) -> Meaning:
-        more = self._least(count + 1, found, node)
-        return both([self._least(count, found, node), negation(more)])
+        least, most = self._least(count, found, node), negation(self._least(count + 1, found, node))
+        if least.text is not None and most.more:
+            self.lose(node, AT_LEAST)
+        return both([least, most])
 
     def _least(self, count: int, found: Sequence[Meaning], node: Group) -> Meaning:
         """At least `count` of them hold: some subset of that size does."""
@@ -116,14 +158,37 @@ class Goal:
     def _pairs(
         self, count: int | None, one: Node, other: Node, body: Node, names: Names, wanted: bool, node: Group
     ) -> Meaning:
-        """As many of either side as there are on the smaller one, or `count`, have a partner on the other side."""
+        """A one-to-one mapping: `count` of either side, or as many as there are on the smaller one, each with a
+        partner of its own. Nothing is a partner of itself. Where there are too many ways to pair them, as many of
+        either side have a partner, which is necessary."""
         rows, columns = self._choices(one), self._choices(other)
         if len(rows) * len(columns) > MOST:
             raise DataError(PDDL_TOO_LARGE(node.span, what="this formula", limit=MOST))
         count = min(len(rows), len(columns)) if count is None else count
-        table = [[self.read(body, {**names, **row, **column}, wanted) for column in columns] for row in rows]
-        by_column = [either(each) for each in zip(*table, strict=True)]
-        return both([self._least(count, [either(row) for row in table], node), self._least(count, by_column, node)])
+        table = [
+            [
+                Meaning("false")
+                if [*row.values()] == [*column.values()]
+                else self.read(body, {**names, **row, **column}, wanted)
+                for column in columns
+            ]
+            for row in rows
+        ]
+        if math.comb(len(rows), count) * math.perm(len(columns), count) * count <= MOST_PAIRED:
+            return either(
+                [
+                    both([table[row][column] for row, column in zip(chosen, partners, strict=True)])
+                    for chosen in itertools.combinations(range(len(rows)), count)
+                    for partners in itertools.permutations(range(len(columns)), count)
+                ]
+            )
+        by_row, by_column = [either(each) for each in table], [either(each) for each in zip(*table, strict=True)]
+        partly = self.lose(node, PARTLY)
+        return both([self._least(count, by_row, node), self._least(count, by_column, node), partly])
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) is not None
 
 
 def both(parts: Sequence[Meaning]) -> Meaning:
@@ -131,7 +196,7 @@ def both(parts: Sequence[Meaning]) -> Meaning:
     texts = list(dict.fromkeys(one.text for one in parts if one.text is not None and one.text != "true"))
     whole = all(one.whole for one in parts)
     if "false" in texts:
-        return Meaning("false", whole)
+        return Meaning("false")
     if not texts:
         return Meaning("true" if whole else None, whole)
     return Meaning(texts[0] if len(texts) == 1 else "(" + " & ".join(texts) + ")", whole)
@@ -139,19 +204,19 @@ def both(parts: Sequence[Meaning]) -> Meaning:
 
 def either(parts: Sequence[Meaning]) -> Meaning:
     """One of them; nothing, where one of them is not about places."""
-    if any(one.text is None for one in parts):
-        return Meaning(None, whole=False)
-    texts = list(dict.fromkeys(one.text for one in parts if one.text is not None and one.text != "false"))
+    texts = list(dict.fromkeys(one.text for one in parts if one.text != "false"))
+    if "true" in texts:
+        return Meaning("true")
+    if None in texts:
+        return Meaning(None, whole=False, more=len(texts) > 1)
     whole = all(one.whole for one in parts)
     if not texts:
         return Meaning("false", whole)
-    if "true" in texts:
-        return Meaning("true", whole)
-    return Meaning(texts[0] if len(texts) == 1 else "(" + " | ".join(texts) + ")", whole)
+    return Meaning(texts[0] if len(texts) == 1 else "(" + " | ".join(map(str, texts)) + ")", whole)
 
 
 def negation(part: Meaning) -> Meaning:
     """Not it; nothing, where only some of it is about places."""
     if part.text is None or not part.whole:
-        return Meaning(None, whole=False)
+        return Meaning(None, whole=False, more=part.text is not None)
     return Meaning({"true": "false", "false": "true"}.get(part.text, f"!({part.text})"))

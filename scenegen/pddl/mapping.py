@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -28,10 +30,15 @@ def read_map(path: Path) -> Map:
     """Raises DataError for what is no map."""
     data = read_bytes(path, "a map", limit=MAX_BYTES)
     try:
-        return Map.model_validate(tomllib.loads(data.decode("utf-8")))
+        return Map.model_validate(tomllib.loads(data.decode("utf-8-sig")))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise DataError(BAD_MAP(file=path, reason=f"{error}".splitlines()[0])) from None
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise DataError(BAD_MAP(file=path, reason=f"{place}: {first['msg'].lower()}")) from None
+
+
+def key(name: str) -> str:
+    """A name as the key of a map: TOML has quotes round all but letters, digits, `-` and `_`."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)

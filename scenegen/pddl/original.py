@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -97,7 +98,7 @@ def _formula(reading: Reading, found: Relation, names: tuple[str, ...]) -> str:
         return ""
     if refs[1].kind != "thing":
         return resting(refs[0].argument, refs[1])
-    owner = next(one for one, made in setting.ids.items() if made == refs[1].argument)
+    owner = refs[1].owner
     off = setting.off(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
     return "" if off is None else carried(found, refs[0].argument, refs[1].argument, off)
 
@@ -118,16 +119,21 @@ def _atoms_of(reading: Reading) -> list[Call]:
     return _goal(reading)[1]
 
 
-def _goal(reading: Reading) -> tuple[Formula, list[Call]]:
-    """The goal over facts by number, and the facts."""
+def _goal(reading: Reading, lost: dict[str, None] | None = None) -> tuple[Formula, list[Call]]:
+    """The goal over facts by number, and the facts; `lost` gets what is no fact, or too long to be written out."""
     atoms: dict[Call, int] = {}
 
     def atom(node: Group, names: Sequence[str], wanted: bool) -> Meaning:
         number = atoms.setdefault((node.items[0].span.text, tuple(names)), len(atoms))
         return Meaning(f"a{number}")
 
+    def lose(node: Node, why: str) -> Meaning:
+        if lost is not None:
+            lost[_one_line(node)] = None
+        return Meaning(None, whole=False)
+
     assert reading.problem.goal is not None
-    said = Goal(reading.problem, atom).read(reading.problem.goal, {}).text or "true"
+    said = Goal(reading.problem, atom, lose).read(reading.problem.goal, {}).text or "true"
     tree = parse(Source("<goal>", said)).bare
     assert tree is not None
     return _read(tree, holds=True), list(atoms)
@@ -154,20 +160,20 @@ class Originals:
     def __init__(self, grounded: Grounded, reading: Reading) -> None:
         self.grounded, self.reading = grounded, reading
         problem = reading.problem
-        names = [*problem.things, *(kind for kind, _ in problem.things.values())]
+        names = [*problem.things, *(kind for one in problem.things.values() for kind in one.kinds)]
         self.plain = not (problem.regions or problem.fixtures or _bddl(problem.goal)) and all(map(fits, names))
         geometric = {(one.predicate.lower(), one.arguments) for one in grounded.facts}
         self.kept = [one for one in problem.init if not _replaced(one, geometric)]
-        self._goal, self._goal_facts = _goal(reading)
+        self._lost: dict[str, None] = {}
+        self._goal, self._goal_facts = _goal(reading, self._lost)
         self._words = _Words(self) if not self.plain else None
 
     @property
     def undecided(self) -> tuple[str, ...]:
-        """Facts of the goal without geometry."""
+        """Parts of the goal without geometry."""
         known = {(one.predicate.lower(), one.arguments) for one in self.grounded.facts}
-        return tuple(
-            f"({' '.join((name, *names))})" for name, names in self._goal_facts if (name.lower(), names) not in known
-        )
+        facts = [one for one in self._goal_facts if (one[0].lower(), one[1]) not in known]
+        return (*(f"({' '.join((name, *names))})" for name, names in facts), *self._lost)
 
     @property
     def domain(self) -> str | None:
@@ -221,8 +227,8 @@ class _Words:
         self.arities = dict.fromkeys((name.lower(), len(arguments)) for name, arguments in calls)
         spelled = {name.lower(): name for name, _ in reversed(calls)}
         self.predicates = {key: names.give(spelled[key[0]]) for key in self.arities}
-        kinds = dict.fromkeys(kind for kind, _ in problem.things.values() if kind != "object")
-        self.types = {kind: names.give(kind, "-type") for kind in kinds} | {"object": "object"}
+        kinds = dict.fromkeys(kind.lower() for one in problem.things.values() for kind in one.kinds)
+        self.types = {kind: "object" if kind == "object" else names.give(kind, "-type") for kind in kinds}
         self.region = names.give("region", "-type") if more else ""
 
     def fact(self, name: str, arguments: Sequence[str]) -> str:
@@ -241,7 +247,11 @@ class _Words:
     def problem(self, facts: Sequence[Fact], number: int) -> str:
         """The problem of a scene."""
         owner = self.owner
-        kinds = {one: self.types[kind] for one, (kind, _) in owner.reading.problem.things.items()}
+        things = owner.reading.problem.things
+        kinds = {
+            name: replace(one, kinds=tuple(self.types[kind.lower()] for kind in one.kinds)).kind
+            for name, one in things.items()
+        }
         goal = text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
         lines = [f"(define (problem scene-{number})", "  (:domain scenes)", "  (:objects"]
         lines += [f"    {made} - {kinds.get(one, self.region)}" for one, made in self.things.items()]

@@ -7,8 +7,8 @@ BEHAVIOR's lists of typed objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from scenegen.errors import DataError, Source
 from scenegen.errors.planning import PDDL_FORM, PDDL_NO_PROBLEM, PDDL_TOO_MANY_THINGS
@@ -16,6 +16,19 @@ from scenegen.pddl.read import Atom, Group, Node
 
 Numbers = tuple[float, ...]
 MOST_THINGS = 200  # each pair of them may be a clause of the spec
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """What a list of names says of one: its type, of `(either a b)` several, and where it stands."""
+
+    kinds: tuple[str, ...]
+    node: Atom
+
+    @property
+    def kind(self) -> str:
+        """The type, as PDDL has it."""
+        return self.kinds[0] if len(self.kinds) == 1 else f"(either {' '.join(self.kinds)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,22 +45,24 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """`parents` of types, `constants` with their types, the number of arguments of `predicates`."""
+    """`parents` of types, in lower case, `constants` with their types, the number of arguments of `predicates`."""
 
-    parents: Mapping[str, str] = field(default_factory=dict)
-    constants: Mapping[str, tuple[str, Atom]] = field(default_factory=dict)
+    parents: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    constants: Mapping[str, Thing] = field(default_factory=dict)
     predicates: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """`things` are objects and fixtures by name, each with its type; `fixtures` those that stay where they are."""
+    """`things` are objects and fixtures by name, each with its type; `fixtures` those that stay where they are. PDDL
+    does not tell capitals from small letters: in `init` and `goal` each name is written as where it is declared, and
+    variables are in lower case."""
 
     source: Source
     name: str
     language: str
     domain: Domain
-    things: Mapping[str, tuple[str, Atom]]
+    things: Mapping[str, Thing]
     fixtures: frozenset[str]
     regions: Mapping[str, Place]  # by TARGET_NAME
     init: tuple[Node, ...]
@@ -55,32 +70,44 @@ class Problem:
     other: tuple[Group, ...]  # sections that are of no use here
     sections: tuple[Group, ...]  # all of them
 
-    def is_a(self, name: str, kind: str) -> bool:
-        """Whether a thing is of a type, or of a type below it."""
-        mine: str | None = self.things[name][0]
-        seen = set[str]()
-        while mine is not None and mine not in seen:
-            if mine == kind or kind == "object":
-                return True
-            seen.add(mine)
-            mine = self.domain.parents.get(mine)
-        return False
+    def is_a(self, name: str, kinds: Iterable[str]) -> bool:
+        """Whether a thing is of one of some types, or of a type below it."""
+        wanted = {kind.lower() for kind in kinds}
+        return "object" in wanted or not wanted.isdisjoint(self._above(self.things[name].kinds))
+
+    @property
+    def types(self) -> frozenset[str]:
+        """All types that are declared, or that things have, in lower case."""
+        used = [kind for one in self.things.values() for kind in one.kinds]
+        return frozenset({"object", *self._above([*used, *self.domain.parents])})
+
+    def _above(self, kinds: Iterable[str]) -> set[str]:
+        """These types and those above them."""
+        stack, seen = [kind.lower() for kind in kinds], set[str]()
+        while stack:
+            one = stack.pop()
+            if one not in seen:
+                seen.add(one)
+                stack.extend(self.domain.parents.get(one, ()))
+        return seen
 
 
 def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
     """The domain that a file defines. Raises DataError."""
     sections = _sections(source, nodes, "domain")
-    parents: dict[str, str] = {}
-    constants: dict[str, tuple[str, Atom]] = {}
+    parents: dict[str, tuple[str, ...]] = {}
+    constants: dict[str, Thing] = {}
     predicates: dict[str, int] = {}
     for one in sections:
         match one.head:
             case ":types":
-                parents.update({name: kind for name, (kind, _) in typed(one.rest).items() if name != kind})
+                for name, found in typed(one.rest):
+                    above = (kind.lower() for kind in found.kinds)
+                    parents[name.lower()] = tuple(dict.fromkeys((*parents.get(name.lower(), ()), *above)))
             case ":constants":
-                constants.update(typed(one.rest))
+                _declare(constants, typed(one.rest))
             case ":predicates":
-                for each in one.rest:
+                for each in _flat(one.rest):
                     if isinstance(each, Group) and each.head:
                         predicates[each.head] = sum(isinstance(a, Atom) and a.text.startswith("?") for a in each.rest)
     return Domain(parents, constants, predicates)
@@ -89,9 +116,9 @@ def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
 def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem:
     """The problem that a file defines. Raises DataError."""
     sections = _sections(source, nodes, "problem")
-    things: dict[str, tuple[str, Atom]] = dict(domain.constants)
+    things = dict(domain.constants)
     regions: dict[str, Place] = {}
-    fixtures, init, other = set[str](), list[Node](), list[Group]()
+    fixtures, places, init, other = set[str](), list[Place](), list[Node](), list[Group]()
     goal: Node | None = None
     name = language = ""
     for one in sections:
@@ -101,14 +128,11 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
             case ":language":
                 language = _words(one.rest)
             case ":objects" | ":fixtures":
-                found = _pairs(one.rest)
-                _declare(things, found)
+                found = _declare(things, typed(one.rest))
                 if one.head == ":fixtures":
-                    fixtures.update(each for each, _ in found)
+                    fixtures.update(found)
             case ":regions":
-                for each in one.rest:
-                    place = _place(each)
-                    regions[f"{place.target}_{place.name}" if place.target else place.name] = place
+                places.extend(map(_place, one.rest))
             case ":init":
                 init.extend(one.rest)
             case ":goal":
@@ -125,48 +149,71 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it has no (:goal ...)"))
     if len(things) > MOST_THINGS:
         raise DataError(PDDL_TOO_MANY_THINGS(file=source.name, count=len(things), limit=MOST_THINGS))
+    spelled = {one.lower(): one for one in things}
+    for place in places:
+        target = spelled.get(place.target.lower(), place.target)
+        regions[f"{target}_{place.name}" if target else place.name] = replace(place, target=target)
+    spelled = {one.lower(): one for one in regions} | spelled
+    goal, init = _spell(goal, spelled), [_spell(one, spelled) for one in init]
     return Problem(
         source, name, language, domain, things, frozenset(fixtures), regions, tuple(init), goal, tuple(other), sections
     )
 
 
-def _declare(things: dict[str, tuple[str, Atom]], found: Sequence[tuple[str, tuple[str, Atom]]]) -> None:
-    """Add things to others. Raises DataError for one that is declared as something else before."""
-    for name, (kind, atom) in found:
-        if name in things and things[name][0] != kind:
-            reason = f"it is declared as `{things[name][0]}`, too"
-            raise DataError(PDDL_FORM(atom.span, wanted="a new name", reason=reason))
-        things[name] = kind, atom
+def _declare(things: dict[str, Thing], found: Sequence[tuple[str, Thing]]) -> list[str]:
+    """Add things to others, and return their names, each as it was first written. Raises DataError for one that is
+    declared as something else before."""
+    spelled = {one.lower(): one for one in things}
+    names = []
+    for name, one in found:
+        name = spelled.setdefault(name.lower(), name)
+        if things.setdefault(name, one).kind.lower() != one.kind.lower():
+            reason = f"it is declared as `{things[name].kind}`, too"
+            raise DataError(PDDL_FORM(one.node.span, wanted="a new name", reason=reason))
+        names.append(name)
+    return names
 
 
-def typed(nodes: Sequence[Node]) -> dict[str, tuple[str, Atom]]:
-    """`a b - block c` as types by name; what has no type is an `object`. Raises DataError."""
-    return dict(_pairs(nodes))
+def _spell(node: Node, spelled: Mapping[str, str]) -> Node:
+    """A formula with its names as they are declared, and its variables in lower case."""
+    if isinstance(node, Group):
+        return replace(node, items=tuple(_spell(one, spelled) for one in node.items))
+    mark, lower = "?" if node.text.startswith("?") else "", node.text.lower()
+    name = spelled.get(lower.removeprefix("?"))
+    if name is not None:
+        return replace(node, text=mark + name)
+    return replace(node, text=lower) if mark else node
 
 
-def _pairs(nodes: Sequence[Node]) -> list[tuple[str, tuple[str, Atom]]]:
-    """Each name of such a list with its type, in order; a name can come twice. Raises DataError."""
-    found: list[tuple[str, tuple[str, Atom]]] = []
+def _flat(nodes: Iterable[Node]) -> list[Node]:
+    """A section with what it calls `:private` to one agent: scenes belong to all."""
+    return [
+        each
+        for one in nodes
+        for each in (_flat(one.rest) if isinstance(one, Group) and one.head == ":private" else (one,))
+    ]
+
+
+def typed(nodes: Sequence[Node]) -> list[tuple[str, Thing]]:
+    """`a b - block c - (either cup mug) d` as names with their types, in order; a name can come twice. What has no type
+    is an `object`. Raises DataError."""
+    found: list[tuple[str, Thing]] = []
     waiting: list[Atom] = []
-    place = 0
-    while place < len(nodes):
-        one = nodes[place]
+    parts = iter(_flat(nodes))
+    for one in parts:
         if not isinstance(one, Atom):
             raise DataError(PDDL_FORM(one.span, wanted="a name", reason="a list of names with their types stands here"))
         if one.text != "-":
             waiting.append(one)
-            place += 1
             continue
-        kind = nodes[place + 1] if place + 1 < len(nodes) else None
-        if isinstance(kind, Group) and kind.head == "either" and kind.rest:
-            kind = kind.rest[0]
-        if not isinstance(kind, Atom):
+        kind = next(parts, None)
+        several = kind.rest if isinstance(kind, Group) and kind.head == "either" else (kind,)
+        kinds = tuple(each.text for each in several if isinstance(each, Atom))
+        if not kinds or len(kinds) < len(several):
             raise DataError(PDDL_FORM(one.span, wanted="a list of names", reason="no type follows"))
-        found.extend((each.text, (kind.text, each)) for each in waiting)
+        found.extend((each.text, Thing(kinds, each)) for each in waiting)
         waiting.clear()
-        place += 2
-    found.extend((each.text, ("object", each)) for each in waiting)
-    return found
+    return found + [(each.text, Thing(("object",), each)) for each in waiting]
 
 
 def _sections(source: Source, nodes: Sequence[Node], what: str) -> tuple[Group, ...]:

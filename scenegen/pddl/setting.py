@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -13,10 +13,12 @@ from scenegen.assets.surfaces import fits, surfaces_of
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.names import nearest
 from scenegen.errors.planning import PDDL_UNKNOWN_NAME, UNKNOWN_CATEGORY
+from scenegen.lang import ast
 from scenegen.lang.check import check_text
+from scenegen.lang.scope import BUILT_IN, prelude
 from scenegen.lang.tokens import KEYWORDS
-from scenegen.pddl.mapping import Map
-from scenegen.pddl.problem import Place, Problem
+from scenegen.pddl.mapping import Map, key
+from scenegen.pddl.problem import Place, Problem, Thing
 from scenegen.pddl.read import Node
 from scenegen.pddl.things import FURNITURE, GROUNDS, ROOM, THINGS, Board, Furniture, Rectangle
 from scenegen.primitives import Box, Circle
@@ -27,11 +29,13 @@ STEP = 0.05  # metres between pieces of furniture that no region places
 
 @dataclass(frozen=True, slots=True)
 class Ref:
-    """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `kind` tells which."""
+    """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `kind` tells which; `owner`
+    is a thing's name in the problem."""
 
     argument: str
     surfaces: tuple[str, ...]
     kind: str  # ground, region, thing, boards
+    owner: str = ""
 
 
 @dataclass(slots=True)
@@ -42,7 +46,7 @@ class Setting:
     problem: Problem
     table: Map
     ids: dict[str, str] = field(default_factory=dict)
-    grounds: set[str] = field(default_factory=set)
+    grounds: list[str] = field(default_factory=list)
     space: Rectangle = (0.0, 0.0, 1.0, 1.0)
     shapes: dict[str, str] = field(default_factory=dict)
     furniture: dict[str, Furniture] = field(default_factory=dict)
@@ -55,15 +59,15 @@ class Setting:
         """Sort the things. Raises DataError for kinds of which no size is known, all at once."""
         problems: list[Diagnostic] = []
         targets = {one.target for one in self.problem.regions.values() if one.ranges}
-        for name, (kind, node) in self.problem.things.items():
-            known = category(kind)
-            self._identify(name)
+        mapped = {key.lower(): shape for key, shape in self.table.objects.items()}
+        for name, thing in self.problem.things.items():
+            kind, known = self._kind(thing, mapped)
+            self.ids[name] = self._identifier(re.sub(r"\.n\.\d+", "", name))
             if name in targets or (not targets and known in ("floor", "ground", "lawn", "driveway")):
-                self.grounds.add(name)
+                self.grounds.append(name)
                 fallback = GROUNDS["kitchen_table"] if targets else ROOM
                 self.space = GROUNDS.get(known) or GROUNDS.get(name) or fallback if targets else ROOM
-            elif name in self.table.objects or kind in self.table.objects or known in self.table.objects:
-                shape = self.table.objects.get(name) or self.table.objects.get(kind) or self.table.objects[known]
+            elif (shape := _mapped(mapped, name, kind, known)) is not None:
                 self.shapes[name] = shape
                 shape_from(shape)
             elif known in BODILESS:
@@ -77,20 +81,29 @@ class Setting:
                 if asset is None:
                     near = [one for one in (nearest(known, {*THINGS, *FURNITURE, *ASSETS}),) if one]
                     if not any(one.facts["name"] == kind for one in problems):
-                        key = kind if re.fullmatch(r"[\w-]+", kind) else f'"{kind}"'
-                        problems.append(UNKNOWN_CATEGORY(node.span, name=kind, key=key, near=near))
+                        problems.append(UNKNOWN_CATEGORY(thing.node.span, name=kind, key=key(kind), near=near))
                     continue
                 self.shapes[name] = asset
         if problems:
             raise DataError(*problems)
+        for region in self.problem.regions.values():  # the sizes of grounds are ours: regions lie on them
+            if region.target in self.grounds:
+                self.space = _around(self.space, region.ranges)
         self._lay_out()
 
-    def _identify(self, name: str) -> None:
-        made = re.sub(r"\W", "_", re.sub(r"\.n\.\d+", "", name), flags=re.ASCII)
+    def _kind(self, thing: Thing, mapped: Mapping[str, str]) -> tuple[str, str]:
+        """A thing's type and its category; of several types the first of which a size is known."""
+        kinds = [(kind, category(kind)) for kind in thing.kinds]
+        sized = (one for one in kinds if _mapped(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
+        return next(sized, kinds[0])
+
+    def _identifier(self, name: str) -> str:
+        """An identifier like a name, which no thing has and the language does not use."""
+        made = re.sub(r"\W", "_", name, flags=re.ASCII)
         made = made if re.match(r"[A-Za-z_]", made) else f"a_{made}"
-        while made in KEYWORDS or made in ("goal", "start", "objects") or made in self.ids.values():
+        while made in _own_names() or made in self.ids.values():
             made += "_"
-        self.ids[name] = made
+        return made
 
     def _lay_out(self) -> None:
         """Furniture that no region places stands in rows, from the lower left corner of the room."""
@@ -121,7 +134,7 @@ class Setting:
         if name in self.grounds:
             return Ref("workspace", ("workspace",), "ground")
         if name in self.shapes:
-            return Ref(self.ids[name], (self.ids[name],), "thing")
+            return Ref(self.ids[name], (self.ids[name],), "thing", name)
         if name in self.furniture:
             found = [self._site(name, one) for one in self.furniture[name].sites if self._usable(name, one)]
             return Ref(self.ids[name] if self.furniture[name].body else found[0], tuple(found), "boards")
@@ -129,11 +142,11 @@ class Setting:
         if region is not None and region.ranges:
             names = self._rectangles(name, region)
             return Ref(names[0], names, "region")
+        if region is not None and region.target in self.shapes:  # the inside of a basket, say
+            return Ref(self.ids[region.target], (self.ids[region.target],), "thing", region.target)
         for owner in sorted(self.ids, key=len, reverse=True):
             if not name.startswith(f"{owner}_"):
                 continue
-            if owner in self.shapes:
-                return Ref(self.ids[owner], (self.ids[owner],), "thing")
             rest = name[len(owner) + 1 :]
             if owner in self.furniture and rest in self.furniture[owner].sites:
                 site = self._site(owner, rest)
@@ -149,7 +162,7 @@ class Setting:
         board = self.furniture[name].sites[site]
         if board is None:
             return self.ids[name]
-        made = f"{self.ids[name]}_{site}" if site else f"{self.ids[name]}_board"
+        made = self._identifier(f"{self.ids[name]}_{site}" if site else f"{self.ids[name]}_board")
         self.used[made] = f"region {made} = {_outline(board, self.poses.get(name, (0.0, 0.0, 0.0)))}"
         return made
 
@@ -161,12 +174,9 @@ class Setting:
                     self._site(name, site)
 
     def _rectangles(self, name: str, region: Place) -> tuple[str, ...]:
-        base = re.sub(r"\W", "_", name, flags=re.ASCII)
         names = []
         for number, (x0, y0, x1, y1) in enumerate(region.ranges, start=1):
-            made = base if len(region.ranges) == 1 else f"{base}_part{number}"
-            while made in self.ids.values():
-                made += "_"
+            made = self._identifier(name if len(region.ranges) == 1 else f"{name}_part{number}")
             left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
             right, top = max(right, left + 0.001), max(top, bottom + 0.001)
             self.used[made] = f"region {made} = rect({_n(left)}, {_n(bottom)}, {_n(right)}, {_n(top)})"
@@ -199,6 +209,18 @@ def category(kind: str) -> str:
     return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind)).lower().replace("-", "_")
 
 
+def _mapped(table: Mapping[str, str], *names: str) -> str | None:
+    """What a map, whose keys are in lower case, says of the first of some names that it has."""
+    return next((table[name.lower()] for name in names if name.lower() in table), None)
+
+
+@cache
+def _own_names() -> frozenset[str]:
+    """What no object of a spec can be called."""
+    constants = (one.name.id for one in prelude().statements if isinstance(one, ast.Constant))
+    return frozenset({*KEYWORDS, *BUILT_IN, *constants, "goal", "start"})
+
+
 @cache
 def shape_from(text: str) -> Shape:
     """The shape that a text of the language means. Raises SpecError."""
@@ -211,6 +233,13 @@ def _asset(name: str) -> str | None:
         if found in ASSETS:
             return found
     return None
+
+
+def _around(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
+    """The rectangle round another and some ranges."""
+    xs = [space[0], space[2], *(one for row in rows for one in row[0::2])]
+    ys = [space[1], space[3], *(one for row in rows for one in row[1::2])]
+    return min(xs), min(ys), max(xs), max(ys)
 
 
 def _solid(shape: Shape) -> str:

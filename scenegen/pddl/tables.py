@@ -20,6 +20,16 @@ class Relation:
     holds: Holds = ""
     near: float | None = None
 
+    @property
+    def places(self) -> tuple[int, ...]:
+        """The arguments that it reads, from 0."""
+        said = {int(one) - 1 for one in re.findall(r"\$(\d)", self.formula)}
+        return (0, 1) if self.holds else tuple(sorted(said))
+
+    def takes(self, count: int) -> bool:
+        """Whether a fact with so many arguments is one of it."""
+        return self.arity == count if self.arity >= 0 else count > max(self.places, default=-1)
+
 
 NONE = Relation(-1)
 FLOOR = Relation(-1, "z($1) <= EPS_LEVEL")

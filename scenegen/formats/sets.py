@@ -12,10 +12,10 @@ import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
@@ -28,7 +28,7 @@ from scenegen.errors.stores import (
 )
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
-from scenegen.formats.files import UNFINISHED
+from scenegen.formats.files import UNFINISHED, inside
 from scenegen.formats.header import load_header
 from scenegen.formats.made import Made, Rareness
 from scenegen.formats.packed import Packed, Sink
@@ -48,6 +48,9 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
+Name = Annotated[str, AfterValidator(inside)]  # of a file of the set
+
+
 class PhiOf(_Strict):
     """phi of one label over some scenes."""
 
@@ -60,7 +63,7 @@ class Shard(_Strict):
     """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,
     if it has one."""
 
-    file: str
+    file: Name
     scenes: int
     bytes: int
     sha256: str
@@ -73,7 +76,7 @@ class Checkpoint(_Strict):
     """Where a run stands, and the file with the scenes of its unfinished blocks."""
 
     state: dict[str, Any]
-    waiting: str | None = None
+    waiting: Name | None = None
 
 
 class Manifest(_Strict):
@@ -220,7 +223,11 @@ def read_manifest(store: Store) -> Manifest:
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         where = ".".join(map(str, problem["loc"]))
-        reason = f"`{where}` in {MANIFEST}: {problem['msg'].lower()}" if where else f"{MANIFEST} is no JSON"
+        reason = (
+            f"`{where}` in {MANIFEST}: {problem['msg'].removeprefix('Value error, ').lower()}"
+            if where
+            else f"{MANIFEST} is no JSON"
+        )
         raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?")) from None
 
 
@@ -320,7 +327,7 @@ def set_header(store: Store, manifest: Manifest) -> SceneFile:
 
 def read_shard(store: Store, shard: Shard) -> Reading:
     """One shard. Raises DataError, also if it has another number of scenes than the manifest says."""
-    path = Path(store.root, shard.file)
+    path = Path(store.path(shard.file))
     reading = parquet.read(path) if store.local else parquet.read(path, store.open(shard.file))
     if reading.count != shard.scenes:
         reason = f"it has {reading.count} scenes, and {shard.scenes} in the manifest"
@@ -330,7 +337,7 @@ def read_shard(store: Store, shard: Shard) -> Reading:
 
 def read_shard_group(store: Store, shard: Shard, index: int) -> Block:
     """The scenes of one row group of a shard. Raises DataError."""
-    path = Path(store.root, shard.file)
+    path = Path(store.path(shard.file))
     return next(parquet.read_groups(path, [index], None if store.local else store.open(shard.file)))
 
 

@@ -73,7 +73,7 @@ class Forked:
     def __init__(
         self, server: Server, command: Sequence[str], stderr: IO[bytes], env: Mapping[str, str], **_: object
     ) -> None:
-        _, option, program = command
+        *_, option, program = command
         assert option == "-c"
         (their_input, ours), (output, theirs) = os.pipe(), os.pipe()
         self._status, status = socket.socketpair()

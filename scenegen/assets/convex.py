@@ -12,7 +12,7 @@ import importlib.metadata
 import io
 import os
 import pickle
-import subprocess
+import queue
 import tempfile
 import zipfile
 from functools import lru_cache
@@ -20,10 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
+from scenegen.assets.cutting import cut
 from scenegen.assets.mesh import Floats, Indices, Mesh
 from scenegen.assets.meshfile import MeshError
 from scenegen.needs import need
-from scenegen.processes.process import command, environment, search_path
+from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.worker import DONE
 
 # Fewer nodes and iterations of its search than the default: a closed bowl takes 7 s, an open box 23 s instead of 100 s.
 OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
@@ -95,20 +97,22 @@ def _version() -> str:
 
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
-    order = search_path() + pickle.dumps((vertices, faces, OPTIONS), protocol=5)
+    answers: queue.SimpleQueue[Message] = queue.SimpleQueue()
+    cutter = Process("CoACD")
     try:
-        made = subprocess.run(
-            command("scenegen.assets.cutting"), input=order, capture_output=True, timeout=SECONDS, env=environment()
-        )
-    except subprocess.TimeoutExpired:
+        cutter.take_up(pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
+        made = answers.get(timeout=SECONDS)
+        if made.ready and made.status == DONE:
+            made = answers.get(timeout=SECONDS)
+    except queue.Empty:
         raise MeshError(f"cutting it into convex pieces takes more than {SECONDS:.0f} s: simplify it") from None
-    except OSError as error:
-        raise MeshError(f"CoACD cannot be started: {error.strerror}") from None
-    if made.returncode:
-        said = made.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        why = "".join(one for one in (said[0] if said else "") if one.isprintable())[:120]
+    finally:
+        said = cutter.end()
+    if made.status != DONE:
+        said = said if made.status == GONE else str(made.value)
+        why = "".join(one for one in said if one.isprintable())[:120]
         raise MeshError(f"CoACD cannot cut it into convex pieces{': ' * bool(why)}{why}")
-    found: tuple[tuple[Floats, Indices], ...] = tuple(pickle.loads(made.stdout))  # noqa: S301 - our own process
+    found: tuple[tuple[Floats, Indices], ...] = tuple(made.value)
     if not found or not all(np.isfinite(one).all() for one, _ in found):
         raise MeshError("CoACD cannot cut it into convex pieces")
     return found
@@ -150,5 +154,6 @@ def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
                 file.write(data.getvalue())
                 file.close()
                 Path(file.name).replace(path)
-            except OSError:
+            except BaseException:
                 Path(file.name).unlink(missing_ok=True)
+                raise

@@ -1,23 +1,20 @@
-"""The process that cuts one mesh: a pickle of vertices, faces and options comes in, one of pieces goes out."""
+"""What a process does that cuts one mesh: CoACD alone, so that it loads nothing else of the assets."""
 
 from __future__ import annotations
 
-import os
-import pickle
-import sys
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 
-def main() -> None:
-    """Read an order from standard input, and answer it on standard output."""
-    answer = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what CoACD prints
-    vertices, faces, options = pickle.load(sys.stdin.buffer)  # noqa: S301 - from our own parent
+def cut(
+    order: tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], dict[str, Any]],
+) -> list[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]]:
+    """Vertices (V, 3), faces (F, 3) and CoACD's options -> those of the pieces."""
     import coacd
 
+    vertices, faces, options = order
     coacd.set_log_level("off")
     pieces = coacd.run_coacd(coacd.Mesh(vertices, faces.astype(np.int32)), **options)
-    made = [(np.asarray(v, dtype=np.float64), np.asarray(f, dtype=np.int64)) for v, f in pieces]
-    with answer:
-        pickle.dump(made, answer, protocol=5)
+    return [(np.asarray(v, dtype=np.float64), np.asarray(f, dtype=np.int64)) for v, f in pieces]

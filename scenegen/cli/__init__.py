@@ -9,6 +9,7 @@ def main() -> None:
     """The program `scenegen`: run it and exit with its status."""
     # Plugins of other packages have nothing to say about scene files; to look for them takes as long as a small spec.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
+    os.environ["PYTHONSAFEPATH"] = "1"  # Pythons that libraries start import nothing from the working folder
     try:
         # Loading takes a moment, in which Ctrl-C must not show a traceback either.
         from scenegen.processes.memory import keep_memory, seldom_search

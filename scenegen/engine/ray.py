@@ -27,6 +27,7 @@ from scenegen.errors.stores import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.formats.blocks import Array, Block
 from scenegen.formats.sets import Shard
 from scenegen.processes.memory import VARIABLES
+from scenegen.processes.process import SAFE_PATH
 from scenegen.processes.reserve import Reserve
 from scenegen.sampling.plan import Plan
 
@@ -235,7 +236,7 @@ def _for_children() -> Iterator[None]:
     started for one, and asks another process to prepare it. And workers are as nice as those of the local engine, and
     keep as much memory: by itself, Ray lets all other work on the machine go first."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
-    usual = {NICENESS: "0", **VARIABLES}
+    usual = {NICENESS: "0", SAFE_PATH: "1", **VARIABLES}
     given = {"PYTHONPATH": path, **{name: os.environ.get(name, value) for name, value in usual.items()}}
     before = {name: os.environ.get(name) for name in given}
     os.environ.update(given)

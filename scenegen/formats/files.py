@@ -8,10 +8,11 @@ import difflib
 import errno
 import functools
 import os
+import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import IO
 
 from scenegen.errors import DataError, OutputError, ScenegenError
@@ -32,6 +33,7 @@ _WRITE_HELP = {
     errno.ELOOP: "that link leads to itself; remove it, or name another file",
 }
 
+ACCESS_LIST = "system.posix_acl_access"  # the attribute that Linux keeps it in
 UNFINISHED = ".part"  # how the names of temporary files end, which begin with a dot
 STEP = 1 << 24  # bytes of a large file after which the disk begins to work
 _WRITE = 2  # SYNC_FILE_RANGE_WRITE
@@ -138,12 +140,48 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
-            Path(temporary).chmod(0o666 & ~_umask())
-            Path(temporary).replace(path)
+            put_in_place(Path(temporary), path)
         except BaseException:
             with contextlib.suppress(OSError):
                 Path(temporary).unlink()
             raise
+
+
+def inside(name: str) -> str:
+    """A path that another file has, which may have come from anywhere: it stays in that file's folder. Raises
+    ValueError for an absolute one, and one with `..`."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts:
+        raise ValueError("it is not in the folder")
+    return name
+
+
+def below(folder: Path, name: str) -> Path:
+    """The path of such a file. Raises ValueError also where a link leads out of the folder."""
+    path = folder / inside(name)
+    if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+        raise ValueError("it is a link that leads out of the folder")
+    return path
+
+
+def put_in_place(new: Path, path: Path) -> None:
+    """Rename a file that is complete. It gets the mode, and where the system allows it the owner, the group and the
+    access list of the file that it replaces; a new file gets the mode of any new file. Raises OSError."""
+    try:
+        before = path.stat()
+    except FileNotFoundError:
+        new.chmod(0o666 & ~_umask())
+    else:
+        mode = stat.S_IMODE(before.st_mode)
+        for owner in (before.st_uid, -1):  # who may not give it away may still give it to a group
+            with contextlib.suppress(OSError, AttributeError):  # Windows has no owners
+                os.chown(new, owner, before.st_gid)
+        if new.stat().st_gid != before.st_gid:  # another group may do no more than everybody
+            mode = mode & ~0o070 | (mode & 0o007) << 3
+        new.chmod(mode)
+        with contextlib.suppress(OSError, AttributeError):
+            os.setxattr(new, ACCESS_LIST, os.getxattr(path, ACCESS_LIST))
+    new.replace(path)
 
 
 def write_whole(path: Path, *parts: bytes | memoryview) -> None:

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from scenegen.formats.files import ensure_folder, reported, write_whole
+from scenegen.formats.files import ensure_folder, put_in_place, reported, write_whole
 
 MANY = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
 
@@ -79,7 +79,7 @@ def _move(source: Path, target: Path) -> None:
     if target.is_symlink():
         write_whole(target, source.read_bytes())
     else:
-        source.replace(target)
+        put_in_place(source, target)
 
 
 def scene_name(number: int, total: int) -> str:

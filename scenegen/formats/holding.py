@@ -83,7 +83,7 @@ def refuse_held(store: Store) -> None:
 @contextlib.contextmanager
 def _locked(store: Store) -> Iterator[bool]:
     """Whether the disk has locks; then the set is locked until the end of the block."""
-    path = Path(store.root, LOCK)
+    path = Path(store.path(LOCK))
     store.make()
     while True:
         try:

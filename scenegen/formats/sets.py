@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
@@ -31,7 +31,7 @@ from scenegen.errors.stores import (
 )
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
-from scenegen.formats.files import UNFINISHED
+from scenegen.formats.files import UNFINISHED, inside
 from scenegen.formats.header import load_header
 from scenegen.formats.made import Made, Rareness
 from scenegen.formats.packed import Packed, Sink
@@ -52,6 +52,9 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
+Name = Annotated[str, AfterValidator(inside)]  # of a file of the set
+
+
 class PhiOf(_Strict):
     """phi of one label over some scenes."""
 
@@ -64,7 +67,7 @@ class Shard(_Strict):
     """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,
     if it has one."""
 
-    file: str
+    file: Name
     scenes: Annotated[int, Field(ge=1)]
     bytes: int
     sha256: str
@@ -77,7 +80,7 @@ class Checkpoint(_Strict):
     """Where a run stands, and the file with the scenes of its unfinished blocks; `crc32` is of both."""
 
     state: dict[str, Any]
-    waiting: str | None = None
+    waiting: Name | None = None
     crc32: int = 0
 
     def checked(self, waiting: bytes | memoryview) -> Checkpoint:
@@ -341,13 +344,13 @@ def set_header(store: Store, manifest: Manifest) -> SceneFile:
 def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> Reading:
     """One shard of a set with this header and these labels. Raises DataError for a file that is not the one of the
     manifest, as far as its end tells."""
-    path = Path(store.root, shard.file)
+    path = Path(store.path(shard.file))
     return parquet.read(path, _opened(store, shard), functools.partial(_check, store, header, labels, shard))
 
 
 def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard, index: int) -> Block:
     """The scenes of one row group of a shard. Raises DataError as `read_shard` does."""
-    path = Path(store.root, shard.file)
+    path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
     return next(parquet.read_groups(path, [index], _opened(store, shard), check))
 

@@ -32,7 +32,16 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import DAMAGED_RUN, FOLDER_IN_THE_WAY, FOLDER_LOCKED, OTHER_REQUEST, UNFINISHED_RUN
 from scenegen.formats.blocks import Array, Block
-from scenegen.formats.files import FULL, begin_writing, output_error, reported, target, whole_file, write_whole
+from scenegen.formats.files import (
+    FULL,
+    begin_writing,
+    output_error,
+    put_in_place,
+    reported,
+    target,
+    whole_file,
+    write_whole,
+)
 
 MANIFEST = "manifest.json"
 LOCK = "lock"
@@ -140,7 +149,7 @@ class Shards:
         """Move the scene file that was joined to its final path, and remove the folder. `whole` says that the run is
         complete, even if the process dies before all of the folder is removed. Raises OutputError."""
         with self._reported():
-            self._joined.replace(self.path)
+            put_in_place(self._joined, self.path)
             _sync_folder(self.path.parent)
             if whole:
                 self._publish(joined=True)
@@ -239,7 +248,7 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
     shards = Shards(path, _Manifest(request=wanted, coordinates=coordinates))
     with contextlib.ExitStack() as held:
         with shards._reported():
-            folder.mkdir(exist_ok=True)
+            folder.mkdir(0o700, exist_ok=True)  # the file may replace one that is nobody else's business
             _refuse_foreign(folder)
             held.enter_context(_locked(folder))
             found = _load_manifest(folder)
@@ -259,7 +268,7 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
 
 
 def _refuse_foreign(folder: Path) -> None:
-    odd = [entry.name for entry in folder.iterdir() if not _OURS.fullmatch(entry.name)]
+    odd = [entry.name for entry in folder.iterdir() if entry.is_symlink() or not _OURS.fullmatch(entry.name)]
     if odd:
         raise OutputError(FOLDER_IN_THE_WAY(folder=folder, odd=odd[0]))
 

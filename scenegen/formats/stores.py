@@ -20,7 +20,7 @@ import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.stores import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
-from scenegen.formats.files import FULL, Steady, whole_file
+from scenegen.formats.files import FULL, Steady, below, inside, whole_file
 from scenegen.formats.locations import is_url
 from scenegen.formats.packed import Parts, Sink
 from scenegen.formats.trying import FAILURES, PATIENCE, Attempts, final, reason_of
@@ -54,7 +54,7 @@ class Store:
         def work() -> bytes:
             for _ in range(REPLACED):
                 before = self._version(name)
-                with self.system.open_input_stream(self._path(name)) as stream:
+                with self.system.open_input_stream(self.path(name)) as stream:
                     data: bytes = stream.read()
                 if self._version(name) == before:
                     return data
@@ -64,7 +64,7 @@ class Store:
 
     def open(self, name: str) -> Any:
         """A file, open for reading at any place of it. Raises DataError, and so does reading from it."""
-        file = self._reading(name, lambda: self.system.open_input_file(self._path(name)))
+        file = self._reading(name, lambda: self.system.open_input_file(self.path(name)))
         return file if self.local else pyarrow.PythonFile(_Steady(self, name, file), mode="r")
 
     def write(self, name: str, *parts: bytes | memoryview) -> None:
@@ -77,7 +77,7 @@ class Store:
             return
 
         def work() -> None:
-            with self.system.open_output_stream(self._path(name)) as stream:
+            with self.system.open_output_stream(self.path(name)) as stream:
                 for part in parts:
                     stream.write(part)
 
@@ -93,7 +93,7 @@ class Store:
             yield kept
             self.write(name, *kept.parts)
             return
-        path = Path(self.root) / name
+        path = Path(self.path(name))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as file:
@@ -115,7 +115,7 @@ class Store:
     def changed(self, name: str) -> float:
         """When a file was last written, in seconds since 1970 by the store's clock; 0 if it is not there. Raises
         DataError."""
-        found = self._reading(name, lambda: self.system.get_file_info(self._path(name)))
+        found = self._reading(name, lambda: self.system.get_file_info(self.path(name)))
         return 0.0 if found.type == pyarrow.fs.FileType.NotFound else found.mtime_ns / 1e9
 
     def delete(self, *names: str) -> None:
@@ -124,7 +124,7 @@ class Store:
 
             def work(name: str = name) -> None:
                 with contextlib.suppress(FileNotFoundError):
-                    self.system.delete_file(self._path(name))
+                    self.system.delete_file(self.path(name))
 
             self._writing(name, work)
 
@@ -133,7 +133,7 @@ class Store:
 
         def work() -> None:
             with contextlib.suppress(FileNotFoundError):
-                self.system.delete_dir(self._path(name))
+                self.system.delete_dir(self.path(name))
 
         self._writing(name, work)
 
@@ -149,11 +149,18 @@ class Store:
         bytes, which may be a part of the new one. On a disk an open file stays what it is."""
         if self.local:
             return None
-        found = self.system.get_file_info(self._path(name))
+        found = self.system.get_file_info(self.path(name))
         return found.size, found.mtime_ns
 
-    def _path(self, name: str) -> str:
-        return f"{self.root}/{name}"
+    def path(self, name: str) -> str:
+        """The path of a file in the file system. Raises DataError for a name that leads out of the folder."""
+        try:
+            return str(below(Path(self.root), name)) if self.local else f"{self.root}/{inside(name)}"
+        except ValueError as error:
+            remedy = "was a manifest edited? it names files of its own folder alone"
+            raise DataError(
+                CANNOT_READ_STORE(file=name, location=self.location, reason=str(error), remedy=remedy)
+            ) from None
 
     def _reading(self, name: str, work: Callable[[], T]) -> T:
         try:

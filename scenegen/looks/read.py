@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 from scenegen.assets.palette import RGB
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
-from scenegen.formats.files import read_bytes
+from scenegen.formats.files import below, read_bytes
 from scenegen.looks import draws
 from scenegen.looks.look import Draw, Looks, field_of
 from scenegen.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
@@ -37,9 +37,9 @@ class _Folder:
     def read(self, name: str) -> str:
         if name not in self.files:
             try:
-                data = (self.path / name).read_bytes()
+                data = below(self.path, name).read_bytes()
             except (OSError, ValueError) as error:
-                reason = getattr(error, "strerror", None) or "it is no name of a file"
+                reason = getattr(error, "strerror", None) or str(error)
                 raise ValueError(f"cannot read {name}: {reason}") from None
             if len(data) > MOST_BYTES:
                 raise ValueError(f"{name} has more than {MOST_BYTES:,} bytes")

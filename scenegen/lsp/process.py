@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 from scenegen.lsp.answers import Question, Refusal
-from scenegen.processes.process import command, environment, search_path
+from scenegen.processes.process import command, environment
 
 LONGEST = 1 << 30  # bytes of one answer
 
@@ -26,7 +26,7 @@ class Process:
         self.under_way: dict[int, asyncio.Future[bytes]] = {}  # questions that it has not answered, the oldest first
         self._number = 0
         self._process: asyncio.subprocess.Process | None = None
-        self._unsent = [search_path()]
+        self._unsent: list[bytes] = []
         self._task = asyncio.get_running_loop().create_task(self._live())
 
     def tell(self, message: dict[str, Any]) -> None:

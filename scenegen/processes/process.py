@@ -8,10 +8,10 @@ also keeps pybullet, its banner and its memory out of the caller.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import pickle
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,32 +27,34 @@ from scenegen.processes.memory import VARIABLES
 from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, LOADED, READY, SIZE, widen
 
 GONE = 2  # a status in addition to those of frames
+SAFE_PATH = "PYTHONSAFEPATH"  # the variable that is Python's option -P
 SMALL = 1 << 16  # bytes that may be filled with zeros before they are read
 
 
 def command(module: str, load: Sequence[str] = ()) -> list[str]:
-    """Runs `main()` of a module in a new process, which expects `search_path()` first on its standard input, and loads
-    further modules before that. An interrupt from the keyboard reaches the whole group: the parent answers it and ends
-    its workers."""
+    """Runs `main()` of a module in a new process, which has this one's `sys.path` and loads further modules before
+    that. Every Python that scenegen starts is started so.
+
+    -P: the folder that one works in, where a downloaded spec may have a `json.py` beside it, is no place for modules,
+    unless this process has it on its own path. A signal to the whole group, as Ctrl-C or the end of a terminal sends
+    it, is for the parent, which ends its workers.
+    """
+    ignored = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     program = (
-        "import importlib, json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
-        " sys.path[:] = json.loads(sys.stdin.buffer.readline());"
+        "import importlib, signal, sys;"
+        f" [signal.signal(getattr(signal, name), signal.SIG_IGN) for name in {ignored!r}];"
+        f" sys.path[:] = {[str(entry) for entry in sys.path]!a};"
         f" [importlib.import_module(name) for name in {list(load)!r}];"
         f" importlib.import_module({module!r}).main()"
     )
-    return [sys.executable, "-c", program]
+    return [sys.executable, "-P", "-c", program]
 
 
 def environment() -> dict[str, str]:
     """This process's environment, with one thread for numerical libraries, and memory that is kept for the next
-    arrays."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+    arrays. Pythons that libraries start, as MuJoCo's windows do, get -P from it."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", SAFE_PATH)
     return {**VARIABLES, **os.environ, **dict.fromkeys(names, "1")}
-
-
-def search_path() -> bytes:
-    """sys.path as a line of JSON."""
-    return json.dumps([str(entry) for entry in sys.path]).encode() + b"\n"
 
 
 def cores() -> int:
@@ -113,8 +115,6 @@ class Process:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=reason)) from error
             undo.pop_all()  # what stays open is closed in `end`
-        with contextlib.suppress(OSError):
-            self.input.write(search_path())
 
     def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message], order: tuple[int, Any] | None = None) -> None:
         """A pickled job, whose messages go to `inbox`, READY first; and its first order, if it is known. There may have

@@ -28,7 +28,6 @@ _WARM = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate)\n"
 
 def main() -> None:
     """Serve the orders that come in over standard input, a Unix socket."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the server ends us
     control = socket.socket(fileno=os.dup(0))
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 0)
@@ -98,7 +97,3 @@ def live(control: socket.socket, fd: int) -> None:
         status = 0
     finally:
         os._exit(status)
-
-
-if __name__ == "__main__":
-    main()

@@ -8,19 +8,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-import json
-import os
 import socket
-import sys
 from collections.abc import AsyncIterator
 from typing import Any
 
+from scenegen.processes.process import command, environment
 from scenegen.view.forker import END, FORK, ORDER
 from scenegen.view.limits import MAX_WORKERS
 from scenegen.view.wire import LARGEST, SIZE, packed
-
-_PROGRAM = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from scenegen.view.forker import main; main()"
-_SINGLE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
@@ -47,9 +42,8 @@ class Workers:
             if self._process is not None and self._process.returncode is None:
                 return
             ours, theirs = socket.socketpair()
-            path = json.dumps([str(entry) for entry in sys.path])
             self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-c", _PROGRAM, path), stdin=theirs.fileno(), env={**os.environ, **_SINGLE}
+                *command("scenegen.view.forker"), stdin=theirs.fileno(), env=environment()
             )
             theirs.close()
             ours.setblocking(False)

@@ -1,7 +1,7 @@
 """Convex pieces, masses and frictions of files of one's own."""
 
 import pickle
-import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from scenegen.assets.meshfile import MeshError
 from scenegen.assets.own_body import mesh_body, robot_body
 from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import RequestError
+from scenegen.processes.process import Process
 
 from .gltf_files import glb
 
@@ -28,16 +29,24 @@ def pieces_are_kept_elsewhere(tmp_path, monkeypatch):
     convex._pieces.cache_clear()
 
 
+def played(program, order):
+    """Does a program in CoACD's place, in the process that cuts; its `made` are the pieces."""
+    names = {"order": order}
+    exec(program, names)  # noqa: S102
+    return names.get("made")
+
+
 def cutter(monkeypatch, program):
     """A program takes CoACD's place; it is told how often it ran."""
     monkeypatch.setattr(convex, "need", lambda *_: None)
+    monkeypatch.setattr(convex, "cut", partial(played, program))
     runs = []
 
-    def command(module):
-        runs.append(module)
-        return [sys.executable, "-c", f"import sys; sys.stdin.buffer.readline(); {program}"]
+    def process(what):
+        runs.append(what)
+        return Process(what)
 
-    monkeypatch.setattr(convex, "command", command)
+    monkeypatch.setattr(convex, "Process", process)
     return runs
 
 
@@ -68,7 +77,7 @@ def test_pieces_stay_in_the_box_face_outwards_and_are_kept(monkeypatch):
         (half.moved(x=3.0).vertices, half.faces),
     ]
     answer = pickle.dumps([(np.asarray(v, float), np.asarray(f, np.int64)) for v, f in made])
-    runs = cutter(monkeypatch, f"sys.stdout.buffer.write({answer!r})")
+    runs = cutter(monkeypatch, f"import pickle; made = pickle.loads({answer!r})")
     first = convex_pieces(APART)
     assert len(first) == 2 and all(piece.volume > 0.99 for piece in first)
     assert first[0].vertices[:, 0].min() == -0.5 and first[1].vertices[:, 0].max() == 3.5
@@ -86,7 +95,10 @@ def test_pieces_stay_in_the_box_face_outwards_and_are_kept(monkeypatch):
 def test_what_cannot_be_cut_says_why(monkeypatch):
     with pytest.raises(MeshError, match="it has no volume"):
         convex_pieces(Mesh(np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0)]), np.array([(0, 1, 2)])))
-    cutter(monkeypatch, "sys.exit('no \\x1b[31mmanifold')")
+    cutter(monkeypatch, "import os; os.write(2, b'no \\x1b[31mmanifold'); os._exit(3)")
+    with pytest.raises(MeshError, match=r"CoACD cannot cut it into convex pieces: no \[31mmanifold"):
+        convex_pieces(APART)
+    cutter(monkeypatch, "raise ValueError('no \\x1b[31mmanifold')")
     with pytest.raises(MeshError, match=r"CoACD cannot cut it into convex pieces: no \[31mmanifold"):
         convex_pieces(APART)
     cutter(monkeypatch, "import os; os.abort()")

@@ -27,6 +27,43 @@ def test_report_and_edits(folder, scenegen, tmp_path):
     assert "300 in 1 shard," in scenegen("data", f"{tmp_path}/m/", "--timeout", "0").out
 
 
+@pytest.mark.parametrize("name", ["../part-000000.parquet", "a/../../x", "..\\\\x", "/etc/passwd", "C:/../x"])
+def test_a_manifest_names_files_of_its_folder_alone(name, folder, scenegen, tmp_path, assert_one_diagnostic):
+    shutil.copytree(folder, tmp_path / "set")
+    manifest = tmp_path / "set" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace("part-000000.parquet", name))
+    place = f"{tmp_path}/set/"
+    for words in ((place,), ("merge", place, place, "--out", f"{tmp_path}/new/"), ("remake", place, "--shard", "0")):
+        done = scenegen("data", *words)
+        assert done.status == 1 and "it is not in the folder" in done.err, words
+        assert_one_diagnostic(done.err)
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_shard_that_is_a_link_out_of_its_set_is_refused(folder, scenegen, tmp_path):
+    shutil.copytree(folder, tmp_path / "set")
+    shard = next((tmp_path / "set").glob("part-*"))
+    shard.rename(tmp_path / "elsewhere.parquet")
+    shard.symlink_to(tmp_path / "elsewhere.parquet")
+    done = scenegen("data", f"{tmp_path}/set/", "--timeout", "0")
+    assert done.status == 1 and "a link that leads out of the folder" in done.err + done.out
+    (tmp_path / "moved").symlink_to(tmp_path / "set")  # a link to all of it is well
+    shard.unlink()
+    (tmp_path / "elsewhere.parquet").rename(shard)
+    assert scenegen("data", f"{tmp_path}/moved/", "--timeout", "0").status == 0
+
+
+def test_a_run_does_not_write_through_links(folder, scenegen, here):
+    """What lies in a folder that came from elsewhere, and what it does to a file of one's own."""
+    own = here / "own.txt"
+    own.write_text("mine")
+    for name, out in (("set/.lock", "set/"), ("x.parquet.part/lock", "x.parquet")):
+        (here / name).parent.mkdir()
+        (here / name).symlink_to(own)
+        done = scenegen("sample", "good.spec", "-n", "70000", "--satisfied", "--out", out)
+        assert done.status == 1 and own.read_text() == "mine", done.err
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [

@@ -12,6 +12,7 @@ import pytest
 from scenegen.errors import DataError, OutputError
 from scenegen.formats import files
 from scenegen.formats.files import begin_writing, check_folder, check_writable, ensure_folder, read_bytes, write_whole
+from scenegen.formats.folder import whole_files
 from scenegen.formats.packed import AHEAD, Packed, Parts
 
 
@@ -81,6 +82,49 @@ def test_permissions_are_those_of_any_new_file(mask, mode, tmp_path):
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "x").stat().st_mode) == mode
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o4755, 0o000])
+def test_a_file_that_is_replaced_leaves_its_mode(mode, tmp_path):
+    path = tmp_path / "x"
+    path.write_bytes(b"before")
+    path.chmod(mode)
+    write_whole(path, b"after")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+    (tmp_path / "link").symlink_to(path)
+    write_whole(tmp_path / "link", b"again")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+    with whole_files(tmp_path) as put:
+        put("x", b"one of several")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give files away")
+def test_a_file_that_is_replaced_leaves_its_owner(tmp_path):
+    path = tmp_path / "x"
+    path.write_bytes(b"before")
+    os.chown(path, 12345, 23456)
+    path.chmod(0o640)
+    write_whole(path, b"after")
+    found = path.stat()
+    assert (found.st_uid, found.st_gid, stat.S_IMODE(found.st_mode)) == (12345, 23456, 0o640)
+
+
+def test_another_group_may_do_no_more_than_everybody(tmp_path, monkeypatch):
+    path = tmp_path / "x"
+    path.write_bytes(b"before")
+    path.chmod(0o664)
+    given = os.stat(path)
+    monkeypatch.setattr(files.os, "chown", failing(errno.EPERM))
+    real = files.Path.stat
+
+    def of_a_group(self, **options):
+        found = real(self, **options)
+        return found if self != path else os.stat_result((*found[:5], found.st_gid + 1, *found[6:]))
+
+    monkeypatch.setattr(files.Path, "stat", of_a_group)
+    write_whole(path, b"after")
+    assert stat.S_IMODE(os.stat(path).st_mode) == 0o644 and given.st_gid == os.stat(path).st_gid
 
 
 def test_a_file_is_replaced(tmp_path):

@@ -95,6 +95,8 @@ def test_depth_is_ahead_of_the_camera_above_the_horizon_too(tmp_path):
         ("x = " + 5000 * "1", "1:5005", ""),
         ("[walls]\ndistance = -1", "2:1", "it is not from 0 to 20"),
         ("[walls]\ntexture = 'brick.png'", "2:1", "cannot read brick.png: No such file"),
+        ("[walls]\ntexture = '../brick.png'", "2:1", "cannot read ../brick.png: it is not in the folder"),
+        ("[walls]\ntexture = '/etc/brick.png'", "2:1", "cannot read /etc/brick.png: it is not in the folder"),
         ("[ground]\ntexture = 'wood'", "2:1", "expected"),
         ("[table]\ntexture = 'chekcer'", "2:1", "did you mean `checker`?"),
         ("[table]\ntexture = {files = 'none/*.jpg'}", "2:1", "there is no .png or .jpg file none/*.jpg"),

@@ -1,10 +1,10 @@
 // Files: specs that are opened and saved, scenes that are taken away.
-import { editor, replaceText } from "./editor/editor";
+import { editor, openInEditor } from "./editor/editor";
 import { asShown, path } from "./motions";
 import { table } from "./panels/Stage";
 import { http } from "./server";
-import { about, edited, message, on, poses, request, result, saved, selected, shown, view } from "./state";
-import { check } from "./store";
+import { about, edited, message, on, poses, request, result, saved, selected, shown, unsaved, view } from "./state";
+import { check, forget } from "./store";
 
 export interface Listing {
   specs: string[];
@@ -17,16 +17,18 @@ export async function list(): Promise<Listing> {
 
 export async function openFile(path: string): Promise<void> {
   const found = await (await http(`/api/file?path=${encodeURIComponent(path)}`)).json();
-  saved.value = { path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") };
-  replaceText(found.text);
-  message.value = `opened ${path}`;
-  void check();
+  take({ path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") });
 }
 
 export function openText(name: string, value: string): void {
-  saved.value = { path: null, sha: null, text: value, name };
-  replaceText(value);
-  message.value = `opened ${name}`;
+  take({ path: null, sha: null, text: value, name });
+}
+
+function take(file: { path: string | null; sha: string | null; text: string; name: string }): void {
+  forget();
+  openInEditor(file);
+  message.value = `opened ${file.path ?? file.name}${unsaved.value ? ", with what you had not saved" : ""}`;
+  void check();
 }
 
 export async function save(as: string | null = saved.value.path): Promise<boolean> {

@@ -23,11 +23,12 @@ import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
 const KEPT = "scenegen.state";
+const linked = location.hash.startsWith("#s=") && !alone; // the page begins with the state of a link
 
 function Editor() {
   const root = useRef<HTMLDivElement>(null);
   useEffect(() => {
-    mountEditor(root.current!, location.hash.startsWith("#s="));
+    mountEditor(root.current!, linked);
     void check();
   }, []);
   return (
@@ -118,8 +119,10 @@ function begin(): void {
   let comeBack = null;
   const hash = location.hash;
   try {
-    if (hash.startsWith("#s=") && !alone) comeBack = takeOver(decode(hash.slice(3)), true);
-    else if (!alone) {
+    if (linked) {
+      history.replaceState(null, "", location.pathname + location.search); // a reload keeps what is written from here on
+      comeBack = takeOver(decode(hash.slice(3)), true);
+    } else if (!alone) {
       const kept = sessionStorage.getItem(KEPT);
       if (kept) comeBack = takeOver(decode(kept), false);
     }
@@ -132,7 +135,7 @@ function begin(): void {
     remember(alone.rarity);
     label.value = alone.spec.labels[0].name;
     request.value = { ...request.value, phi: Object.fromEntries(alone.spec.labels.map((one) => [one.name, [null, null]])) };
-  } else if (boot.scenes && !comeBack && !hash.startsWith("#s=") && !sessionStorage.getItem(KEPT)) {
+  } else if (boot.scenes && !comeBack && !linked && !sessionStorage.getItem(KEPT)) {
     const { phi, n, spread, counts } = boot.request as Request;
     request.value = { ...request.value, phi: phi ?? {}, n: Math.min(n ?? 16, 400), spread: spread ?? "flat", counts };
   }
@@ -162,6 +165,7 @@ function begin(): void {
     });
   }
   if (alone) select(0, true);
+  addEventListener("hashchange", () => location.hash.startsWith("#s=") && location.reload()); // another link in this tab
   addEventListener("pagehide", () => {
     try {
       if (!alone) sessionStorage.setItem(KEPT, encode({ ...state(), text: undefined }));

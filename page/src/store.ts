@@ -71,6 +71,33 @@ export async function check(): Promise<void> {
   }
 }
 
+/** Another file is opened: nothing that was asked of the one before, or shown of it, is of this one. */
+export function forget(): void {
+  quiet();
+  owed = false;
+  batch(() => {
+    request.value = { ...request.value, phi: {}, fix: {}, counts: undefined };
+    spec.value = null;
+    problems.value = [];
+    wrong.value = false;
+    refusal.value = null;
+    thing.value = null;
+    clear();
+  });
+}
+
+function clear(): void {
+  result.value = null;
+  poses.value = [];
+  on.value = null;
+  report.value = null;
+  motion.value = null;
+  path.value = [];
+  playing.value = false;
+  edited.value = false;
+  selected.value = 0;
+}
+
 /** Ask for another number of things, where the spec draws it. */
 export function setCount(name: string, count: number): void {
   request.value = { ...request.value, counts: { ...request.value.counts, [name]: count } };
@@ -96,15 +123,7 @@ function take(found: Spec, early: Look | null): void {
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};
-    if (!sameObjects(before, found)) {
-      result.value = null;
-      poses.value = [];
-      on.value = null;
-      report.value = null;
-      motion.value = null;
-      path.value = [];
-      playing.value = false;
-    }
+    if (before && !sameObjects(before, found)) clear();
   });
   const old = same && result.value ? null : stored(found);
   if (old) {

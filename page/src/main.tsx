@@ -3,7 +3,7 @@ import "./page.css";
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { editor, mountEditor } from "./editor/editor";
+import { editor, mountEditor, replaceText } from "./editor/editor";
 import { KEYS, listen } from "./keys";
 import { Code, Explain } from "./panels/Explain";
 import { Grid } from "./panels/Grid";
@@ -18,7 +18,7 @@ import { Why } from "./panels/Why";
 import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
-import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, result, selected, spec, tab } from "./state";
+import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
@@ -33,6 +33,7 @@ function Editor() {
   }, []);
   return (
     <section class="editor" aria-label="spec">
+      {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => replaceText(saved.value.text ?? "")}>Discard</button></p> : null}
       <div class="code" ref={root} />
       <Reader />
       <Problems />

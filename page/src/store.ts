@@ -5,7 +5,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
@@ -123,6 +123,7 @@ function take(found: Spec, early: Look | null): void {
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};
+    outdated.value = true; // what stays in sight until the new scenes are there
     if (before && !sameObjects(before, found)) clear();
   });
   const old = same && result.value ? null : stored(found);
@@ -196,6 +197,7 @@ export async function sample(early: Look | null = null): Promise<void> {
     rest();
   } catch (error) {
     if (mine !== samples || error instanceof Ended) return;
+    outdated.value ||= !preview.value;
     preview.value = false;
     refuse(error);
   } finally {
@@ -212,6 +214,7 @@ function narrow(): void {
 export function show(found: Result, early: boolean): void {
   batch(() => {
     refusal.value = null;
+    outdated.value = false;
     result.value = found;
     preview.value = early;
     const at = early ? found.poses.indexOf(poses.value) : -1; // a scene that stays in range stays in sight

@@ -8,10 +8,10 @@ import { EditorState, StateEffect, StateField, type Extension } from "@codemirro
 import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
 import { effect } from "@preact/signals";
 import { explainCode, read } from "../reader";
-import { askOne } from "../server";
-import { alone, decides, message, pointed, problems, report, saved, spec, text, unsaved } from "../state";
+import { askOne, http } from "../server";
+import { alone, boot, decides, message, pointed, problems, report, restored, saved, spec, text, unsaved } from "../state";
 import { setText } from "../store";
-import type { Line } from "../types";
+import type { Draft, Line } from "../types";
 import { specLanguage } from "./language";
 import { markdown } from "./markdown";
 
@@ -209,6 +209,7 @@ function extensions(): Extension[] {
     ]),
     EditorView.updateListener.of((update) => {
       if (update.docChanged) {
+        touched = true;
         setText(update.state.doc.toString());
         keep();
       }
@@ -247,6 +248,34 @@ export function keepNow(): void {
   } catch {
     /* there is no room: the history is lost with the tab */
   }
+  keepDraft();
+}
+
+let drafted = { name: "", body: "" }; // what the server keeps of the file that is open
+let touched = false; // whether anything was written in it in this tab
+
+/** What is not saved is kept by the server: it outlives the tab, and the server itself. */
+function keepDraft(): void {
+  const { path, sha } = saved.value, name = path ?? saved.value.name;
+  const body = JSON.stringify({ name, text: unsaved.value ? text.value : null, was: sha });
+  if (!touched || body === drafted.body) return;
+  const put = (body: string) => http("/api/draft", { method: "PUT", body, keepalive: body.length < 60_000 }).catch((error) => (message.value = error.message));
+  if (drafted.name && drafted.name !== name) void put(JSON.stringify({ name: drafted.name, text: null, was: null })); // saved under another name
+  drafted = { name, body };
+  void put(body);
+}
+
+/** Text takes the place of all there is; it can be undone. */
+export function replaceText(value: string): void {
+  editor.dispatch({ changes: { from: 0, to: editor.state.doc.length, insert: value }, userEvent: "open" });
+}
+
+/** What was written before and not saved, in the place of what is saved. */
+function restore(draft: Draft | null | undefined): void {
+  restored.value = !!draft && draft.text !== text.value;
+  if (!restored.value) return;
+  saved.value = { ...saved.value, sha: draft!.was };
+  replaceText(draft!.text);
 }
 
 export function mountEditor(parent: HTMLElement, fresh: boolean): void {
@@ -260,10 +289,18 @@ export function mountEditor(parent: HTMLElement, fresh: boolean): void {
     } catch {
       state = null;
     }
+  const opened = !state;
   state ??= EditorState.create({ doc: text.value, extensions: extensions() });
   editor = new EditorView({ state, parent });
   text.value = editor.state.doc.toString();
+  if (opened && !fresh && !alone) restore(boot.draft);
   addEventListener("pagehide", keepNow);
+  addEventListener("beforeunload", (event) => {
+    if (unsaved.value && !alone) event.preventDefault();
+  });
+  effect(() => {
+    if (!unsaved.value) restored.value = false;
+  });
 
   effect(() => {
     const found = problems.value.map((one) => ({
@@ -312,13 +349,18 @@ const states = new Map<string, { state: EditorState; file: typeof saved.value }>
 
 /** Another file takes the place of the one that is open. Each has its own history: undo never leaves a file. What is
  * written there without having been saved is there again when the file is opened again. */
-export function openInEditor(file: typeof saved.value & { text: string }): void {
+export function openInEditor(file: typeof saved.value & { text: string }, draft: Draft | null): void {
+  keepNow();
   const key = ({ path, name }: typeof saved.value) => path ?? `\0${name}`;
   if (unsaved.value) states.set(key(saved.value), { state: editor.state, file: saved.value });
   else states.delete(key(saved.value));
   const before = states.get(key(file));
   saved.value = before?.file ?? file; // its hash, too: what is on the disk may be newer than what was written here
   editor.setState(before?.state ?? EditorState.create({ doc: file.text, extensions: extensions() }));
+  drafted = { name: "", body: "" };
+  touched = false;
+  restored.value = false;
   setText(editor.state.doc.toString());
+  if (!before) restore(draft);
   keepNow();
 }

@@ -118,3 +118,88 @@ def test_another_file_begins_without_the_request_of_the_one_before(serve, tab, t
     one.ready()
     assert set(map(tuple, one.state("Object.values($.request.phi)"))) == {(0, None)}
     assert one.state("$.refusal") is None and one.state("$.request.fix") == {}
+
+
+def write_more(one, more: str) -> None:
+    one.page.click(".cm-content")
+    one.page.keyboard.press("Control+End")
+    one.page.keyboard.type(more)
+
+
+def test_text_that_is_not_saved_is_asked_about_and_kept(serve, tab, tmp_path):
+    text = "object mug, plate\ntask: leftOf(mug, plate)\n"
+    (tmp_path / "two.spec").write_text(text)
+    first = serve("two.spec")
+    one = tab(first.link)
+    one.ready()
+    asked: list[str] = []
+    one.page.on("dialog", lambda one: (asked.append(one.type), one.accept()))
+    one.page.goto("about:blank")
+    assert asked == []  # nothing is lost
+    one.page.goto(first.link)
+    write_more(one, "# mine")
+    one.page.wait_for_timeout(600)
+    one.page.goto("about:blank")
+    assert asked == ["beforeunload"]
+    one.page.close()
+    first.end()
+    two = tab(serve("two.spec").link)  # another port, another tab
+    two.ready()
+    assert content(two) == text + "# mine" and (tmp_path / "two.spec").read_text() == text
+    two.page.click(".restored button")
+    two.page.wait_for_selector(".restored", state="detached")
+    assert content(two) == text
+    two.page.wait_for_timeout(600)
+    three = tab(serve("two.spec").link)
+    three.ready()
+    assert content(three) == text
+    write_more(three, "# saved")
+    three.page.keyboard.press("Control+s")
+    three.until("document.querySelector('.file-name').innerText.indexOf('•') < 0")
+    three.page.wait_for_timeout(600)
+    four = tab(serve("two.spec").link)
+    four.ready()
+    assert content(four) == text + "# saved" and not four.page.query_selector(".restored")
+    assert four.page.evaluate("fetch('/api/draft?name=two.spec&token=' + new URLSearchParams(location.search).get('token')).then((one) => one.json())") is None
+
+
+def test_what_is_written_in_an_example_is_kept_too(serve, tab):
+    one = tab(serve().link)
+    one.ready()
+    write_more(one, "# mine")
+    one.page.click("button.file-name")
+    one.page.click("button[data-shipped=chess_corner]")
+    one.until("$.spec && $.spec.objects.length === 6")
+    write_more(one, "# chess")
+    one.page.wait_for_timeout(600)
+    two = tab(serve().link)
+    two.ready()
+    assert content(two).endswith("# mine")
+    two.page.click("button.file-name")
+    two.page.click("button[data-shipped=chess_corner]")
+    two.page.wait_for_selector(".restored")
+    assert content(two).endswith("# chess")
+
+
+def test_after_a_refusal_no_picture_of_another_spec_stays(serve, tab, tmp_path):
+    (tmp_path / "two.spec").write_text("object mug, plate\ntask: leftOf(mug, plate)\n")
+    one = tab(serve("two.spec").link)
+    one.ready()
+    one.page.wait_for_selector(".tags .good")
+    one.write("object bowl, fork\ntask: leftOf(bowl, fork) & x(bowl) >= x(fork) + 10 cm\n")
+    one.page.wait_for_selector(".trouble")
+    one.until("!$.busy && $.refusal")
+    one.page.wait_for_timeout(300)
+    assert one.page.locator(".tags span").count() == 0
+    drawn = one.page.evaluate("window.table.objects.children.map((one) => [one.name, one.visible])")
+    assert drawn == [["bowl", False], ["fork", False]]
+    before = one.page.evaluate("window.table.frames")
+    one.page.wait_for_timeout(200)
+    assert one.page.evaluate("window.table.frames") == before > 0
+    # of the same objects, older scenes stay, and the page says what they are
+    one.write("object bowl, fork\ntask: leftOf(bowl, fork)\n")
+    one.ready()
+    one.write("object bowl, fork\ntask: leftOf(bowl, fork) & x(bowl) >= x(fork) + 10 cm\n")
+    one.page.wait_for_selector(".trouble")
+    one.page.wait_for_selector(".stage.behind .behind-note")
+    assert one.page.query_selector(".grid.behind")

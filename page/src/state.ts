@@ -106,5 +106,6 @@ effect(() => {
     rested: rested.value && !preparing.value,
     explaining: explaining.value,
     measuring: measuring.value,
+    rarity: rarity.value,
   };
 });

@@ -20,6 +20,7 @@ export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.m
 export const result = signal<Result | null>(null);
 export const preview = signal(false); // the scenes are a first look, the wanted ones are under way
 export const outdated = signal(false); // the scenes are of an older text or request
+export const finding = signal<{ hits: number; left: number } | null>(null); // motions that are found one by one
 export const refusal = signal<Refusal | null>(null);
 export const busy = signal<"" | "check" | "sample">("");
 export const message = signal(""); // said to everybody, screen readers included

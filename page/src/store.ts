@@ -5,7 +5,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, edited, explaining, finding, label, meshes, message, motion, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
@@ -172,10 +172,11 @@ export async function sample(early: Look | null = null): Promise<void> {
   sampled = true;
   owed = false;
   busy.value = "sample";
+  finding.value = null;
   rested.value = false;
   if (!measuringMotions()) void stop("range"); // what somebody waits for goes first
   void stop("spread");
-  const fields = { ...about(), request: request.value };
+  const fields = { ...about(), request: request.value, watch: !!now.time };
   const first = inside(request.value).poses.length < Math.min(ENOUGH, request.value.n) ? look(early) : null;
   if (!first) leaveLook();
   else {
@@ -189,15 +190,21 @@ export async function sample(early: Look | null = null): Promise<void> {
     if (mine !== samples) return;
   }
   try {
-    const found = taken(await askOne<Result>("sample", fields));
+    let last: Result | null = null;
+    await ask("sample", fields, (part: Result | { look: Result; hits: number; left: number }) => {
+      if (mine !== samples || !("look" in part)) return void (last = part as Result);
+      finding.value = { hits: part.hits, left: part.left };
+      show(taken(part.look), true);
+    });
     if (mine !== samples) return;
+    const found = taken(last!);
     leaveLook();
     learn(found);
     show(found, false);
     rest();
   } catch (error) {
     if (mine !== samples || error instanceof Ended) return;
-    outdated.value ||= !preview.value;
+    outdated.value ||= !preview.value || !!finding.value;
     preview.value = false;
     refuse(error);
   } finally {

@@ -1,10 +1,10 @@
 // Files: specs that are opened and saved, scenes that are taken away.
-import { editor, replaceText } from "./editor/editor";
+import { editor, keepNow, openInEditor } from "./editor/editor";
 import { asShown, path } from "./motions";
 import { table } from "./panels/Stage";
 import { http } from "./server";
-import { about, edited, message, on, poses, request, result, saved, selected, shown, view } from "./state";
-import { check } from "./store";
+import { about, edited, message, on, poses, request, result, saved, selected, shown, unsaved, view } from "./state";
+import { check, forget } from "./store";
 
 export interface Listing {
   specs: string[];
@@ -16,17 +16,24 @@ export async function list(): Promise<Listing> {
 }
 
 export async function openFile(path: string): Promise<void> {
-  const found = await (await http(`/api/file?path=${encodeURIComponent(path)}`)).json();
-  saved.value = { path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") };
-  replaceText(found.text);
-  message.value = `opened ${path}`;
+  const found = await http(`/api/file?path=${encodeURIComponent(path)}`).then((answer) => answer.json(), tell);
+  if (found) await take({ path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") });
+}
+
+export async function openText(name: string, value: string): Promise<void> {
+  await take({ path: null, sha: null, text: value, name });
+}
+
+async function take(file: { path: string | null; sha: string | null; text: string; name: string }): Promise<void> {
+  const draft = await http(`/api/draft?name=${encodeURIComponent(file.path ?? file.name)}`).then((answer) => answer.json(), tell);
+  forget();
+  openInEditor(file, draft);
+  message.value = `opened ${file.path ?? file.name}${unsaved.value ? ", with what you had not saved" : ""}`;
   void check();
 }
 
-export function openText(name: string, value: string): void {
-  saved.value = { path: null, sha: null, text: value, name };
-  replaceText(value);
-  message.value = `opened ${name}`;
+function tell(error: unknown): void {
+  message.value = error instanceof Error ? error.message : String(error);
 }
 
 export async function save(as: string | null = saved.value.path): Promise<boolean> {
@@ -37,10 +44,11 @@ export async function save(as: string | null = saved.value.path): Promise<boolea
   try {
     const found = await (await http("/api/file", { method: "PUT", body: JSON.stringify({ path, text: now, was }) })).json();
     saved.value = { path, sha: found.sha, text: now, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+    keepNow();
     message.value = `saved ${path}`;
     return true;
   } catch (error) {
-    message.value = error instanceof Error ? error.message : String(error);
+    tell(error);
     return false;
   }
 }
@@ -75,7 +83,7 @@ export async function download(format: string): Promise<void> {
     give(await answer.blob(), `${base}_${name}`);
     message.value = `downloaded ${base}_${name}`;
   } catch (error) {
-    message.value = error instanceof Error ? error.message : String(error);
+    tell(error);
   }
 }
 

@@ -120,6 +120,7 @@ export function listen(): void {
       if (!alone) void saveOrAsk();
       return;
     }
+    if (event.defaultPrevented && !target.closest(".reader .cm-content")) return; // the editor took it: Esc closed its list of words
     if (event.key === "Escape") {
       if (help.value) help.value = false;
       else if (explained.value) closeCode();

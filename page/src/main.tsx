@@ -3,7 +3,7 @@ import "./page.css";
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { editor, mountEditor } from "./editor/editor";
+import { editor, mountEditor, replaceText } from "./editor/editor";
 import { KEYS, listen } from "./keys";
 import { Code, Explain } from "./panels/Explain";
 import { Grid } from "./panels/Grid";
@@ -18,20 +18,22 @@ import { Why } from "./panels/Why";
 import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
-import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, result, selected, spec, tab } from "./state";
+import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
 const KEPT = "scenegen.state";
+const linked = location.hash.startsWith("#s=") && !alone; // the page begins with the state of a link
 
 function Editor() {
   const root = useRef<HTMLDivElement>(null);
   useEffect(() => {
-    mountEditor(root.current!, location.hash.startsWith("#s="));
+    mountEditor(root.current!, linked);
     void check();
   }, []);
   return (
     <section class="editor" aria-label="spec">
+      {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => replaceText(saved.value.text ?? "")}>Discard</button></p> : null}
       <div class="code" ref={root} />
       <Reader />
       <Problems />
@@ -118,8 +120,10 @@ function begin(): void {
   let comeBack = null;
   const hash = location.hash;
   try {
-    if (hash.startsWith("#s=") && !alone) comeBack = takeOver(decode(hash.slice(3)), true);
-    else if (!alone) {
+    if (linked) {
+      history.replaceState(null, "", location.pathname + location.search); // a reload keeps what is written from here on
+      comeBack = takeOver(decode(hash.slice(3)), true);
+    } else if (!alone) {
       const kept = sessionStorage.getItem(KEPT);
       if (kept) comeBack = takeOver(decode(kept), false);
     }
@@ -132,7 +136,7 @@ function begin(): void {
     remember(alone.rarity);
     label.value = alone.spec.labels[0].name;
     request.value = { ...request.value, phi: Object.fromEntries(alone.spec.labels.map((one) => [one.name, [null, null]])) };
-  } else if (boot.scenes && !comeBack && !hash.startsWith("#s=") && !sessionStorage.getItem(KEPT)) {
+  } else if (boot.scenes && !comeBack && !linked && !sessionStorage.getItem(KEPT)) {
     const { phi, n, spread, counts } = boot.request as Request;
     request.value = { ...request.value, phi: phi ?? {}, n: Math.min(n ?? 16, 400), spread: spread ?? "flat", counts };
   }
@@ -162,6 +166,7 @@ function begin(): void {
     });
   }
   if (alone) select(0, true);
+  addEventListener("hashchange", () => location.hash.startsWith("#s=") && location.reload()); // another link in this tab
   addEventListener("pagehide", () => {
     try {
       if (!alone) sessionStorage.setItem(KEPT, encode({ ...state(), text: undefined }));

@@ -21,7 +21,7 @@ export async function measure(): Promise<void> {
   under = now.sha256;
   try {
     await ask("range", about(), (part: Rarity) => {
-      const known = { ...(kept.get(now.sha256) ?? {}), [part.label]: part };
+      const known = { ...(kept.get(now.sha256) ?? {}), [part.label]: bridged(part) };
       kept.set(now.sha256, known);
       if (spec.value?.sha256 === now.sha256) rarity.value = known;
     });
@@ -36,7 +36,25 @@ export async function measure(): Promise<void> {
 }
 
 export function remember(found: Rarity[]): void {
-  rarity.value = Object.fromEntries(found.map((one) => [one.label, one]));
+  rarity.value = Object.fromEntries(found.map((one) => [one.label, bridged(one)]));
+}
+
+/** A curve without gaps between what is known: the probability of this phi or more falls with phi, that of this phi or
+ * less rises, so that it is known between two known ones to lie between theirs. At the ends it stays unknown. */
+function bridged(one: Rarity): Rarity {
+  const curve = one.curve.map((point) => [...point] as Rarity["curve"][number]);
+  for (const which of [1, 2] as const) {
+    let before = -1;
+    curve.forEach((point, at) => {
+      if (point[which] === null) return;
+      for (let k = before + 1; before >= 0 && k < at; k++) {
+        const share = (curve[k][0] - curve[before][0]) / (point[0] - curve[before][0] || 1);
+        curve[k][which] = curve[before][which]! + share * (point[which]! - curve[before][which]!);
+      }
+      before = at;
+    });
+  }
+  return { ...one, curve };
 }
 
 /** log10 of the probability of a range, None where nobody knows. */

@@ -12,12 +12,15 @@ export const saved = signal<{ path: string | null; sha: string | null; text: str
   text: boot.text,
   name: boot.name,
 });
+export const restored = signal(false); // what is in the editor was written earlier, and not saved
 export const spec = signal<Spec | null>(null);
 export const wrong = signal(false); // the text has a mistake: what is shown is of the last text that had none
 export const problems = signal<Problem[]>([]);
 export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.model ? "model" : "auto", spread: "flat", fix: {} });
 export const result = signal<Result | null>(null);
 export const preview = signal(false); // the scenes are a first look, the wanted ones are under way
+export const outdated = signal(false); // the scenes are of an older text or request
+export const finding = signal<{ hits: number; left: number } | null>(null); // motions that are found one by one
 export const refusal = signal<Refusal | null>(null);
 export const busy = signal<"" | "check" | "sample">("");
 export const message = signal(""); // said to everybody, screen readers included
@@ -104,5 +107,6 @@ effect(() => {
     rested: rested.value && !preparing.value,
     explaining: explaining.value,
     measuring: measuring.value,
+    rarity: rarity.value,
   };
 });

@@ -5,7 +5,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, label, meshes, message, motion, on, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, edited, explaining, finding, label, meshes, message, motion, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
@@ -71,6 +71,33 @@ export async function check(): Promise<void> {
   }
 }
 
+/** Another file is opened: nothing that was asked of the one before, or shown of it, is of this one. */
+export function forget(): void {
+  quiet();
+  owed = false;
+  batch(() => {
+    request.value = { ...request.value, phi: {}, fix: {}, counts: undefined };
+    spec.value = null;
+    problems.value = [];
+    wrong.value = false;
+    refusal.value = null;
+    thing.value = null;
+    clear();
+  });
+}
+
+function clear(): void {
+  result.value = null;
+  poses.value = [];
+  on.value = null;
+  report.value = null;
+  motion.value = null;
+  path.value = [];
+  playing.value = false;
+  edited.value = false;
+  selected.value = 0;
+}
+
 /** Ask for another number of things, where the spec draws it. */
 export function setCount(name: string, count: number): void {
   request.value = { ...request.value, counts: { ...request.value.counts, [name]: count } };
@@ -96,15 +123,8 @@ function take(found: Spec, early: Look | null): void {
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};
-    if (!sameObjects(before, found)) {
-      result.value = null;
-      poses.value = [];
-      on.value = null;
-      report.value = null;
-      motion.value = null;
-      path.value = [];
-      playing.value = false;
-    }
+    outdated.value = true; // what stays in sight until the new scenes are there
+    if (before && !sameObjects(before, found)) clear();
   });
   const old = same && result.value ? null : stored(found);
   if (old) {
@@ -152,10 +172,11 @@ export async function sample(early: Look | null = null): Promise<void> {
   sampled = true;
   owed = false;
   busy.value = "sample";
+  finding.value = null;
   rested.value = false;
   if (!measuringMotions()) void stop("range"); // what somebody waits for goes first
   void stop("spread");
-  const fields = { ...about(), request: request.value };
+  const fields = { ...about(), request: request.value, watch: !!now.time };
   const first = inside(request.value).poses.length < Math.min(ENOUGH, request.value.n) ? look(early) : null;
   if (!first) leaveLook();
   else {
@@ -169,14 +190,21 @@ export async function sample(early: Look | null = null): Promise<void> {
     if (mine !== samples) return;
   }
   try {
-    const found = taken(await askOne<Result>("sample", fields));
+    let last: Result | null = null;
+    await ask("sample", fields, (part: Result | { look: Result; hits: number; left: number }) => {
+      if (mine !== samples || !("look" in part)) return void (last = part as Result);
+      finding.value = { hits: part.hits, left: part.left };
+      show(taken(part.look), true);
+    });
     if (mine !== samples) return;
+    const found = taken(last!);
     leaveLook();
     learn(found);
     show(found, false);
     rest();
   } catch (error) {
     if (mine !== samples || error instanceof Ended) return;
+    outdated.value ||= !preview.value || !!finding.value;
     preview.value = false;
     refuse(error);
   } finally {
@@ -193,6 +221,7 @@ function narrow(): void {
 export function show(found: Result, early: boolean): void {
   batch(() => {
     refusal.value = null;
+    outdated.value = false;
     result.value = found;
     preview.value = early;
     const at = early ? found.poses.indexOf(poses.value) : -1; // a scene that stays in range stays in sight

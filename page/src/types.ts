@@ -154,6 +154,12 @@ export interface PackedMesh {
   wide: boolean;
 }
 
+/** What was written and not saved; `was` is the hash of the file that it began with. */
+export interface Draft {
+  text: string;
+  was: string | null;
+}
+
 export interface Boot {
   text: string;
   name: string;
@@ -164,6 +170,7 @@ export interface Boot {
   scenes: Result | null;
   parts: { counts: Record<string, number>; scenes: Result }[]; // of a file: its scenes of other numbers of things
   request: Partial<Request>;
+  draft?: Draft | null; // of what is opened: what was written in it and not saved
   missing: Record<string, string>; // formats that need an extra: what installs it
   // only in a page without a server
   alone?: {

@@ -29,6 +29,7 @@ from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
+    from scenegen.motions.schedule import Watch
     from scenegen.processes.reserve import Reserve
 
 Array = npt.NDArray[np.float64]
@@ -182,8 +183,11 @@ def sample_motions(
     return draw_motions(spec, request)
 
 
-def draw_motions(spec: Spec, request: SampleRequest, *, reserve: Reserve | None = None) -> MotionSet:
-    """The motions of a request, by the processes of `reserve` if there is one. Raises what `sample_motions` raises."""
+def draw_motions(
+    spec: Spec, request: SampleRequest, *, reserve: Reserve | None = None, watch: Watch | None = None
+) -> MotionSet:
+    """The motions of a request, by the processes of `reserve` if there is one; `watch` is shown what comes near it
+    meanwhile. Raises what `sample_motions` raises."""
     from scenegen.engine.budget import MOTIONS, open_budget
     from scenegen.motions.prepare import make_problem
     from scenegen.motions.sample import sample
@@ -200,7 +204,7 @@ def draw_motions(spec: Spec, request: SampleRequest, *, reserve: Reserve | None 
     request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
     with open_budget(request, load=MOTIONS, reserve=reserve) as budget:
         problem, warnings = make_problem(spec.declared, request, budget)
-        made = sample(problem, budget, method=request.method)
+        made = sample(problem, budget, method=request.method, watch=watch)
     if not made.complete:
         reason = "time is up" if budget.spent else "the search did not reach the range"
         shortfall = TOO_FEW_MOTIONS(found=made.count, wanted=request.n, reason=reason)

@@ -366,7 +366,8 @@ def requirement(spec: CheckedSpec, scenes: SceneSet) -> Array | None:
 
 
 def explain(spec: CheckedSpec, scenes: SceneSet) -> dict[str, list[str]]:
-    """For every label and scene the atom that decides phi: its margin is phi, so it alone would have to change."""
+    """For every label and scene the atom that decides phi: its margin is phi, so it alone would have to change. Where a
+    margin that is the same in every scene is phi, it is the atom that decides without that one."""
     atoms: dict[str, list[str]] = {label: [""] * len(scenes) for label in spec.labels}
     for part in parts_of(spec, scenes):
         core = part.spec.core

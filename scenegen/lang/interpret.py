@@ -6,13 +6,13 @@ without torch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from scenegen.lang.core import Apply, Const, Coord, Core, Junction
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.lang.fold import Algebra, fold
 from scenegen.lang.least_gap import SEVERAL, Groups, find_groups, minimum
 from scenegen.pose import THETA, along
@@ -86,11 +86,43 @@ def phi(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> dict[st
 
 
 def deciding_atom(core: Core, label: str, values: Sequence[float]) -> int:
-    """The node of the atom whose margin is the label's phi, given the value of every node for one scene."""
-    index = core.labels[label]
+    """The node of the atom whose margin is the label's phi, given the value of every node for one scene.
+
+    An atom whose margin is the same in every scene decides nothing: where it is phi, the atom is the one that decides
+    without it. There is such an atom only where all are the same.
+    """
+    found = _decider(core, core.labels[label], values)
+    if not is_constant(core, found):
+        return found
+    rest = without_constants(core, core.labels[label], values)
+    return _decider(core, core.labels[label], rest) if core.labels[label] in rest else found
+
+
+def _decider(core: Core, index: int, values: Sequence[float] | Mapping[int, float]) -> int:
     while True:
         node = core.nodes[index]
         if not isinstance(node, Junction):
             return index
+        args = [arg for arg in node.args if arg in values] if isinstance(values, Mapping) else node.args
         # The first that decides: readers of the spec look there first, too.
-        index = next(arg for arg in node.args if values[arg] == values[index])
+        index = next(arg for arg in args if values[arg] == values[index])
+
+
+def is_constant(core: Core, atom: int) -> bool:
+    """Whether an atom's margin is the same in every scene."""
+    node = core.nodes[atom]
+    return isinstance(node, Atom) and isinstance(core.nodes[node.margin], Const)
+
+
+def without_constants(core: Core, root: int, values: Sequence[Any]) -> dict[int, Any]:
+    """The values of the formulas up to `root`, floats or arrays, as they are without the atoms that are the same in
+    every scene. A formula of nothing else has none."""
+    found: dict[int, Any] = {}
+    for index, node in enumerate(core.nodes[: root + 1]):
+        if isinstance(node, Junction):
+            parts = [found[arg] for arg in node.args if arg in found]
+            if parts:
+                found[index] = reduce(np.minimum if node.kind == "min" else np.maximum, parts)
+        elif isinstance(node, Atom) and not is_constant(core, index):
+            found[index] = values[index]
+    return found

@@ -278,6 +278,8 @@ def _operands(here: _Here, kind: str) -> Iterator[Item]:
     for name, binding in sorted(document.values.items()):
         if name == hidden or (constant and binding.kind in ("object", "label")):
             continue
+        if binding.inferred and binding.start == here.start:
+            continue  # an object that nothing declares, but the word that is being written
         yield here.item(name, binding.kind, *document.notes[binding])
     for name in BUILT_IN:
         yield here.item(name, "keyword", about=vocabulary.BUILT_IN[name])

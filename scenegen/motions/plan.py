@@ -14,7 +14,7 @@ import numpy as np
 
 from scenegen.bounds.effort import NEVER, Stop
 from scenegen.motions.problem import Array, Index, MotionProblem
-from scenegen.motions.schedule import Schedule, make_schedule
+from scenegen.motions.schedule import Schedule, Watch, make_schedule
 from scenegen.motions.stages import STREAM, begin, generator, go_on
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.processes.pool import run_pieces
@@ -219,7 +219,9 @@ def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     return counts, drawn
 
 
-def make_plan(problem: MotionProblem, budget: Budget, method: str = "auto") -> MotionRejection | MotionSplitting | None:
+def make_plan(
+    problem: MotionProblem, budget: Budget, method: str = "auto", watch: Watch | None = None
+) -> MotionRejection | MotionSplitting | None:
     """Rejection where a pilot hits every cell of the range often, or `method` says so; else splitting; None if that
     does not reach the range. Raises StoppedError when time is up."""
     if method in ("auto", "rejection"):
@@ -230,5 +232,5 @@ def make_plan(problem: MotionProblem, budget: Budget, method: str = "auto") -> M
             return MotionRejection(problem, reached, counts.sum() / drawn, budget)
         if method == "rejection":
             return None
-    schedule = make_schedule(problem, budget)
+    schedule = make_schedule(problem, budget, watch)
     return None if schedule is None else MotionSplitting(problem, schedule.cells, schedule, budget)

@@ -13,6 +13,9 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.motions.plan import make_plan
 from scenegen.motions.problem import Array, Index, MotionProblem
+from scenegen.motions.schedule import Watch
+from scenegen.motions.stages import generator
+from scenegen.motions.variables import draw, poses_of, within_a_turn
 from scenegen.sampling.problem import Budget
 
 
@@ -33,15 +36,21 @@ class Sampled:
         return len(self.poses)
 
 
-def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto") -> Sampled:
+def sample(
+    problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
+) -> Sampled:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
-    `workers`. If the range is not reached there are none. Raises RequestError if time is up before the plan is made,
+    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any of
+    the base distribution. Raises RequestError if time is up before the plan is made,
     AssertionError for a motion that fails the check."""
     budget = Budget(problem.request.timeout) if budget is None else budget
     labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
     with np.errstate(all="ignore"):
+        if watch is not None:
+            poses = within_a_turn(poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1))))
+            watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
         try:
-            plan = make_plan(problem, budget, method)
+            plan = make_plan(problem, budget, method, watch)
         except StoppedError:
             raise RequestError(
                 NO_TIME_TO_TELL(tried="levels of motions", undecided=cells.count, count=cells.count)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -13,6 +13,7 @@ from scenegen.motions.mixture import Meter
 from scenegen.motions.moves import changes
 from scenegen.motions.problem import GATES, Array, MotionProblem
 from scenegen.motions.stages import Stage, begin, generator
+from scenegen.motions.variables import poses_of, within_a_turn
 from scenegen.processes.ahead import Ahead
 from scenegen.sampling.begun import Pieces
 from scenegen.sampling.problem import Budget
@@ -26,6 +27,11 @@ LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they
 LONGEST = 32  # rounds of moves until then, at most
 LUCK = 2.5
 ROUNDS = 24  # of weights that even out the cells
+
+
+Watch = Callable[[Array, int], None]
+"""Is shown motions (n, T + 1, N, 3) while there are none of the request yet: those nearest to its range, the nearest
+first, and how many of them lie in it. They are in range, but not distributed like those that the request gets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +54,10 @@ class Schedule:
         return sum(stage.moves for stage in self.stages if stage.region is None)
 
 
-def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
+def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> Schedule | None:
     """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
-    Raises StoppedError when time is up."""
-    planner = _Planner(problem, budget)
+    `watch` is shown the motions of each level. Raises StoppedError when time is up."""
+    planner = _Planner(problem, budget, watch)
     if (problem.request.workers or 1) < 2:
         return planner.plan()
     with planner.pieces() as ahead:
@@ -62,7 +68,7 @@ def make_schedule(problem: MotionProblem, budget: Budget) -> Schedule | None:
 class _Planner:
     """One descent of one ensemble of chains, which records its stages."""
 
-    def __init__(self, problem: MotionProblem, budget: Budget) -> None:
+    def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
         wanted = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
         self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
         self._moves = 10 + problem.steps + len(problem.names)
@@ -73,6 +79,7 @@ class _Planner:
         self._stages: list[Stage] = []
         self._budget = budget
         self._ahead: Ahead[Stage] | None = None
+        self._watch = watch
 
     def pieces(self) -> Ahead[Stage]:
         """Pieces that begin in another process."""
@@ -92,7 +99,7 @@ class _Planner:
             if not self._descend(low, high, held):
                 return None
             held = low
-        if not self._descend(problem.cells.low, problem.cells.high, held):
+        if not self._descend(problem.cells.low, problem.cells.high, held, last=True):
             return None
         levels = len(self._stages)
         reached: tuple[int, ...] = (0,)
@@ -118,13 +125,15 @@ class _Planner:
         if tune and len(self._mixture):
             self._mixture = self._meter.mixture()
 
-    def _descend(self, low: Array, high: Array, held: Array) -> bool:
+    def _descend(self, low: Array, high: Array, held: Array, *, last: bool = False) -> bool:
         """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
-        hold."""
+        hold. In the `last` descent, what is within is in the request's range."""
         chains = self._chains
         scale, history = _scales(chains.scores, low, high), list[float]()
         while len(history) < LEVELS:
             distance = _distance(chains.scores, low, high, scale)
+            if self._watch is not None:
+                self._show(distance, last)
             level = float(np.quantile(distance, KEPT, method="lower"))
             if not np.isfinite(level):
                 level = float(distance[np.isfinite(distance)].max(initial=-1.0))
@@ -142,6 +151,17 @@ class _Planner:
             if level == 0.0:
                 return True
         return False
+
+    def _show(self, distance: Array, last: bool) -> None:
+        """Show the nearest motions; chains that began as copies of one and have not moved since count once."""
+        assert self._watch is not None
+        problem, n = self._chains.problem, self._chains.problem.request.n
+        nearest = np.argsort(distance, kind="stable")[: 4 * n]
+        poses = within_a_turn(poses_of(problem, self._chains.now.take(nearest)))
+        motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
+        _, first = np.unique(motions.reshape(len(motions), -1), axis=0, return_index=True)
+        first = np.sort(first)[:n]
+        self._watch(motions[first], int((distance[nearest[first]] == 0.0).sum()) if last else 0)
 
     def _even_out(self) -> tuple[int, ...]:
         """Weights under which the chains visit all cells about equally often (Berg and Neuhaus 1992). Returns the cells

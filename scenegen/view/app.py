@@ -38,6 +38,7 @@ def make_app(opened: Opened, token: str, hosts: frozenset[str]) -> Gate:
             page.route(shared),
             files.list_route(shared),
             files.file_route(shared),
+            files.draft_route(shared),
             texts.explain_route(),
             texts.prelude_route(),
             download.route(shared),

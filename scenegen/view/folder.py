@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from scenegen.formats.files import write_whole
 from scenegen.resources import shipped_specs
 from scenegen.view.limits import MAX_FILES, MAX_TEXT
 
 MOST_NAME = 255  # bytes of the name of a file or folder
+MOST_DRAFTS = 200  # that are kept; the oldest go
 DEPTH = 3  # folders below the opened one that are looked into
 
 
@@ -85,6 +88,36 @@ class Folder:
         except OSError as error:
             raise Refused(403, f"the file cannot be written: {error.strerror or 'no permission'}") from None
         return digest(data)
+
+
+    def draft(self, name: str) -> dict[str, Any] | None:
+        """What was written for a file, or for a spec without one, and never saved: its `text`, and in `was` the hash of
+        the file that it began with. None where there is nothing."""
+        try:
+            found = json.loads(self._draft(name).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and isinstance(found.get("text"), str) else None
+
+    def keep_draft(self, name: str, text: str | None, was: str | None) -> None:
+        """Keep what is not saved, or with None for `text` forget it. Raises Refused."""
+        if text is not None and len(text.encode()) > MAX_TEXT:
+            raise Refused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
+        file = self._draft(name)
+        try:
+            if text is None:
+                file.unlink(missing_ok=True)
+                return
+            file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            write_whole(file, json.dumps({"text": text, "was": was, "of": str(self.root / name)}).encode())
+            for old in sorted(file.parent.glob("*.json"), key=lambda one: one.stat().st_mtime)[:-MOST_DRAFTS]:
+                old.unlink(missing_ok=True)
+        except OSError as error:
+            raise Refused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
+
+    def _draft(self, name: str) -> Path:
+        state = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser()
+        return state / "scenegen" / "drafts" / f"{digest(os.fsencode(self.root / name))}.json"
 
 
 def digest(data: bytes) -> str:

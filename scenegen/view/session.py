@@ -40,6 +40,7 @@ class Message(BaseModel):
     poses: list[Any] = Field(default=[], max_length=MAX_SCENES)
     on: list[Any] | None = Field(None, max_length=MAX_SCENES)
     why: bool = False
+    watch: bool = False
     have: list[str] | None = Field(None, max_length=2000)
     request: dict[str, Any] = Field(default={}, max_length=20)
     counts: dict[str, int] = Field(default={}, max_length=64)

@@ -41,7 +41,8 @@ class Served:
     def __init__(self, folder: Path, *words: str) -> None:
         command = [sys.executable, "-m", "scenegen", "view", *words]
         self.folder = folder
-        self.process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
+        env = {**os.environ, "XDG_STATE_HOME": str(folder / ".state")}  # drafts
+        self.process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, env=env)
         self.link = ""
         for line in self.process.stderr:
             found = re.search(r"http://\S+", line)

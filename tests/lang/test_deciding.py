@@ -3,12 +3,13 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
 from scenegen.lang.deciding import deciding_atoms
-from scenegen.lang.interpret import deciding_atom, evaluate
+from scenegen.lang.interpret import deciding_atom, evaluate, is_constant
 from scenegen.primitives import NUMPY
 from tests.robustness.formulas import scenes, seeds, specs
 
@@ -25,7 +26,10 @@ def test_counts_agree_scene_by_scene(spec, seed):
         for column in rows.T:
             values = evaluate(core, column, NUMPY)
             atom = deciding_atom(core, label, values)
-            assert isinstance(core.nodes[atom], Atom) and values[atom] == values[top]
+            assert isinstance(core.nodes[atom], Atom)
+            # what is the same in every scene decides nothing, if there is anything else
+            same = [index for index in range(top + 1) if is_constant(core, index) and values[index] == values[top]]
+            assert values[atom] == values[top] or (same and not is_constant(core, atom))
             one_by_one.append(atom)
         counts = deciding_atoms(core, rows, label)
         assert counts == dict(Counter(one_by_one))
@@ -44,3 +48,16 @@ def test_of_two_that_tie_the_first_decides():
     core = check_text("object a, b\ntask: leftOf(a, b) & belowOf(a, b)").core
     atoms = deciding_atoms(core, np.zeros((6, 3)), "task")
     assert [core.nodes[atom].text for atom in atoms] == ["leftOf(a, b)"] and list(atoms.values()) == [3]
+
+
+def test_what_is_the_same_in_every_scene_decides_nothing():
+    """Both are held in place: the first atom is 1 cm in every scene, and holds phi down."""
+    spec = check_text("object a at (0.4, 0.5), b at (0.41, 0.5), c\ntask: leftOf(a, b) & (leftOf(b, c) | leftOf(c, a))")
+    core = spec.core
+    rows = np.array([[0.4] * 3, [0.5] * 3, [0.0] * 3, [0.41] * 3, [0.5] * 3, [0.0] * 3, [0.9, 0.1, 0.4], [0.5] * 3, [0.0] * 3])
+    phi = evaluate(core, list(rows), NUMPY)[core.labels["task"]]
+    assert phi[:2] == pytest.approx([0.01, 0.01]) and phi[2] < 0.01
+    texts = [core.nodes[deciding_atom(core, "task", evaluate(core, column))].text for column in rows.T.tolist()]
+    assert texts == ["leftOf(b, c)", "leftOf(c, a)", "leftOf(c, a)"]
+    counts = {core.nodes[atom].text: count for atom, count in deciding_atoms(core, rows, "task").items()}
+    assert counts == {"leftOf(c, a)": 2, "leftOf(b, c)": 1}

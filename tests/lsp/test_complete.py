@@ -166,3 +166,10 @@ def test_an_import_names_the_files_beside(tmp_path):
 def test_a_file_of_one_formula():
     assert offered("§").keys() >= {"leftOf", "object"}
     assert offered("leftOf(mug, plate) & closeTo(§").keys() >= {"mug", "plate"}
+
+
+def test_the_word_that_is_written_is_not_offered_itself():
+    """Without declarations every name is an object: the one at the cursor is not yet."""
+    for text in ("task: rightO", "r", "leftOf(mug, pl"):
+        assert "rightOf" in offered(text + "§") and text.split()[-1] not in offered(text + "§")
+    assert "mug" in offered("leftOf(mug, pl§")

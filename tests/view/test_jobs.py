@@ -321,3 +321,18 @@ def test_problems_name_the_file_without_the_folder(tmp_path):
     _, found = do("check", tmp_path, text="")
     assert found["problems"][0]["message"].startswith("untitled.spec is empty")
     assert str(tmp_path) not in found["problems"][0]["message"]
+
+
+@pytest.mark.parametrize(("name", "label"), [("tidy_desk", "tidy"), ("block_tower", "straight")])
+def test_what_is_the_same_in_every_scene_does_not_explain_it(tmp_path, name, label):
+    """`stackedOn` asks for a height, which is that of the stand that the spec declares."""
+    text = shipped_specs()[name].read_text()
+    spec = scenegen.parse(text, name)
+    scenes = scenegen.sample(spec, {one: (0, None) for one in spec.labels}, 4, seed=1)
+    on = None if scenes.on is None else scenes.on[:1].tolist()
+    (found,) = do("evaluate", tmp_path, text=text, poses=scenes.poses[:1].tolist(), on=on, why=True)
+    one = found["decides"][label]
+    assert found["phi"][label][0] == pytest.approx(0.001)  # the constant's margin
+    assert one["text"].startswith("dist(") and one["value"] > 0.001 and one["marks"]
+    told = as_json(spec, scenes, explain=True)["scenes"]
+    assert all("0 <= 0.001" not in row["decided_by"].values() for row in told)

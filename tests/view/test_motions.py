@@ -12,6 +12,7 @@ from PIL import Image
 import scenegen
 from scenegen.api.trajectory import score_trajectory
 from scenegen.errors import DataError, RequestError, ScenegenError
+from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.view import export
 from scenegen.view.jobs import JOBS
 from scenegen.view.limits import MAX_MOTION, MAX_PLAYED
@@ -199,3 +200,39 @@ def test_a_motion_travels_in_one_message():
 
     pose = [-0.12345678901234567, 0.12345678901234567, 6.123456789012345]
     assert len(dumps([pose] * MAX_MOTION)) + MAX_TEXT < MAX_MESSAGE
+
+
+def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
+    """At first any, then what comes nearer, then those in the range as they are found; the last answer is as ever."""
+    monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
+    text = "object mug, plate\ntime [0, 4 s] every 0.5 s\nrequire speed(mug) <= 20 cm/s & speed(plate) <= 20 cm/s\ntask: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))\n"
+    wanted = {"phi": {"task": [0.02, None]}, "n": 12, "seed": 3, "method": "splitting"}
+    *looks, last = do("sample", tmp_path, text, request=wanted, watch=True)
+    spec = scenegen.parse(text)
+    exact = scenegen.sample_motions(spec, {"task": (0.02, None)}, 12, seed=3, method="splitting")
+    assert last["motions"] == exact.poses.tolist() and "look" not in last
+    assert len(looks) > 2 and looks[0]["hits"] == 0 and looks[-1]["hits"] == 12
+    for one in looks:
+        phi = one["look"]["phi"]["task"]
+        assert np.shape(one["look"]["motions"])[1:] == (9, 2, 3) and len(phi) <= 12 and 0 <= one["left"] <= 45
+        assert all(value >= 0.02 for value in phi[: one["hits"]])
+    assert [one["hits"] for one in looks] == sorted(one["hits"] for one in looks)
+    dumps(looks)
+
+
+def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
+    text = "object mug, plate\ntime [0, 4 s] every 0.5 s\nrequire speed(mug) <= 20 cm/s & speed(plate) <= 20 cm/s\n"
+    text += "task: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))\n"
+
+    def slow(spec, wanted, seconds, watch):
+        found = scenegen.sample_motions(spec, wanted["phi"], 5, method="splitting")
+        watch(found.poses, 2)
+        raise RequestError(NO_TIME_TO_TELL(tried="levels of motions", undecided=1, count=1))
+
+    monkeypatch.setattr("scenegen.view.jobs.motions.drawn", slow)
+    wanted = {"phi": {"task": [0, None]}, "n": 12, "method": "splitting"}
+    *_, last = do("sample", tmp_path, text, request=wanted, watch=True)
+    assert len(last["motions"]) == 2 and min(last["phi"]["task"]) >= 0
+    (warning,) = last["warnings"]
+    assert "2" in warning["title"] and "12" in warning["title"]

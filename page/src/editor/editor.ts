@@ -1,5 +1,5 @@
 // The editor: CodeMirror with the features of the language server.
-import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, completionKeymap, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
+import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, closeCompletion, completionKeymap, currentCompletions, selectedCompletion, selectedCompletionIndex, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
 import { defaultKeymap, history, historyField, historyKeymap, toggleComment } from "@codemirror/commands";
 import { bracketMatching } from "@codemirror/language";
 import { lintKeymap, setDiagnostics } from "@codemirror/lint";
@@ -8,10 +8,10 @@ import { EditorState, StateEffect, StateField, type Extension } from "@codemirro
 import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
 import { effect } from "@preact/signals";
 import { explainCode, read } from "../reader";
-import { askOne } from "../server";
-import { alone, decides, message, pointed, problems, report, saved, spec, text } from "../state";
+import { askOne, http } from "../server";
+import { alone, boot, decides, message, pointed, problems, report, restored, saved, spec, text, unsaved } from "../state";
 import { setText } from "../store";
-import type { Line } from "../types";
+import type { Draft, Line } from "../types";
 import { specLanguage } from "./language";
 import { markdown } from "./markdown";
 
@@ -67,6 +67,7 @@ async function complete(context: CompletionContext): Promise<CompletionResult | 
   const word = context.matchBefore(/[A-Za-z_]\w*/);
   const before = context.state.sliceDoc(Math.max(0, context.pos - 1), context.pos);
   if (!context.explicit && !word && before !== "." && before !== '"') return null;
+  asked = context.explicit;
   try {
     const found = await assist<{ items: any[] } | null>(context.state, "completion", context.pos);
     if (!found?.items.length) return null;
@@ -85,6 +86,27 @@ async function complete(context: CompletionContext): Promise<CompletionResult | 
   } catch {
     return null;
   }
+}
+
+let asked = false; // the list of words was opened by a key
+
+const LISTS = /^object\b/; // statements in which the last word of a line may be a new name
+
+/** Enter takes an option only where that was meant: one that somebody went to, or the first where the word is no name
+ * by itself. What is typed stays what it is. */
+function enter(view: EditorView): boolean {
+  const chosen = selectedCompletion(view.state);
+  if (!chosen) return false;
+  const { doc, selection } = view.state;
+  const line = doc.lineAt(selection.main.head);
+  const word = /\w*$/.exec(line.text.slice(0, selection.main.head - line.from))![0];
+  let first = line; // of the statement
+  while (first.number > 1 && /^\s/.test(first.text)) first = doc.line(first.number - 1);
+  const whole = currentCompletions(view.state).some((one) => one.label === word) || LISTS.test(first.text);
+  const meant = chosen.label !== word && (asked || !!selectedCompletionIndex(view.state));
+  if (meant || !whole) return acceptCompletion(view);
+  closeCompletion(view);
+  return false;
 }
 
 const hovers = hoverTooltip(async (view, at) => {
@@ -170,22 +192,24 @@ function extensions(): Extension[] {
     marks,
     EditorView.lineWrapping,
     EditorView.contentAttributes.of({ "aria-label": "spec", spellcheck: "false" }),
-    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false }), hovers],
+    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false, defaultKeymap: false }), hovers],
     tooltips({ position: "fixed", parent: document.body }),
     keymap.of([
       { key: "F12", run: (view) => (void define(view), true) },
       { key: "Shift-Alt-f", run: (view) => (void format(view), true) },
       { key: "Mod-/", run: toggleComment },
       { key: "Tab", run: acceptCompletion },
+      { key: "Enter", run: enter },
       ...closeBracketsKeymap,
       ...defaultKeymap.filter((one) => one.key !== "Mod-/"),
       ...searchKeymap,
       ...historyKeymap,
-      ...completionKeymap,
+      ...completionKeymap.filter((one) => one.key !== "Enter"),
       ...lintKeymap,
     ]),
     EditorView.updateListener.of((update) => {
       if (update.docChanged) {
+        touched = true;
         setText(update.state.doc.toString());
         keep();
       }
@@ -224,6 +248,34 @@ export function keepNow(): void {
   } catch {
     /* there is no room: the history is lost with the tab */
   }
+  keepDraft();
+}
+
+let drafted = { name: "", body: "" }; // what the server keeps of the file that is open
+let touched = false; // whether anything was written in it in this tab
+
+/** What is not saved is kept by the server: it outlives the tab, and the server itself. */
+function keepDraft(): void {
+  const { path, sha } = saved.value, name = path ?? saved.value.name;
+  const body = JSON.stringify({ name, text: unsaved.value ? text.value : null, was: sha });
+  if (!touched || body === drafted.body) return;
+  const put = (body: string) => http("/api/draft", { method: "PUT", body, keepalive: body.length < 60_000 }).catch((error) => (message.value = error.message));
+  if (drafted.name && drafted.name !== name) void put(JSON.stringify({ name: drafted.name, text: null, was: null })); // saved under another name
+  drafted = { name, body };
+  void put(body);
+}
+
+/** Text takes the place of all there is; it can be undone. */
+export function replaceText(value: string): void {
+  editor.dispatch({ changes: { from: 0, to: editor.state.doc.length, insert: value }, userEvent: "open" });
+}
+
+/** What was written before and not saved, in the place of what is saved. */
+function restore(draft: Draft | null | undefined): void {
+  restored.value = !!draft && draft.text !== text.value;
+  if (!restored.value) return;
+  saved.value = { ...saved.value, sha: draft!.was };
+  replaceText(draft!.text);
 }
 
 export function mountEditor(parent: HTMLElement, fresh: boolean): void {
@@ -237,10 +289,18 @@ export function mountEditor(parent: HTMLElement, fresh: boolean): void {
     } catch {
       state = null;
     }
+  const opened = !state;
   state ??= EditorState.create({ doc: text.value, extensions: extensions() });
   editor = new EditorView({ state, parent });
   text.value = editor.state.doc.toString();
+  if (opened && !fresh && !alone) restore(boot.draft);
   addEventListener("pagehide", keepNow);
+  addEventListener("beforeunload", (event) => {
+    if (unsaved.value && !alone) event.preventDefault();
+  });
+  effect(() => {
+    if (!unsaved.value) restored.value = false;
+  });
 
   effect(() => {
     const found = problems.value.map((one) => ({
@@ -285,8 +345,22 @@ function spansOf(number: number): [number, number] | undefined {
   return undefined;
 }
 
-/** Another text takes the place of the whole one; it can be undone. */
-export function replaceText(value: string): void {
-  editor.dispatch({ changes: { from: 0, to: editor.state.doc.length, insert: value }, userEvent: "open", scrollIntoView: true, selection: { anchor: 0 } });
+const states = new Map<string, { state: EditorState; file: typeof saved.value }>(); // of files with what was not saved
+
+/** Another file takes the place of the one that is open. Each has its own history: undo never leaves a file. What is
+ * written there without having been saved is there again when the file is opened again. */
+export function openInEditor(file: typeof saved.value & { text: string }, draft: Draft | null): void {
+  keepNow();
+  const key = ({ path, name }: typeof saved.value) => path ?? `\0${name}`;
+  if (unsaved.value) states.set(key(saved.value), { state: editor.state, file: saved.value });
+  else states.delete(key(saved.value));
+  const before = states.get(key(file));
+  saved.value = before?.file ?? file; // its hash, too: what is on the disk may be newer than what was written here
+  editor.setState(before?.state ?? EditorState.create({ doc: file.text, extensions: extensions() }));
+  drafted = { name: "", body: "" };
+  touched = false;
+  restored.value = false;
+  setText(editor.state.doc.toString());
+  if (!before) restore(draft);
   keepNow();
 }

@@ -3,7 +3,7 @@ import { effect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Thumbs, type Wanted } from "../scene/thumbs";
 import { calm } from "../motions";
-import { coming, label, layout, meshes, preparing, preview, result, selected, shown, spec, view, wrong } from "../state";
+import { coming, label, layout, meshes, outdated, preparing, preview, result, selected, shown, spec, view, wrong } from "../state";
 import { select, step } from "../store";
 import { theme } from "../theme";
 import type { Pose } from "../types";
@@ -92,7 +92,7 @@ export function Grid() {
     root.current?.querySelector<HTMLElement>("[aria-selected=true]")?.scrollIntoView({ block: "nearest", inline: "nearest" });
   });
   return (
-    <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : wrong.value ? " behind" : ""}`} role="listbox" aria-label={`${what}s`} tabIndex={-1} onKeyDown={keys}>
+    <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : wrong.value || outdated.value ? " behind" : ""}`} role="listbox" aria-label={`${what}s`} tabIndex={-1} onKeyDown={keys}>
       {now && found
         ? all.map((k) => {
             const phi = label.value === "require" ? found.require?.[k] : found.phi[label.value]?.[k];

@@ -98,7 +98,7 @@ export function Handles({ name }: { name: string }) {
     <section class={`label-box${chosenLabel.value === name ? " chosen" : ""}`} data-label={name}>
       <header>
         <button class="label-name" onClick={() => (chosenLabel.value = name)} title="explain this label" aria-pressed={chosenLabel.value === name}>{name}</button>
-        <span class="rare" title={`how many of all ${what} lie in this range`}>{log !== null ? (log > -1e-3 ? `all ${what}` : oneIn(log, what)) : measuring.value ? "measuring how rare…" : ""}</span>
+        <span class="rare" title={`how many of all ${what} lie in this range`}>{log !== null ? (log === 0 ? `all ${what}` : oneIn(log, what)) : known ? "too rare to tell" : measuring.value ? "measuring how rare…" : ""}</span>
       </header>
       <svg ref={svg} class="handles" viewBox={`0 0 ${WIDE} ${HIGH}`} onPointerDown={down} onPointerMove={(event) => drag.current !== null && set(drag.current, at(event))} onPointerUp={() => (drag.current = null)} onPointerCancel={() => (drag.current = null)}>
         <defs>

@@ -5,7 +5,7 @@ import { Table3d, type Tag } from "../scene/table3d";
 import { marks, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, edited, heat, label, meshes, names, on, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
+import { alone, bases, busy, chooser, edited, finding, heat, label, meshes, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
 import { sample, select, step } from "../store";
 import { Code } from "./Explain";
 import { degrees, signed } from "../words";
@@ -15,13 +15,14 @@ export let table: Table3d | null = null;
 
 export function Stage() {
   return (
-    <section class={`stage${stale.value ? " stale" : wrong.value ? " behind" : ""}`} aria-label="scene">
+    <section class={`stage${stale.value ? " stale" : wrong.value || (outdated.value && scenes.value) ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
       <div class="over"><Phi /><Chosen /></div>
       <Tools />
       <Warnings />
       <Trouble />
       {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these are the scenes from before it</div> : null}
+      {!wrong.value && outdated.value && refusal.value && scenes.value ? <div class="first behind-note">{finding.value ? "no motion in the range was found; these come nearest" : "these are the scenes from before the last change"}</div> : null}
       {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
     </section>
   );
@@ -60,6 +61,7 @@ function Three() {
       }),
       effect(() => made.setPoses(poses.value, bases.value)),
       effect(() => made.choose(thing.value)),
+      effect(() => made.wait(busy.value !== "")),
       effect(() => {
         made.names = names.value;
         made.wake();
@@ -189,10 +191,12 @@ function Trouble() {
   const found = scenes.value;
   const told = refusal.value;
   const working = busy.value === "sample";
+  const some = finding.value;
+  const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these come nearest"}; at most ${Math.ceil(some.left)} s more`;
   return (
     <>
       {working ? <Working /> : null}
-      {preview.value && working ? <div class="first">{found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range"}</div> : null}
+      {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range")}</div> : null}
       {told && !working ? (
         <div class="trouble" role="alert">
           <b>{told.title}</b>{told.code ? <Code code={told.code} /> : null}

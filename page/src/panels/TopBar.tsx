@@ -107,7 +107,7 @@ function FileMenu() {
       {found?.specs.length ? <h2>{boot.folder}</h2> : null}
       {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
       <h2>shipped with scenegen</h2>
-      {found?.shipped.map((one) => <button key={one.name} data-shipped={one.name} onClick={close(() => openText(one.name, one.text))}><span>{one.name}</span><small>{one.title}</small></button>)}
+      {found?.shipped.map((one) => <button key={one.name} data-shipped={one.name} onClick={close(() => void openText(one.name, one.text))}><span>{one.name}</span><small>{one.title}</small></button>)}
     </Menu>
   );
 }

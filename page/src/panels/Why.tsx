@@ -14,6 +14,8 @@ export function Why() {
   const labels = Object.keys(now.trees);
   const shown = labels.includes(label.value) ? label.value : labels[0];
   const one = decides.value;
+  const phi = (one?.required ? report.value?.require : report.value?.phi[label.value])?.[0];
+  const margin = one?.required ? "the margin" : "phi";
   return (
     <div class="why">
       <div class="tabs small" role="tablist" aria-label="formula">
@@ -27,7 +29,7 @@ export function Why() {
         })}
       </div>
       {one ? (
-        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code> decides{one.moment === undefined ? "" : <> <button class="when" onClick={() => { rest(); seek(one.moment!); }}>at {seconds(one.moment)}</button></>}: it alone would have to change for {one.required ? "the margin" : "phi"} to change.</p>
+        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code> decides{one.moment === undefined ? "" : <> <button class="when" onClick={() => { rest(); seek(one.moment!); }}>at {seconds(one.moment)}</button></>}{phi === undefined || phi === one.value ? `: it alone sets ${margin}.` : `, with ${signed(one.value)}, apart from a part that is the same in every scene: that part keeps ${margin} at ${signed(phi)}.`}</p>
       ) : null}
       {now.time ? (
         <div class="segment small" role="group" aria-label="values">

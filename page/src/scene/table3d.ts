@@ -44,6 +44,7 @@ export class Table3d extends Stage3d {
   private slow = 0;
   private framed = "";
   private seen = { width: 1, height: 1 }; // of the view, in pixels of the window
+  private waiting = false; // for scenes: until they are there the last picture stays
   names = false;
   onTags: (tags: Tag[]) => void = () => {};
   frames = 0; // for tests: how many pictures were drawn
@@ -132,6 +133,11 @@ export class Table3d extends Stage3d {
     this.camera.updateProjectionMatrix();
     if (Math.abs(first - width / height) > 0.02) this.reset();
     this.wake();
+  }
+
+  wait(waiting: boolean): void {
+    this.waiting = waiting;
+    if (!waiting) this.wake();
   }
 
   choose(name: string | null): void {
@@ -269,8 +275,11 @@ export class Table3d extends Stage3d {
       this.renderer.shadowMap.needsUpdate = true;
       this.dirty = true;
     } else if (moving) this.schedule();
-    // Until the scenes of a new spec are there, the last picture stays: to draw an empty table would hold them up.
-    if (!this.dirty || !this.objects.children.some((one) => one.visible)) return;
+    if (!this.dirty) return;
+    if (!this.objects.children.some((one) => one.visible)) {
+      this.onTags([]);
+      if (this.waiting || !this.spec) return; // to draw an empty table would hold up the scenes
+    }
     this.dirty = false;
     const began = performance.now();
     if (this.slow > 2 && this.frames % 2) this.renderer.shadowMap.needsUpdate = false; // shadows follow a picture later

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -47,15 +47,17 @@ def motions_of(spec: Spec, poses: object) -> Array:
     return array
 
 
-def drawn(spec: Spec, wanted: Mapping[str, Any], seconds: float) -> MotionSet:
-    """The motions of a request, exactly those that `scenegen sample` makes of it, or fewer with a warning. Raises what
-    `sample_motions` raises."""
+def drawn(
+    spec: Spec, wanted: Mapping[str, Any], seconds: float, watch: Callable[[Array, int], None] | None = None
+) -> MotionSet:
+    """The motions of a request, exactly those that `scenegen sample` makes of it, or fewer with a warning. `watch` is
+    shown what comes near it meanwhile. Raises what `sample_motions` raises."""
     request = SampleRequest(
         {name: Range(*ends) for name, ends in wanted["phi"].items()}, wanted["n"], seed=wanted["seed"],
         method=wanted["method"], spread=wanted["spread"], fix=wanted["fix"] or {}, timeout=seconds, keep_partial=True,
         workers=1,
     )  # fmt: skip
-    return draw_motions(spec, request)
+    return draw_motions(spec, request, watch=watch)
 
 
 def told(spec: Spec, motions: Array) -> dict[str, Any]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import queue
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
+
 import scenegen
 from scenegen.api.glimpse import glimpse
+from scenegen.api.sample import partial
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
+from scenegen.errors.motions import TOO_FEW_MOTIONS
 from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
 from scenegen.view.jobs.calm import SLIGHTLY, calmly, give_way
 from scenegen.view.jobs.evaluate import told
@@ -28,6 +35,7 @@ SPREAD = 32  # and of those over all of a range, at most
 TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
 PATIENCE = 45.0  # of motions: those at a rare phi take longer
 LONGEST = 55.0
+BEAT = 0.4  # seconds between two looks at motions that are being found
 QUICK = 5.0  # seconds that the first look may take
 
 
@@ -36,7 +44,7 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     spec = spec_of(message)
     wanted = request_of(message, spec)
     if spec.over_time is not None:
-        yield _motions(spec, wanted, message)
+        yield from _motions(spec, wanted, message)
         return
     named = message.get("model") if wanted["method"] == "model" else None
     source = _model_of(str(named), spec) if named else None
@@ -52,13 +60,45 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
 
 
-def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, Any]:
-    """Motions (n, T + 1, N, 3), phi by label, and how they were made."""
+def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, until they are there, now and then a
+    `look`: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
     from scenegen.view.jobs import motions
 
     began = time.perf_counter()
-    found = motions.drawn(spec, wanted, min(float(message.get("timeout") or PATIENCE), LONGEST))
-    return {**motions_data(spec, found), "notes": [], "took": time.perf_counter() - began}
+    seconds = min(float(message.get("timeout") or PATIENCE), LONGEST)
+    news: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+    in_range = np.empty((0,))  # motions
+    last = -BEAT  # when something was shown
+
+    def watch(nearest: npt.NDArray[np.float64], hits: int) -> None:
+        nonlocal in_range, last
+        now = time.perf_counter() - began
+        if len(in_range) == wanted["n"] or now - last < BEAT:
+            return
+        in_range, last = nearest[:hits], now
+        look = {**motions.told(spec, nearest), "motions": nearest.tolist(), "sampler": {}, "warnings": [], "notes": []}
+        news.put({"look": {**look, "took": 0.0}, "hits": hits, "left": max(0.0, seconds - now)})
+
+    def draw() -> MotionSet:
+        try:
+            return motions.drawn(spec, wanted, seconds, watch if message.get("watch") else None)
+        finally:
+            news.put(None)
+
+    with ThreadPoolExecutor(1) as pool:  # so that what it finds is told while it works
+        under_way = pool.submit(draw)
+        while (some := news.get()) is not None:
+            yield some
+        try:
+            data = motions_data(spec, under_way.result())
+        except RequestError:
+            if not len(in_range):
+                raise
+            few = partial(TOO_FEW_MOTIONS(found=len(in_range), wanted=wanted["n"], reason="time is up"))
+            warnings = [{"code": few.code, "title": f"{few.title}; these are the first that were found, in no order"}]
+            data = {**motions.told(spec, in_range), "motions": in_range.tolist(), "sampler": {}, "warnings": warnings}
+    yield {**data, "notes": [], "took": time.perf_counter() - began}
 
 
 def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:

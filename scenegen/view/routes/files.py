@@ -40,6 +40,24 @@ def file_route(shared: Shared) -> Route:
     return Route("/api/file", file, methods=["GET", "PUT"])
 
 
+def draft_route(shared: Shared) -> Route:
+    folder = shared.opened.folder
+
+    async def draft(request: Request) -> Response:
+        if request.method == "GET":
+            return JSONResponse(await run_in_threadpool(folder.draft, request.query_params.get("name", "")))
+        body = await json_body(request)
+        name, text, was = body.get("name"), body.get("text"), body.get("was")
+        if not isinstance(name, str) or not isinstance(text, str | None) or not isinstance(was, str | None):
+            raise Refused(400, "a draft is kept with its name, its text and the hash of what was there")
+        if not _whole(name + (text or "")):
+            raise Refused(400, "the text holds half of a character")
+        await run_in_threadpool(folder.keep_draft, name, text, was)
+        return JSONResponse({})
+
+    return Route("/api/draft", draft, methods=["GET", "PUT"])
+
+
 def _whole(text: str) -> bool:
     try:
         text.encode()

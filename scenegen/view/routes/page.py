@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 from starlette.routing import Route
@@ -12,6 +13,8 @@ from scenegen.view.shared import Shared
 
 def route(shared: Shared) -> Route:
     async def page(request: Request) -> Response:
-        return HTMLResponse(html(shared.opened.data()), headers={"cache-control": "no-store"})
+        opened = shared.opened
+        draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name)
+        return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
 
     return Route("/", page, methods=["GET"])

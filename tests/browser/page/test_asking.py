@@ -6,6 +6,8 @@ import json
 
 import pytest
 
+import scenegen
+
 from .conftest import download
 
 pytestmark = pytest.mark.browser
@@ -123,3 +125,29 @@ def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(s
     one.write("object mug, plate\ntask: leftOf(mug, plate)\n")
     one.until("!$.wrong && $.result && $.poses.length === 2")
     assert not one.page.query_selector(".behind-note")
+
+
+def test_rare_specs_say_how_rare_they_are(serve, tab, tmp_path):
+    """`range` cannot tell how rare some phi are that lie between others of which it can."""
+    apart = "closeTo(block[i], block[i + 1], 9 cm) & abs(y(block[i]) - y(block[i + 1])) <= 1 cm"
+    text = "object block[7] = box(5 cm, 5 cm, 5 cm)\nrequire noOverlap()\n"
+    text += f"row: forall i in 1..6: leftOf(block[i], block[i + 1]) & {apart}\n"
+    (tmp_path / "row.spec").write_text(text)
+    (found,) = scenegen.rarity(scenegen.parse(text)).labels
+    assert None in [level.above for level in found.curve[1:-1]]
+    (exact,) = [level.above.log10 for level in found.curve if level.phi == 0.0]
+    one = tab(serve("row.spec").link)
+    one.until("$.rarity.row")
+    assert one.page.inner_text(".label-box .rare") == f"1 in 10^{-exact:.0f}"
+    heights = one.page.evaluate(
+        "document.querySelector('.handles .curve').getAttribute('d').slice(1).split('L').map((one) => +one.split(' ')[1])"
+    )
+    top = heights.index(min(heights))
+    assert heights[top:-1] == sorted(heights[top:-1])  # no gap: ever rarer to the right of the most frequent phi
+    one.page.fill("input[aria-label='from, row']", "-0.02")  # between two of which nothing is known
+    one.page.keyboard.press("Enter")
+    one.until("$.request.phi.row[0] === -0.02")
+    assert one.page.inner_text(".label-box .rare").startswith("1 in 10^")
+    one.page.click(".chip:has-text('just solved')")
+    one.until("$.request.phi.row[1] !== null")
+    assert one.page.inner_text(".label-box .rare").startswith("1 in 10^")

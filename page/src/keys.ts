@@ -3,6 +3,7 @@ import { editor } from "./editor/editor";
 import { closeReader } from "./panels/Reader";
 import { closeCode, explained, reading } from "./reader";
 import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
+import { welcome } from "./panels/Welcome";
 import { table } from "./panels/Stage";
 import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
@@ -37,6 +38,7 @@ export const KEYS: [string, string][] = [
   ["l m", "names, heat map"],
   ["1 2 3 4", "request, why, where, motion"],
   ["o", "open a spec"],
+  ["y", "examples with pictures"],
   ["k", "download: files, command, link"],
   ["t", "light or dark"],
 ];
@@ -95,6 +97,7 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   "3": () => void ((tab.value = "where"), (pane.value = "panel")),
   "4": () => void ((tab.value = "motion"), (pane.value = "panel")),
   o: () => void (alone || openMenu("file")),
+  y: () => void (welcome.value = !alone),
   k: () => openMenu("take"),
   t: () => toggleTheme(),
   "?": () => void (help.value = !help.value),

@@ -14,6 +14,7 @@ import { Stage } from "./panels/Stage";
 import { Timeline } from "./panels/Timeline";
 import { TopBar } from "./panels/TopBar";
 import { Where } from "./panels/Where";
+import { Offers, Tour, Welcome, welcome } from "./panels/Welcome";
 import { Why } from "./panels/Why";
 import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
@@ -89,6 +90,7 @@ function Help() {
         <header><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
         <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S), /).map((way, w) => [w ? <span key={`or ${w}`}>or</span> : null, ...way.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={`${w} ${k}`}>{one}</kbd>)])}</dt><dd>{what}</dd></div>)}</dl>
         <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click holds it. phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is at least 0, and the lower, the harder.</p>
+        {alone ? null : <Offers />}
       </div>
     </div>
   );
@@ -112,6 +114,8 @@ function Page() {
       </nav>
       <Explain />
       {help.value ? <Help /> : null}
+      {welcome.value ? <Welcome /> : null}
+      <Tour />
     </div>
   );
 }
@@ -140,6 +144,7 @@ function begin(): void {
     const { phi, n, spread, counts } = boot.request as Request;
     request.value = { ...request.value, phi: phi ?? {}, n: Math.min(n ?? 16, 400), spread: spread ?? "flat", counts };
   }
+  welcome.value = !!boot.welcome && !comeBack && !linked && !boot.draft?.text;
   (window as any).scenegen.link = link; // for tests, as what store.ts puts there
   render(<Page />, document.getElementById("app")!);
   listen();

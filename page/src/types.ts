@@ -171,6 +171,7 @@ export interface Boot {
   parts: { counts: Record<string, number>; scenes: Result }[]; // of a file: its scenes of other numbers of things
   request: Partial<Request>;
   draft?: Draft | null; // of what is opened: what was written in it and not saved
+  welcome: boolean; // nothing was named: the examples are the first screen
   missing: Record<string, string>; // formats that need an extra: what installs it
   // only in a page without a server
   alone?: {

@@ -27,7 +27,8 @@ STARTER = "first"  # the shipped spec that is shown where nothing was named
 class Opened:
     """The folder that the page may read and write, and what it shows first. `path` is the spec's in the folder, None
     where it is not saved there; `scenes` are as the job `sample` sends them. `parts` are all scenes of a file by the
-    numbers of things in them: of a spec that draws those, `scenes` are the last part."""
+    numbers of things in them: of a spec that draws those, `scenes` are the last part. With `welcome` the page begins
+    with the examples: nothing was named."""
 
     folder: Folder
     text: str
@@ -38,6 +39,7 @@ class Opened:
     scenes: dict[str, Any] | None = None
     parts: tuple[dict[str, Any], ...] = ()
     request: dict[str, Any] = field(default_factory=dict)
+    welcome: bool = False
 
     def data(self) -> dict[str, Any]:
         """What the page gets at first; `missing` are formats with what installs them."""
@@ -51,6 +53,7 @@ class Opened:
             "scenes": self.scenes,
             "parts": list(self.parts[:-1]),
             "request": self.request,
+            "welcome": self.welcome,
             "missing": {} if found("pxr") else {"usd": INSTALL["pxr"]},
         }
 
@@ -61,7 +64,7 @@ def open_(what: Path | None) -> Opened:
         return _model(what)
     if what is None or what.is_dir():
         folder = Folder((what or Path.cwd()).resolve())
-        return Opened(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER)
+        return Opened(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER, welcome=True)
     ending = what.suffix.lower()
     if ending == ".safetensors":
         return _model(what)

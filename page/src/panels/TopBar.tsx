@@ -8,6 +8,7 @@ import { connected } from "../server";
 import { link } from "../share";
 import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved, wrong } from "../state";
 import { theme, toggleTheme } from "../theme";
+import { welcome } from "./Welcome";
 
 export const menu = signal<"" | "file" | "take" | "save">("");
 const listing = signal<Listing | null>(null);
@@ -104,6 +105,7 @@ function FileMenu() {
   return (
     <Menu name="specs">
       <button onClick={() => openMenu("save")}>Save as… <kbd>Ctrl S</kbd></button>
+      <button onClick={close(() => (welcome.value = true))}>Examples with pictures… <kbd>y</kbd></button>
       {found?.specs.length ? <h2>{boot.folder}</h2> : null}
       {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
       <h2>shipped with scenegen</h2>

@@ -108,6 +108,7 @@ def test_what_is_written_in_a_tab_of_a_link_survives_a_reload(served, tab):
 
 def test_another_file_begins_without_the_request_of_the_one_before(serve, tab, tmp_path):
     one = tab(serve().link)
+    one.page.keyboard.press("Escape")  # the examples
     one.ready()
     one.page.fill("input[aria-label^='from, ']", "0.6")
     one.page.keyboard.press("Enter")
@@ -165,6 +166,7 @@ def test_text_that_is_not_saved_is_asked_about_and_kept(serve, tab, tmp_path):
 
 def test_what_is_written_in_an_example_is_kept_too(serve, tab):
     one = tab(serve().link)
+    one.page.keyboard.press("Escape")  # the examples
     one.ready()
     write_more(one, "# mine")
     one.page.click("button.file-name")
@@ -173,6 +175,7 @@ def test_what_is_written_in_an_example_is_kept_too(serve, tab):
     write_more(one, "# chess")
     one.page.wait_for_timeout(600)
     two = tab(serve().link)
+    two.page.keyboard.press("Escape")
     two.ready()
     assert content(two).endswith("# mine")
     two.page.click("button.file-name")

@@ -336,3 +336,20 @@ def test_what_is_the_same_in_every_scene_does_not_explain_it(tmp_path, name, lab
     assert one["text"].startswith("dist(") and one["value"] > 0.001 and one["marks"]
     told = as_json(spec, scenes, explain=True)["scenes"]
     assert all("0 <= 0.001" not in row["decided_by"].values() for row in told)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"phi": {"task": {}}},
+        {"phi": {"task": []}},
+        {"phi": {"task": [{}, 1]}},
+        {"fix": {"mug": 1}},
+        {"n": "x"},
+        {"phi": 1},
+    ],
+)
+@pytest.mark.parametrize("job", ["sample", "first", "spread"])
+def test_what_is_no_request_is_refused_in_words(job, request_, tmp_path):
+    with pytest.raises(RequestError, match="no request for scenes"):
+        do(job, tmp_path, request=request_)

@@ -161,7 +161,7 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
         n, seed = int(wanted.get("n", 16)), int(wanted.get("seed", 0))
         phi = {str(name): (_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
         fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
-    except (TypeError, ValueError, IndexError, AttributeError, OverflowError):
+    except (TypeError, ValueError, LookupError, AttributeError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
     if spec.over_time is not None:
         from scenegen.view.jobs.timed import check_size

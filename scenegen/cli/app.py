@@ -1,7 +1,8 @@
 """The `scenegen` program: its commands, and its handling of all errors.
 
 Exit status 0 done; 1 the spec, the data or the request is at fault; 2 an unknown option or a missing argument; 130
-after an interrupt. Data goes to standard output or --out, everything else to standard error.
+after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP. Data goes to standard output or --out, everything else to standard
+error.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
+from scenegen.processes.interrupt import exit_status
 
 # click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -175,8 +177,9 @@ def run(words: list[str]) -> int:
         return _usage(error)
     except (_Interrupted, KeyboardInterrupt, typer.Abort) as error:
         said = error.args[0] if error.args else INTERRUPTED()
-        print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
-        return 130
+        with contextlib.suppress(OSError):  # the terminal is gone
+            print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
+        return exit_status(error)
     except (_NobodyReads, BrokenPipeError):
         # `scenegen check x.spec | head -1`: the reader of the data needs no more. This is not a failure (nor is it for
         # ripgrep); with `set -o pipefail`, 1 (or 141, the status after SIGPIPE) would make it one. If the reader of the

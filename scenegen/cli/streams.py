@@ -1,9 +1,10 @@
-"""Setup of standard streams and signals: no stream is missing, every character can be written, and SIGTERM ends a
-command as cleanly as Ctrl-C."""
+"""Setup of standard streams and signals: no stream is missing, every character can be written, and SIGTERM and
+SIGHUP end a command as cleanly as Ctrl-C."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import select
@@ -15,6 +16,7 @@ from typing import TextIO
 
 from scenegen.errors import OutputError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
+from scenegen.processes.interrupt import ENDING, Terminated
 
 
 def prepare() -> None:
@@ -28,11 +30,18 @@ def prepare() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
+        begun: list[int] = []
+        for number in ENDING:
+            if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` leaves SIGHUP
+                signal.signal(number, functools.partial(_terminate, begun))
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt("terminated")
+def _terminate(begun: list[int], number: int, frame: FrameType | None) -> None:
+    """The first of these signals ends the program. Further ones, as terminals send them, do not disturb its cleaning
+    up."""
+    begun.append(number)
+    if len(begun) == 1:
+        raise Terminated(number)
 
 
 def write_data(data: bytes) -> None:

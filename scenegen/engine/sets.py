@@ -61,9 +61,9 @@ def write_set(
     complete already.
 
     `manifest` is that of the set before its first shard. If `spent`, called after each piece, returns True, the run
-    ends early: the manifest then says where it stands, or with `keep_partial` that the set is complete as it is. SIGINT
-    and SIGTERM end it after the current piece; KeyboardInterrupt then says how to go on. Raises what `begin` and the
-    engine raise.
+    ends early: the manifest then says where it stands, or with `keep_partial` that the set is complete as it is. A
+    signal that asks to stop ends it after the current piece; KeyboardInterrupt then says how to go on. Raises what
+    `begin` and the engine raise.
     """
     found = begin(store, manifest, resume=resume)
     run = _Run(store, plan, engine, found, writing, block)
@@ -82,9 +82,9 @@ def write_set(
             run.take(drawn)
             if progress is not None:
                 progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
-            if stop.asked:
+            if stop.asked is not None:
                 run.publish(wait=True)
-                raise KeyboardInterrupt(INTERRUPTED(folder=store.location, scenes=run.manifest.scenes))
+                raise KeyboardInterrupt(INTERRUPTED(folder=store.location, scenes=run.manifest.scenes)) from stop.asked
             if spent():
                 break
     tally = standing.tally()

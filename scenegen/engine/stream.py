@@ -150,8 +150,8 @@ def stream_scenes(
     at any moment, the same call with `resume` continues from the last checkpoint and ends with the same bytes as an
     uninterrupted run; without `resume`, an existing folder is refused. With `resume` and no
     folder, the run starts from the beginning. The bytes do not depend on `workers`, nor on when the run was
-    interrupted. SIGINT and SIGTERM end the run after the current piece, with a checkpoint; KeyboardInterrupt then says
-    how to resume. A second signal ends it at once.
+    interrupted. SIGINT, SIGTERM and SIGHUP end the run after the current piece, with a checkpoint; KeyboardInterrupt
+    then says how to resume. A second signal ends it at once.
 
     `labels` are the spec's. `header` makes the scene file without scenes from the final tally; it is tried with an
     empty tally before the work begins. `request` is JSON that, with the plan, determines the scenes: put the spec's
@@ -201,8 +201,8 @@ def stream_scenes(
                     if progress is not None:
                         progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
                     run.checkpoint(checkpoint)
-                    if stop.asked:
-                        raise KeyboardInterrupt
+                    if stop.asked is not None:
+                        raise stop.asked
                     if spent():
                         break
         except BaseException as error:

@@ -1,12 +1,15 @@
-"""The open documents of one client, each with a worker process of its own.
+"""The open documents of one client, and the few worker processes that they share.
 
-A document that takes long to check does not slow down another one or the event loop, and an obsolete check is ended
-with its process. All methods run in the thread of the event loop.
+A document that takes long to check does not slow down the event loop, and an obsolete check is ended with its process.
+A process has one document at a time, and keeps it until another one needs the process. Where all are at work, the
+document that was edited or asked about last comes first; what was used before it gives way. All methods run in the
+thread of the event loop.
 """
 
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import logging
 import re
@@ -24,7 +27,7 @@ from scenegen.lsp.process import Gone, Process
 PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
 # seconds for which work on an old text may continue, or twice the last check's: a new process also costs time
 GRACE = 1.0
-MOST = 8  # worker processes; if there are more, the least recently used ones are ended
+MOST = 4  # worker processes
 LOG = logging.getLogger("scenegen.lsp")
 
 NOTHING = b"null"
@@ -50,8 +53,9 @@ class Opened:
     process: Process | None = None
     pending: set[asyncio.Future[bytes]] = field(default_factory=set)  # answers about this revision
     check: asyncio.Task[None] | None = None
+    began: float = 0.0  # when a process was last given a question about it
     took: float = 0.0  # seconds of the last check
-    used: int = 0
+    used: int = 0  # the higher, the later it was edited or asked about
 
 
 class Desk:
@@ -62,18 +66,22 @@ class Desk:
         self._publish = publish
         self._root = root
         self._open: dict[str, Opened] = {}
-        self._clock = 0
+        self._clock = itertools.count(1)
+        self._processes: dict[Process, Opened] = {}  # with the document that each has
+        self._waiting: dict[asyncio.Future[None], Opened] = {}  # for a process
 
     # ---- notifications
 
     def opened(self, uri: str, text: str, version: int | None) -> None:
         """A text was opened, or has changed: what was under way for the old one is cancelled, the new one checked."""
         one = self._open.get(uri)
+        known = one is not None
         if one is None:
             one = self._open[uri] = Opened(uri, _path(uri), text, version)
-        one.text, one.version = text, version
+        one.text, one.version, one.used = text, version, next(self._clock)
         self._revise(one)
-        self._revise_importers(one)
+        if known or not _is_saved(one):
+            self._revise_importers(one)
 
     def saved(self, uri: str) -> None:
         """Files that no editor has open may have changed as well."""
@@ -85,16 +93,15 @@ class Desk:
         if one is None:
             return
         self._cancel(one)
-        if one.process is not None:
+        if one.process is not None and one.process.under_way:
             one.process.end()
         self._publish(uri, None, b"[]")
         self._revise_importers(one)
 
     def close(self) -> None:
         """End every process."""
-        for one in self._open.values():
-            if one.process is not None:
-                one.process.end()
+        for process in list(self._processes):
+            process.end()
 
     # ---- requests
 
@@ -104,8 +111,11 @@ class Desk:
         Raises JsonRpcException: the text has changed meanwhile, the request is refused, or its process died.
         """
         one = self._open.get(uri)
+        if one is None:
+            return NOTHING
+        one.used = next(self._clock)
         try:
-            return NOTHING if one is None else await self._ask(one, question)
+            return await self._ask(one, question)
         except Refusal as reason:
             raise RequestFailed(str(reason)) from None
         except Gone as how:
@@ -113,7 +123,8 @@ class Desk:
 
     async def _ask(self, one: Opened, question: Question) -> bytes:
         while True:
-            process = self._process(one)
+            process = await self._process(one)
+            one.began = asyncio.get_running_loop().time()
             future = process.ask(question)
             one.pending.add(future)
             try:
@@ -125,29 +136,57 @@ class Desk:
             finally:
                 one.pending.discard(future)
 
-    def _process(self, one: Opened) -> Process:
-        """The process of a document, which has its newest text."""
-        self._clock += 1
-        one.used = self._clock
-        if one.process is None or one.process.ended:
-            self._make_way()
-            one.process = Process()
-        if one.process.revision != one.revision:
+    async def _process(self, one: Opened) -> Process:
+        """The process of a document, which has its newest text; waits for one."""
+        while (process := self._free(one)) is None:
+            turn = asyncio.get_running_loop().create_future()
+            self._waiting[turn] = one
+            try:
+                await asyncio.wait_for(turn, GRACE)
+            except TimeoutError:
+                self._make_way(one)
+            finally:
+                del self._waiting[turn]
+        if process.revision != one.revision:
             imports = _IMPORT.search(one.text) is not None
             texts = {str(other.path): other.text for other in self._open.values() if other.path is not None}
             message = {"text": one.text, "revision": one.revision, "uri": one.uri, "encoding": self.encoding}
             message |= {"path": _written(one.path), "root": _written(self._root), "open": texts if imports else {}}
-            one.process.tell(message)
+            process.tell(message)
+        return process
+
+    def _free(self, one: Opened) -> Process | None:
+        """The process that a document has, else the one that was idle for longest, or a new one."""
+        if one.process is not None and not one.process.ended:
+            return one.process
+        idle = [process for process in self._processes if not process.under_way]
+        if idle and len(self._processes) >= MOST:
+            one.process = min(idle, key=lambda process: self._processes[process].used)
+            self._processes[one.process].process = None
+            one.process.revision = -1
+        elif len(self._processes) < MOST:
+            one.process = Process(self._turn)
+        else:
+            return None
+        self._processes[one.process] = one
         return one.process
 
-    def _make_way(self) -> None:
-        running = [one for one in self._open.values() if one.process is not None]
-        idle = [one for one in running if one.process is not None and not one.process.under_way]
-        if len(running) >= MOST and idle:
-            oldest = min(idle, key=lambda one: one.used)
-            if oldest.process is not None:
-                oldest.process.end()
-            oldest.process = None
+    def _turn(self, process: Process) -> None:
+        """A process has nothing more to do, or has ended: whoever comes first gets it, or a new one."""
+        if process.ended:
+            self._processes.pop(process, None)
+        turns = [turn for turn in self._waiting if not turn.done()]
+        if turns:
+            max(turns, key=lambda turn: self._waiting[turn].used).set_result(None)
+
+    def _make_way(self, one: Opened) -> None:
+        """End the process of the document that was used longest ago, if that is longer ago than for the first of those
+        that wait. It is asked again when its turn comes."""
+        first = max(waiting.used for waiting in self._waiting.values())
+        for process, other in sorted(self._processes.items(), key=lambda held: held[1].used)[:1]:
+            if other.used < one.used == first:
+                other.process = None
+                process.end()
 
     # ---- changes
 
@@ -181,13 +220,12 @@ class Desk:
     async def _check(self, one: Opened) -> None:
         """Send the diagnostics of a text, unless it changes soon: the longer a check takes, the later it begins."""
         await asyncio.sleep(min(max(PAUSE, one.took / 2.0), LONGEST_PAUSE))
-        began = asyncio.get_running_loop().time()
         try:
             found = await self._ask(one, Question("diagnostics"))
         except Gone as how:
             LOG.error("the process that analyses %s %s", one.uri, how)
             found = json.dumps(failure(f"the process that analyses this document {how}")).encode()
-        one.took = asyncio.get_running_loop().time() - began
+        one.took = asyncio.get_running_loop().time() - one.began
         self._publish(one.uri, one.version, found)
 
 
@@ -198,6 +236,14 @@ def _path(uri: str) -> Path | None:
         return Path(found).resolve() if found else None
     except (OSError, RuntimeError, ValueError):  # a NUL, a circle of links, half of a character
         return None
+
+
+def _is_saved(one: Opened) -> bool:
+    """Whether the text is that of its file, as when an editor opens it."""
+    try:
+        return one.path is not None and one.path.read_text(encoding="utf-8") == one.text
+    except (OSError, ValueError):
+        return False
 
 
 def _written(path: Path | None) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+from collections.abc import Callable
 from typing import Any
 
 from scenegen.lsp.answers import Question, Refusal
@@ -18,9 +19,11 @@ class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not
 
 
 class Process:
-    """A worker process. It must be made, used and ended in the thread of the event loop."""
+    """A worker process. It must be made, used and ended in the thread of the event loop. `idle` is called when it has
+    answered all questions, and when it has ended."""
 
-    def __init__(self) -> None:
+    def __init__(self, idle: Callable[[Process], None]) -> None:
+        self._idle = idle
         self.revision = -1  # of the text that it has
         self.ended = False
         self.under_way: dict[int, asyncio.Future[bytes]] = {}  # questions that it has not answered, the oldest first
@@ -67,9 +70,9 @@ class Process:
                 limit=LONGEST,
                 env=environment(),
             )
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # no more processes, files or threads
             self.ended = True
-            self._abandon(f"cannot start: {error.strerror}")
+            self._abandon(f"cannot start: {getattr(error, 'strerror', None) or error}")
             return
         assert process.stdin is not None and process.stdout is not None
         self._process = process
@@ -85,6 +88,8 @@ class Process:
     def _hear(self, line: bytes) -> None:
         number, kind, told = line.rstrip(b"\n").split(b" ", 2)
         future = self.under_way.pop(int(number))
+        if not self.under_way:
+            self._idle(self)
         if future.done():  # cancelled by the client, or the text has changed
             return
         if kind == b"refused":
@@ -97,3 +102,4 @@ class Process:
         self.under_way.clear()
         for future in waiting:
             future.set_exception(Gone(how))
+        self._idle(self)

@@ -21,6 +21,7 @@ from scenegen.lsp.answers import Question
 from scenegen.lsp.desk import Desk
 from scenegen.lsp.rpc import Protocol
 from scenegen.lsp.stream import Fault, frames
+from scenegen.processes.interrupt import exit_status
 
 LOG = logging.getLogger("scenegen.lsp")
 
@@ -155,5 +156,5 @@ def serve(root: Path | None = None) -> int:
     stream = os.fdopen(os.dup(0), "rb")
     try:
         return asyncio.run(Server(root).converse(stream, out))
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as error:
+        return exit_status(error)

@@ -11,7 +11,6 @@ import contextlib
 import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from typing import IO, Any
 
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
+from scenegen.processes.interrupt import ENDING
 from scenegen.processes.memory import VARIABLES
 from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, LOADED, READY, SIZE, widen
 
@@ -39,7 +39,7 @@ def command(module: str, load: Sequence[str] = ()) -> list[str]:
     unless this process has it on its own path. A signal to the whole group, as Ctrl-C or the end of a terminal sends
     it, is for the parent, which ends its workers.
     """
-    ignored = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    ignored = [one.name for one in ENDING]
     program = (
         "import importlib, signal, sys;"
         f" [signal.signal(getattr(signal, name), signal.SIG_IGN) for name in {ignored!r}];"

@@ -49,9 +49,9 @@ def train(
 
     `resume` goes on from that state; on one CPU the result is then bit-equal to that of a run without a break, wherever
     the break was. With more epochs than planned at first that holds for recipes with a constant rate alone (`paper`):
-    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C and SIGTERM the
-    step under way is finished, the exact state (weights, moments, noise generator, place in the epoch) is saved and
-    Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
+    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C,
+    SIGTERM and SIGHUP the step under way is finished, the exact state (weights, moments, noise generator, place in the
+    epoch) is saved and Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
 
     `on_step` is called after each step with how many are done and planned; `log_dir` gets TensorBoard event files.
     Neither they nor validation change the model by a bit, but for `config.patience`. `on_gather` is called, while the
@@ -129,9 +129,9 @@ def _run(
             began = time.perf_counter()
             rate = session.rate
             for batch in session.batches():
-                if stop.asked:
+                if stop.asked is not None:
                     session.save(out)
-                    raise Interrupted(session.epoch, epochs, out)
+                    raise Interrupted(session.epoch, epochs, out) from stop.asked
                 if time.monotonic() >= until:
                     session.save(out)
                     return False
@@ -157,8 +157,8 @@ def _run(
             if not session.done and session.save_is_due():
                 session.save(out)
         session.save(out)
-        if stop.asked:
-            raise Interrupted(session.epoch, epochs, out)
+        if stop.asked is not None:
+            raise Interrupted(session.epoch, epochs, out) from stop.asked
     return True
 
 

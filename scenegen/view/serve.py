@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
+import signal
 import socket
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import uvicorn
@@ -13,6 +16,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scenegen.errors import RequestError
 from scenegen.errors.page import CANNOT_LISTEN
+from scenegen.processes.interrupt import ENDING, exit_status
 from scenegen.view.app import make_app
 from scenegen.view.limits import HEADER_SECONDS, IDLE_SECONDS, MAX_CONNECTIONS, MAX_MESSAGE
 from scenegen.view.opened import Opened
@@ -96,8 +100,8 @@ def serve(opened: Opened, host: str, port: int | None, told: Callable[[str], Non
     server = _Server(config, lambda: told(link))
     try:
         server.run(sockets=[listener])
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as error:
+        return exit_status(error)
     finally:
         listener.close()
     return 0 if server.began else 1
@@ -108,6 +112,21 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._ready = ready
         self.began = False
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """SIGHUP ends the server, too, as the others do: they are raised again when it has ended."""
+        with super().capture_signals():
+            number = ENDING[-1]
+            before = signal.getsignal(number)
+            if threading.current_thread() is not threading.main_thread() or before is signal.SIG_IGN:
+                yield
+                return
+            signal.signal(number, self.handle_exit)
+            try:
+                yield
+            finally:
+                signal.signal(number, before)  # uvicorn raises it again
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

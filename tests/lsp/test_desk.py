@@ -11,13 +11,15 @@ from scenegen.lsp import desk as desks
 from scenegen.lsp import worker as workers
 from scenegen.lsp.answers import Question, answer
 from scenegen.lsp.once import once
+from scenegen.lsp.process import Gone
 
 
 class Still:
     """A process that answers at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, idle) -> None:
         self.revision, self.ended, self.under_way, self.told = -1, False, {}, []
+        self.idle = idle
 
     def tell(self, message):
         self.revision = message["revision"]
@@ -30,6 +32,27 @@ class Still:
 
     def end(self):
         self.ended = True
+        for future in self.under_way.values():
+            future.set_exception(Gone("ended"))
+        self.under_way.clear()
+        self.idle(self)
+
+
+class Busy(Still):
+    """A process that answers when it is told to."""
+
+    def ask(self, question):
+        future = asyncio.get_running_loop().create_future()
+        self.under_way[len(self.under_way)] = future
+        return future
+
+    def answer(self):
+        waiting = list(self.under_way.values())
+        self.under_way.clear()
+        self.idle(self)
+        for future in waiting:
+            if not future.done():
+                future.set_result(b"[]")
 
 
 @pytest.fixture
@@ -50,11 +73,35 @@ def test_only_so_many_processes_run(desk):
             await asyncio.sleep(0.001)
         first = desk._open["untitled:0"]
         assert first.process is None and sum(one.process is not None for one in desk._open.values()) == desks.MOST
+        assert len(desk._processes) == desks.MOST
         assert await desk.ask("untitled:0", Question("hover")) == b"[]"
         assert first.process is not None and desk._open["untitled:3"].process is None
 
     asyncio.run(session())
     assert len(desk.said) == desks.MOST + 3
+
+
+def test_the_last_edited_comes_first_where_all_processes_are_at_work(desk, monkeypatch):
+    monkeypatch.setattr(desks, "Process", Busy)
+    monkeypatch.setattr(desks, "GRACE", 0.02)
+    checked = []
+    desk._publish = lambda uri, version, found: checked.append(int(uri.rpartition(":")[2]))
+
+    async def session():
+        count = 3 * desks.MOST
+        for number in range(count):
+            desk.opened(f"untitled:{number}", "leftOf(a, b)", 1)
+        deadline = asyncio.get_running_loop().time() + 20.0
+        while len(checked) < count and asyncio.get_running_loop().time() < deadline:
+            await asyncio.sleep(0.5)  # enough for those that came later to end what is older
+            assert len(desk._processes) <= desks.MOST
+            for process in list(desk._processes):
+                process.answer()
+        assert sorted(checked) == list(range(count))
+        # the newest ones ended the oldest ones, and were checked first
+        assert set(checked[: desks.MOST]) == set(range(count - desks.MOST, count))
+
+    asyncio.run(session())
 
 
 def test_one_text_a_version_and_importers_learn_of_changes(desk, tmp_path):

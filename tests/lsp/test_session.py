@@ -1,6 +1,12 @@
 """The server as editors meet it: a process, spoken to over its pipes."""
 
+from pathlib import Path
+
 import pytest
+
+pytest.importorskip("pygls")
+
+from scenegen.lsp.desk import MOST
 
 TABLE = """# the furniture
 const NEAR = 25 cm
@@ -154,3 +160,21 @@ def test_a_failure_of_a_feature_is_logged_and_no_more(caplog, monkeypatch):
     (said,) = answers.answer(page, answers.Question("diagnostics"))
     assert said["message"] == "scenegen itself failed: ZeroDivisionError: this text"
     assert said["code"] == "internal-error" and said["data"] == {"facts": {"error": "ZeroDivisionError: this text"}}
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="counts processes as Linux lists them")
+def test_many_documents_share_a_few_processes(client):
+    editor = client()
+    editor.initialize()
+    for number in range(60):
+        editor.open(
+            f"untitled:{number}.spec",
+            f"object mug, plate\ntask: leftOf(mug, plate) & dist(mug, plate) >= {number} cm\n",
+        )
+    assert editor.at("hover", "untitled:59.spec", 1, 8)
+    assert editor.diagnostics("untitled:0.spec", 1) == []
+    pid = editor.process.pid
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    assert 1 <= len(children) <= MOST
+    assert editor.close() == 0

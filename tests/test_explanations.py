@@ -12,7 +12,7 @@ import pytest
 
 import scenegen
 from scenegen import curriculum
-from scenegen.api.feasibility import doubts
+from scenegen.api.feasibility import doubts, idle
 from scenegen.curriculum.strategies import strategy
 from scenegen.errors import Kind, ScenegenError
 from scenegen.errors.catalog import GROUPS, catalog
@@ -45,7 +45,7 @@ def codes_of_spec(text):
     except ScenegenError as error:
         return [one.code for one in error.diagnostics]
     found = [one.problem for one in doubts(spec.declared) if one.problem is not None] if spec.horizon is None else []
-    return [one.code for one in (*spec.warnings, *found)]
+    return [one.code for one in (*spec.warnings, *found, *idle(spec.declared))]
 
 
 def codes_of_shell(lines, run, capfd):

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds import spec_bounds
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.bounds import node_bounds, spec_bounds
+from scenegen.errors import Diagnostic, RequestError, Span
 from scenegen.errors.declarations import (
+    ALWAYS_SATISFIED,
     CANNOT_BE_SATISFIED,
     HARDLY_SATISFIED,
     REQUIREMENT_CANNOT_BE_MET,
     REQUIREMENT_HARDLY_MET,
 )
 from scenegen.errors.models import NOTHING_TO_LEARN
-from scenegen.lang.core import REQUIRE, Core, gated, part
+from scenegen.errors.requests import TABLE_TOO_FULL
+from scenegen.lang.core import REQUIRE, Atom, Core, children, gated, part
 from scenegen.lang.counts import combinations, written
 from scenegen.lang.interpret import phi
 from scenegen.lang.spec import CheckedSpec
@@ -27,9 +30,14 @@ Array = npt.NDArray[np.float64]
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
+SMALL = 12_000  # nodes of a core up to which areas are looked at: tenths of a second
+LARGE = 200_000  # nodes of a core from which on nothing is said of parts that decide nothing
 WORK = 2000  # visits of nodes that one label's search for clashes may take: about half a second
 TOTAL = 2 * WORK  # that all labels together may take
 MOST = 24  # labels that are searched for clashes; of more, bounds alone decide
+
+_NUMBER = re.compile(r"(?<![\w.\[])(?:\d|[A-Z][A-Z0-9_]+\b)")  # or a constant of one's own, in the text of a part
+_BARE = re.compile(r"[,=<>≤≥]\s*(\d+(?:\.\d+)?)\s*\)?$")  # a number without a unit at its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +73,8 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     waiting = _not_at_once(core, box)
     if not waiting:
         return []
+    if required and len(waiting) == len(spec.labels) and (crowded := _too_full(spec, REQUIRE)) is not None:
+        return [crowded]  # without it nothing else matters
     from scenegen.bounds.clash import clash, explain
     from scenegen.bounds.search import find
     from scenegen.bounds.tape import weight
@@ -93,9 +103,11 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
             # a search that was cut short proves little: its best scene is no reason to warn
             wanted = dict.fromkeys(one.labels.values(), ENDS)
             result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
-        if result is None:
-            found.append(Doubt(name, False, None))
-            continue
+        if result is None or not result.proved:
+            crowded = _too_full(spec, name) if name != REQUIRE else None
+            if crowded is not None or result is None:
+                found.append(crowded or Doubt(name, False, None))
+                continue
         if name == REQUIRE:
             problem = explain(one, result, REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET)
         else:
@@ -105,6 +117,105 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         if name == REQUIRE:
             break  # without it nothing else matters
     return found + [Doubt(name, False, None) for name in left_out]
+
+
+def idle(spec: CheckedSpec) -> list[Diagnostic]:
+    """A warning for each label that every scene satisfies, and for each part of a formula, with a number in it, that
+    holds in every scene or in none: the number decides nothing, and mostly its unit is wrong. Bounds prove it."""
+    if spec.timed is not None:
+        return []
+    found: dict[tuple[str, Span], Diagnostic] = {}
+    each = [_idle(one) for one in spec.members or (spec,)]
+    for key, problem in each[0].items():
+        if all(key in other for other in each):
+            found[key] = problem
+    return list(found.values())
+
+
+def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
+    core = gated(spec.core)
+    if len(core.nodes) > LARGE:
+        return {}
+    with np.errstate(over="ignore", invalid="ignore"):
+        bounds = node_bounds(core, *spec.box())
+    parts: dict[Span, list[int]] = {}
+    for index, node in enumerate(core.nodes):
+        if isinstance(node, Atom) and node.spans[0].source.name == spec.name:
+            parts.setdefault(node.spans[0], []).append(index)
+    found: dict[tuple[str, Span], Diagnostic] = {}
+    told = set[int]()
+    for name, root in core.labels.items():
+        low, high = float(bounds[root].lo), float(bounds[root].hi)
+        if high < 0.0 or (low >= 0.0 and name != REQUIRE):
+            atoms = _atoms(core, root)
+            told.update(atoms)  # what can never be, `doubts` tells
+            if 0.0 <= low < high:
+                first = core.nodes[min(atoms)]
+                assert isinstance(first, Atom)
+                here = next((span for span in first.spans if span.source.name == spec.name), first.spans[0])
+                found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(first, here))
+    for span, atoms in parts.items():
+        low, high = min(float(bounds[one].lo) for one in atoms), max(float(bounds[one].hi) for one in atoms)
+        first = core.nodes[atoms[0]]
+        if told.issuperset(atoms) or not (low > 0.0 or high < 0.0) or low == high or not _NUMBER.search(span.text):
+            continue
+        assert isinstance(first, Atom)
+        ends = {"least": low} if low > 0.0 else {"most": high}
+        found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(first, span))
+    return found
+
+
+def _atoms(core: Core, root: int) -> set[int]:
+    found, stack = set[int](), [root]
+    seen = set[int]()
+    while stack:
+        index = stack.pop()
+        if index in seen:
+            continue
+        seen.add(index)
+        node = core.nodes[index]
+        if isinstance(node, Atom):
+            found.add(index)
+        else:
+            stack.extend(children(node))
+    return found
+
+
+def _unit(atom: Atom, here: Span) -> dict[str, str]:
+    """The bare number at the end of an atom's text, where a smaller unit is likely meant, with both units."""
+    bare = _BARE.search(here.text)
+    if bare is None or float(bare[1]) < 1.0:
+        return {}
+    turns = "rad" in str(atom.unit)
+    unit, small, large = ("radians", "deg", "rad") if turns else ("metres", "cm", "m")
+    return {"number": bare[1], "unit": unit, "small": small, "large": large}
+
+
+def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
+    """The proof, from areas alone, that the table cannot hold what must keep apart; None where there is none, or where
+    it would take long to find."""
+    if len(spec.core.nodes) > SMALL:
+        return None
+    from scenegen.sampling.growth.full import too_full
+    from scenegen.sampling.growth.graph import make_graph
+    from scenegen.sampling.problem import make_problem
+    from scenegen.sampling.request import Range, SampleRequest
+
+    try:
+        with np.errstate(all="ignore"):
+            problem = make_problem(spec, SampleRequest({} if label == REQUIRE else {label: Range(0.0)}))
+            proof = too_full(make_graph(problem), spec.core.objects)
+    except RequestError:
+        return None  # there is no such scene for another reason, which the search for clashes names
+    if not proof:
+        return None
+    nodes = problem.core.nodes
+    here = next(
+        one.spans[0]
+        for index in sorted(_atoms(problem.core, problem.core.labels[label]))
+        if isinstance(one := nodes[index], Atom)
+    )
+    return Doubt(label, True, replace(TABLE_TOO_FULL(here, proof=proof), severity="warning"))
 
 
 def _of_members(spec: CheckedSpec) -> list[Doubt]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from scenegen.bounds import node_bounds
-from scenegen.lang.core import REQUIRE, Atom, Core, Junction, gated
+from scenegen.lang.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, gated
 from scenegen.lang.describe import describe
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.spec import CheckedSpec
@@ -43,6 +43,7 @@ class Outline:
     def __init__(self, spec: Checked) -> None:
         self._core: Core = gated(spec.checked.core)
         self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
+        self._choices = {one.switch: (which, one) for which, one in spec.checked.choices.items()}
         self.labels = tuple(self._core.labels)
 
     @property
@@ -90,5 +91,24 @@ class Outline:
             text = f"{words}: {node.text}" if node.text and node.text != REQUIRE else words
             return Line(depth, text, "", "", low, high, value)
         assert isinstance(node, Atom), "a formula is a junction or an atom"
+        chosen = self._chosen(node)
+        if chosen:
+            return Line(depth, chosen, "", "", low, high, value, index == decider)
         told = describe(core.nodes, core.objects, node.margin) if margin else ""
         return Line(depth, node.text, told, str(node.unit), low, high, value, index == decider)
+
+    def _chosen(self, atom: Atom) -> str:
+        """What an atom says that is about nothing but the surface that an object stands on: `mug stands on tray`; ""
+        for others. Its margin is a number of the choice's switch, which means nothing to people."""
+        match self._core.nodes[atom.margin]:
+            case Apply("sub", (upper, lower)):
+                sides = self._core.nodes[upper], self._core.nodes[lower]
+            case _:
+                return ""
+        for early, (limit, switch) in ((True, sides), (False, sides[::-1])):
+            if isinstance(limit, Const) and isinstance(switch, Coord) and switch.object in self._choices:
+                which, choice = self._choices[switch.object]
+                end = sum(one <= limit.value for one in choice.ends)
+                options = choice.options[:end] if early else choice.options[end:]
+                return f"{self._core.objects[which]} stands on {' or '.join(one.name for one in options)}"
+        return ""

@@ -143,6 +143,43 @@ def has_picture(name: str) -> bool:
     return _known(name) is not None
 
 
+def meant_by(name: str) -> str | None:
+    """The library's object that a name most likely means, which the library does not know: a misspelt one, or one with
+    more words (`red_mug`). None for names that are far from all."""
+    if has_picture(name):
+        return None
+    plain = stem(name).replace("_", "").lower()
+    known = [one for one in (*ASSETS, *ALIASES) if one != UNKNOWN]
+    found = next((one for one in known if _is_typo(plain, one)), None)
+    if found is None:
+        words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", stem(name))]
+        if len(words) < 2 or words[-1] == UNKNOWN:  # of `knife_block` the last word says what it is
+            return None
+        found = next((word for word in reversed(words) if word in known), None)
+    return ALIASES.get(found, found) if found is not None else None
+
+
+def _is_typo(written: str, word: str) -> bool:
+    """Whether a word is likely misspelt: a letter more or less, two swapped, or in long ones a wrong one; of more than
+    eight letters two. Among short words that are each other but for one letter both are words: `house`, `mouse`."""
+    if len(written) == len(word):
+        wrong = [at for at, (a, b) in enumerate(zip(written, word, strict=True)) if a != b]
+        swapped = len(wrong) == 2 and wrong[1] == wrong[0] + 1 and sorted(written) == sorted(word)
+        return swapped or (len(wrong) == 1 and len(word) > 6)
+    short, long = sorted((written, word), key=len)
+    if len(long) == len(short) + 1 and any(long[:at] + long[at + 1 :] == short for at in range(len(long))):
+        return len(word) > 3 or written == f"{word}s"
+    return (
+        len(word) > 8
+        and len(long) == len(short) + 2
+        and any(
+            long[:at] + long[at + 1 : then] + long[then + 1 :] == short
+            for at in range(len(long))
+            for then in range(at + 1, len(long))
+        )
+    )
+
+
 def shape_of(name: str) -> Shape:
     """The shape that an object's name picks."""
     asset = asset_of(name)

@@ -13,6 +13,7 @@ from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
 if TYPE_CHECKING:
     from scenegen.api.feasibility import Doubt
     from scenegen.api.spec import Spec
+    from scenegen.assets import Shape
     from scenegen.errors import Diagnostic
 
 OPEN = "rough: a quick look found no scene {}, nor a proof that there is none"
@@ -51,7 +52,7 @@ def check(
     A spec with mistakes gets one message per mistake, with the place and what to do; the exit status is then 1. The
     same goes for a label that no scene satisfies and a requirement that none meets, where bounds prove it.
     """
-    from scenegen.api.feasibility import doubts
+    from scenegen.api.feasibility import doubts, idle
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail
     from scenegen.errors import ScenegenError
@@ -73,7 +74,7 @@ def check(
         detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
         found = doubts(spec.declared)
         detail("looked for what satisfies the labels")
-        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable)]
+        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.declared)]
         ok = all(one.severity != "error" for one in problems)
         failed = failed or not ok
         if not json:
@@ -124,12 +125,21 @@ def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | No
 def _facts(spec: Spec) -> dict[str, Any]:
     return {
         "objects": list(spec.objects),
+        "shapes": {name: _shape(shape) for name, shape in zip(spec.objects, spec.declared.shapes, strict=True)},
         "workspace": {"x": list(spec.workspace.x), "y": list(spec.workspace.y)},
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
         **_time(spec),
         **({"counts": {name: list(ends) for name, ends in spec.counts.items()}} if spec.counts else {}),
     }
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """What an object looks like, and how large it is: length along the heading, width across it, height; metres."""
+    length, width = shape.footprint.extent
+    kind = type(shape.footprint).__name__.lower()
+    path = {"path": shape.path} if shape.path else {}
+    return {"asset": shape.asset, **path, "footprint": kind, "length": length, "width": width, "height": shape.height}
 
 
 def _time(spec: Spec) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from scenegen.api.fold import Folded, Part
 from scenegen.api.outline import Line, Outline
 from scenegen.api.spec import Spec
+from scenegen.assets import Circle, Shape
 from scenegen.cli.tree import tree
 from scenegen.errors import Source
 from scenegen.lang import ast
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 LINES = 40  # of a page, at most
 WIDTH = 110  # columns of a page that goes to no terminal
 NAMES = 3  # lines of names
+SHAPES = 8  # lines of shapes and sizes
 HEAD = 3  # lines of a label: a blank one, its bounds, and its formula
 MOST = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
 
@@ -108,12 +110,44 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         if kinds:
             yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
     regions = [one.name for one in checked.regions]
-    for kind, names in (("objects", free if width is None else arrays(free)), ("fixed", held), ("regions", regions)):
-        if not names:
-            continue
+    yield from _named("objects", free if width is None else arrays(free), width)
+    for number, line in enumerate(_sizes(spec, width)):
+        yield f"  {'' if number else 'sizes':<9}  {line}"
+    for kind, names in (("fixed", held), ("regions", regions)):
+        yield from _named(kind, names, width)
+
+
+def _named(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
+    """A kind of things and their names."""
+    if names:
         lines = [", ".join(names)] if width is None else _wrapped(names, max(20, width - 13))
         for number, line in enumerate(lines):
             yield f"  {'' if number else kind:<9}  {line}"
+
+
+def _sizes(spec: Spec, width: int | None) -> Iterator[str]:
+    """A line for each shape: the objects that have it, what it is, and its size in metres."""
+    names: dict[Shape, list[str]] = {}
+    for name, shape in zip(spec.objects, spec.declared.shapes, strict=True):
+        names.setdefault(shape, []).append(name)
+    for number, (shape, objects) in enumerate(names.items()):
+        if width is not None and number == SHAPES - 1 and len(names) > SHAPES:
+            yield f"... and {len(names) - number:,} shapes more"
+            return
+        told = ": ".join((", ".join(objects if width is None else arrays(objects)), size_text(shape)))
+        if width is not None and len(told) > width - 13:
+            told = f"{objects[0]} and {len(objects) - 1:,} more: {size_text(shape)}"
+        yield told
+
+
+def size_text(shape: Shape) -> str:
+    """What a shape is, and how large, in metres."""
+    length, width = shape.footprint.extent
+    of_file = f" {shape.path}" if shape.path else ""
+    size = f"{length:.4g} x {width:.4g} x {shape.height:.4g} m"
+    if isinstance(shape.footprint, Circle):
+        size = f"radius {length / 2.0:.4g}, height {shape.height:.4g} m"
+    return f"{shape.asset}{of_file}, {size}"
 
 
 def _wrapped(names: Sequence[str], width: int) -> list[str]:

@@ -13,6 +13,16 @@ UNKNOWN_ASSET = Kind(
     "the library has no `{name}`",
     help=(NEAREST, "the library has {known:list}"),
 )
+STANDS_IN = Kind(
+    "stands-in",
+    "the library has no `{name}`: a block of 5 cm stands in for it",
+    "",
+    (
+        "{inferred:?}did you mean `{meant}`?",
+        "did you mean `{meant}`? if the name is right, give it a shape: object {name} = {meant}",
+    ),
+    severity="warning",
+)
 NOT_A_SHAPE = Kind(
     "not-a-shape",
     "this is no shape",
@@ -139,6 +149,20 @@ STANDS_ELSEWHERE = Kind(
     (
         "let it stand there in some scenes: {example}",
         "let it stand there: `on {lower}` where it is declared, or `on any of [...]`",
+    ),
+    severity="warning",
+)
+ALWAYS_SATISFIED = Kind(
+    "always-satisfied",
+    (
+        "every scene satisfies `{name}`: phi is at least {least:.4g}",
+        "`{part}` holds in every scene: its margin is at least {least:.4g}",
+        "`{part}` holds in no scene: its margin is at most {most:.4g}",
+    ),
+    "",
+    (
+        "a bare number is in {unit}: write {number} {small}, or {number} {large} if you mean it",
+        "make it stricter, or leave it out",
     ),
     severity="warning",
 )

@@ -193,10 +193,10 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         phrase = re.match(r"[A-Za-z_]\w*([ \t]+[A-Za-z_]\w*)*", text[here.start :])
         first, said, second = _sides([previous, *(phrase[0].split() if phrase else ())])
         name = said[0] + "".join(one[:1].upper() + one[1:] for one in said[1:])
-        instead = between(first, said, second, declared=declared)
+        told = between(first, said, second, declared=declared)
         if word == "or" and re.search(rf"\bon[ \t]+{previous}[ \t]*$", line):
-            instead = f"write on any of [{first}, {second}]"
-        return INFIX_RELATION(here, name=name, first=first, second=second, instead=instead)
+            told = f"write on any of [{first}, {second}]"
+        return INFIX_RELATION(here, name=name, first=first, second=second, instead=told)
     if re.fullmatch(r"\s*", line[: before.start()]) and re.match(r"\s*\(", text[here.end :]) and not depth:
         return MISSING_LABEL_COLON(here, name=previous, formula=f"{word}(...)")
     return None

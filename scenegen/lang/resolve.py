@@ -185,8 +185,8 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             yield NOT_A_CONSTANT(here, name=node.id)
         elif node.id not in scope.things:
             drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
-            known = [*scope.constants, *scope.regions, *scope.things]
-            yield UNKNOWN_CONSTANT(here, name=node.id, known=known, instead=drawn)
+            near = [*scope.constants, *scope.regions, *scope.things]
+            yield UNKNOWN_CONSTANT(here, name=node.id, known=near, instead=drawn)
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)

@@ -1,10 +1,12 @@
-"""Warnings about names: what is defined and never used, and what hides something else."""
+"""Warnings about names: what is defined and never used, what hides something else, and misspelt objects."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence, Set
 
+from scenegen.assets import meant_by
 from scenegen.errors import Diagnostic, Source
+from scenegen.errors.declarations import STANDS_IN
 from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
 from scenegen.lang import ast, traversal
 from scenegen.lang.imports import Placed
@@ -48,7 +50,17 @@ def unused(
             out.extend(_variables(expr, scope, one.source))
     if bare is not None:
         out.extend(_variables(bare, scope, scope.source))
-    return out
+    return [*out, *_misspelt(scope)]
+
+
+def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
+    """Objects without a shape whose names are nearly those of the library."""
+    for name, thing in scope.things.items():
+        shapeless = thing.declaration is None or thing.declaration.shape is None
+        meant = meant_by(name) if shapeless and scope.is_own(thing.source) else None
+        if meant is not None:
+            inferred = thing.declaration is None or None
+            yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
 
 
 def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:

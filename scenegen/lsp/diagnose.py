@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.api.feasibility import infeasible
+from scenegen.api.feasibility import idle, infeasible
 from scenegen.bounds import label_bounds
 from scenegen.errors import Diagnostic, ScenegenError, Severity, Span
 from scenegen.errors.facts import as_json
@@ -43,7 +43,7 @@ def problems(document: Document) -> list[Problem]:
     if checked.timed is not None:
         return found  # bounds and clashes are those of single scenes
     beyond = list(_overflow(document, checked))
-    return found + (beyond or [_problem(document, one) for one in infeasible(checked)])
+    return found + (beyond or [_problem(document, one) for one in (*infeasible(checked), *idle(checked))])
 
 
 def _problem(document: Document, one: Diagnostic) -> Problem:

@@ -149,3 +149,96 @@ def test_bounds_that_say_too_little_are_said_to_be_rough(scenegen, here):
     outcome = scenegen("check", "blocks.spec")
     assert (outcome.status, outcome.err) == (0, "")
     assert "; rough: a quick look found no scene that meets it" in outcome.out
+
+
+def test_shapes_and_sizes_of_all_objects(scenegen, here):
+    """In words, and as data: a misspelt name shows as the block that stands in."""
+    text = 'object plat, tray, can[3], vase = mesh("vase.obj", box(10 cm, 8 cm, 20 cm))\ntask: leftOf(plat, tray)\n'
+    (here / "sizes.spec").write_text(text)
+    outcome = scenegen("check", "sizes.spec")
+    for line in (
+        "sizes      plat: block, 0.05 x 0.05 x 0.05 m",
+        "tray: tray, 0.4 x 0.3 x 0.045 m",
+        "can[1..3]: can, radius 0.033, height 0.115 m",
+        "vase: mesh vase.obj, 0.1 x 0.08 x 0.2 m",
+    ):
+        assert line in outcome.out
+    (report,) = json.loads(scenegen("check", "sizes.spec", "--json").out)
+    assert list(report["shapes"]) == report["objects"]
+    box = {"footprint": "box", "length": 0.05, "width": 0.05, "height": 0.05}
+    assert report["shapes"]["plat"] == {"asset": "block", **box}
+    assert [one["code"] for one in report["diagnostics"]] == ["stands-in"] and report["ok"]
+
+
+@pytest.mark.parametrize(
+    ("text", "proved"),
+    {
+        "object plate[40]\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(plate[1], plate[2])": True,
+        "object plate[40]\nrequire noOverlap()\ntask: leftOf(plate[1], plate[2])": True,
+        "object plate[40]\ntask: noOverlap() & insideWorkspace()": True,
+        "object tray, plate[40] on tray\nrequire noCollision()\ntask: leftOf(plate[1], plate[2])": True,
+        "object plate[40]\ntask: leftOf(plate[1], plate[2])": False,  # they may overlap
+        "object plate[40]\ntask: noOverlap() | leftOf(plate[1], plate[2])": False,
+        "object plate[12]\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(plate[1], plate[2])": False,
+        f"object plate[8] on [workspace, {', '.join(f'plate[{k}]' for k in range(1, 8))}], tray\n"
+        "require noCollision()\ntask: leftOf(plate[1], tray)": False,  # a stack takes no more room than one
+        "object carton[2], mug[6] on any of [carton[1], carton[2], workspace]\n"
+        "require noCollision()\ntask: leftOf(mug[1], mug[2])": False,
+    }.items(),
+)
+def test_a_table_that_cannot_hold_what_is_on_it(scenegen, here, text, proved):
+    (here / "full.spec").write_text(text)
+    outcome = scenegen("check", "full.spec")
+    assert ("error[table-too-full]" in outcome.err) == proved and outcome.status == int(proved)
+    assert ("no more than" in outcome.err or "cm2" in outcome.err) == proved
+
+
+@pytest.mark.parametrize(
+    ("text", "title", "advice"),
+    [
+        ("closeTo(mug, plate, 20)", "every scene satisfies `task`: phi is at least 18.59", "write 20 cm, or 20 m"),
+        (
+            "closeTo(mug, plate, 20) & leftOf(mug, plate)",
+            "`closeTo(mug, plate, 20)` holds in every scene: its margin is at least 18.59",
+            "write 20 cm",
+        ),
+        ("leftOf(a, b) | farFrom(a, b, 20)", "`farFrom(a, b, 20)` holds in no scene", "write 20 cm"),
+        ("angle(knife, NORTH, 5) & leftOf(knife, b)", "`angle(knife, NORTH, 5)` holds in every scene", "write 5 deg"),
+        (
+            "object a, b\nrequire closeTo(a, b, 20 m)\ntask: leftOf(a, b)",
+            "`closeTo(a, b, 20 m)` holds in every",
+            "leave",
+        ),
+        ("const NEAR = 20\ntask: closeTo(a, b, NEAR) & leftOf(a, b)", "`closeTo(a, b, NEAR)` holds in every", "leave"),
+        ("object a[2..4], b\ntask: forall p in a: closeTo(p, b, 20)", "every scene satisfies `task`", "write 20 cm"),
+        ("dist(a, b) >= 0", "every scene satisfies `task`: phi is at least 0", "make it stricter"),
+    ],
+)
+def test_what_every_scene_satisfies(scenegen, here, text, title, advice):
+    (here / "idle.spec").write_text(text)
+    outcome = scenegen("check", "idle.spec")
+    assert outcome.status == 0 and f"warning[always-satisfied]: {title}" in outcome.err and advice in outcome.err
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0 <= x(a) <= 0.5 & leftOf(a, b)",
+        "object a[3], b\ntask: forall i in 1..3: x(a[i]) <= i * 0.4",
+        "object a at (0.2, 0.2), b at (0.8, 0.2), c\ntask: leftOf(c, b) & closeTo(a, b, 1 m)",
+        "object block[2]\nrequire noOverlap() & insideWorkspace()\ntask: closeTo(block[1], block[2], 0.3)",
+    ],
+)
+def test_numbers_that_decide_something_are_let_pass(scenegen, here, text):
+    (here / "busy.spec").write_text(text)
+    outcome = scenegen("check", "busy.spec")
+    assert (outcome.status, outcome.err) == (0, "")
+
+
+def test_choices_are_told_in_words(scenegen, here):
+    text = (
+        "object coaster = cylinder(5.5 cm, 0.5 cm), mug on any of [coaster, workspace]\ntask: restsOn(mug, coaster)\n"
+    )
+    (here / "choice.spec").write_text(text)
+    out = scenegen("check", "choice.spec", "--full").out
+    assert "mug stands on coaster.top" in out and "mug stands on workspace" in out and "mug.on" not in out

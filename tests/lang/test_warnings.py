@@ -46,6 +46,18 @@ NOTICED = [
         [(HEADING, "(0 deg <= h(mug) <= 90 deg)")],
     ),
     ("forall p, q in [mug, plate]: leftOf(p, cup)", [("the variable `q` is never used", "q")]),
+    (
+        "object crackrbox, plat\ntask: leftOf(crackrbox, plat)",
+        [
+            ("the library has no `crackrbox`: a block of 5 cm stands in for it", "crackrbox"),
+            ("the library has no `plat`: a block of 5 cm stands in for it", "plat"),
+        ],
+    ),
+    ("leftOf(mug, plat)", [("the library has no `plat`: a block of 5 cm stands in for it", "plat")]),
+    (
+        "object red_mug, b\n" + TASK.replace("mug, plate", "red_mug, b"),
+        [("the library has no `red_mug`: a block of 5 cm stands in for it", "red_mug")],
+    ),
 ]
 
 QUIET = [
@@ -57,6 +69,8 @@ QUIET = [
     "def f(a, e = SLACK) = closeTo(a, plate, e)\nconst SLACK = 1\nrequire f(mug)\ntask: leftOf(mug, plate)",
     "def f(p) = leftOf(p, plate)\ntask: f(p)",  # the only p is the object that the label names: nothing is hidden
     "object a, spare\ntask: x(a) <= 1",
+    "object house, plant, pan, jug, knife_block, block_tower, coaster, lamp\ntask: leftOf(house, plant)",
+    "object plat = box(5 cm, 5 cm, 5 cm), Mug2, fork_2, can3\ntask: leftOf(plat, Mug2)",
     "import_: leftOf(a, b)",
     "angle(a, theta(b)) & facing(a, b) & sameHeading(a, b) & mirrored(a, b) & noOverlap([a, b]) & fullyLeftOf(a, b)",
     "abs(wrap(theta(a) - 2 * theta(b) + NORTH)) <= 1 rad & sin(3 * theta(a)) <= cos(-theta(b))",

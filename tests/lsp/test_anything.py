@@ -19,7 +19,7 @@ const NEAR = 25 cm
 import "no.spec"
 def f(p, e = NEAR) = closeTo(p, mat.left, e) -> !leftOf(p, [mug, plate].first)
 require leftOf(tray, mug)
-t: f(plate, e = 1 / 2) & -x(mug) <= NEAR <= 3 | f(plate)
+t: f(plate, e = 1 / 2) & -x(mug) <= -NEAR <= 3 | f(plate)
 u: (forall i in 1..2: leftOf(block[i], block[i + 1])) & t
 v: exists p, q in consecutive(block): min(x(p), x(q)) <= 0.5
 """

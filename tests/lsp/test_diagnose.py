@@ -39,7 +39,7 @@ def test_a_message_has_its_help():
 
 def test_warnings():
     text = (
-        "object mug, plate\nconst UNUSED = 3\ndef f(a, b) = leftOf(a, mug)\ntask: f(mug, plate) | leftOf(mug, plate)\n"
+        "object mug, plate\nconst UNUSED = 3\ndef f(a, b) = leftOf(a, plate)\ntask: f(mug, plate) & leftOf(mug, (0.5, 0))\n"
     )
     found = problems(Document(text))
     assert {(one.severity, text[one.start : one.end], one.unused) for one in found} == {
@@ -84,7 +84,7 @@ def test_imports_are_refused_as_the_checker_refuses_them(tmp_path):
 
 def test_a_wider_root(tmp_path):
     (tmp_path / "sub").mkdir()
-    (tmp_path / "one.spec").write_text("const A = 1\n")
+    (tmp_path / "one.spec").write_text("const A = 0.5\n")
     text = 'import "../one.spec"\nt: x(a) <= A\n'
     assert said(text, path=tmp_path / "sub" / "main.spec")[0][0] == "error"
     assert said(text, path=tmp_path / "sub" / "main.spec", root=tmp_path) == []

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Indices
-from scenegen.assets.meshfile import MeshError
+from scenegen.assets.meshfile import MeshError, used
 from scenegen.assets.palette import RGB
 
 MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
@@ -30,6 +30,18 @@ class Surface:
     color: RGB | None
     uv: Floats | None = None
     texture: bytes = b""
+
+
+def tidy(surface: Surface) -> Surface:
+    """The surface without vertices that no triangle with an area has: they count for nothing."""
+    kept = used(surface.vertices, surface.faces)
+    if len(kept) == len(surface.vertices):
+        return surface
+    order = np.full(len(surface.vertices), -1, dtype=np.int64)
+    order[kept] = np.arange(len(kept))
+    faces = order[surface.faces]
+    uv = None if surface.uv is None else surface.uv[kept]
+    return replace(surface, vertices=surface.vertices[kept], faces=faces[(faces >= 0).all(axis=1)], uv=uv)
 
 
 @dataclass(slots=True)

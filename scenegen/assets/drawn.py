@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import PurePosixPath
 
 import numpy as np
 
 from scenegen.assets import gltf, wavefront
 from scenegen.assets.elements import Element, ElementsError, elements
-from scenegen.assets.filenames import ending_of, local_name
+from scenegen.assets.filenames import beside, ending_of
 from scenegen.assets.mesh import Floats, Mesh, box, disc, revolve
 from scenegen.assets.meshfile import MeshError, vertices
 from scenegen.assets.palette import RGB
-from scenegen.assets.surface import WHITE, Budget, Surface, refuse_layers
+from scenegen.assets.surface import WHITE, Budget, Surface, refuse_layers, tidy
 from scenegen.assets.urdf import GLTF
 from scenegen.assets.urdf_tree import Pose, UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 
@@ -41,13 +40,13 @@ def _surfaces(name: str, data: bytes, read: Read, budget: Budget, *, painted: bo
     if ending in GLTF:
         return gltf.surfaces(name, data, read)
     if ending == ".obj":
-        return wavefront.surfaces(name, data, read, budget, painted=painted)
+        return tuple(map(tidy, wavefront.surfaces(name, data, read, budget, painted=painted)))
     corners = vertices(name, data)
     if len(corners) % 3:
         raise MeshError("it is cut short: a triangle in it has fewer than three corners")
     budget.add_vertices(len(corners))
     budget.add_triangles(len(corners) // 3)
-    return (Surface(corners, np.arange(len(corners)).reshape(-1, 3), None),)
+    return (tidy(Surface(corners, np.arange(len(corners)).reshape(-1, 3), None)),)
 
 
 def robot_surfaces(data: bytes, read: Read) -> tuple[Surface, ...]:
@@ -55,7 +54,7 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[Surface, ...]:
     that has no visual shape at all.
 
     A mesh's own colours and textures count; what has none gets those of the shape's <material>. `read` as in
-    `mesh_surfaces`, by paths relative to the file. Raises UrdfError, with line and element.
+    `mesh_surfaces`, by names as the file has them. Raises UrdfError, with line and element.
     """
     try:
         robot = elements(data)
@@ -137,15 +136,10 @@ class _Reader:
         else:
             if ending_of(name) in GLTF:  # which collision shapes cannot have either
                 raise MeshError(f"mesh {name[:60]}: only .obj and .stl meshes are read in a URDF file: convert it")
-            local = local_name(name)
-            data = self.read(local)
-
-            def beside(other: str) -> bytes:
-                return self.read(str(PurePosixPath(local).parent / other))
-
+            data = self.read(name)
             self.budget.add_file(data)
             try:
-                self.meshes[name] = mesh_surfaces(name, data, beside, self.budget)
+                self.meshes[name] = mesh_surfaces(name, data, lambda other: self.read(beside(name, other)), self.budget)
             except MeshError as error:
                 raise MeshError(f"mesh {name[:60]}: {error}") from None
         return self.meshes[name]
@@ -168,7 +162,7 @@ class _Reader:
         file = textures[0].get("filename")
         if file not in self.textures:
             try:
-                data = self.read(local_name(file))
+                data = self.read(file)
                 self.budget.add_file(data)
                 self.budget.add_texture(data, file)
             except MeshError as error:

@@ -16,12 +16,25 @@ from scenegen.assets.gltf_document import Document, Item, open_document
 from scenegen.assets.mesh import Floats, Indices
 from scenegen.assets.meshfile import FARTHEST, MeshError
 from scenegen.assets.palette import RGB
-from scenegen.assets.surface import WHITE, Budget, Surface
+from scenegen.assets.surface import WHITE, Budget, Surface, tidy
 
 MOST_NODES = 20_000
 MOST_PARTS = 10_000  # with a material each, of all meshes together, counted as often as they are placed
-# What a file may require of its readers: the geometry is the same without it, or is read here anyway.
-HARMLESS = ("KHR_materials_", "KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_xmp")
+# What a file may require of its readers: what is read here is the same without it.
+HARMLESS = (
+    *(
+        f"KHR_materials_{one}"
+        for one in "anisotropy clearcoat diffuse_transmission dispersion emissive_strength ior iridescence sheen "
+        "specular transmission unlit variants volume".split()
+    ),
+    "KHR_mesh_quantization",
+    "KHR_lights_punctual",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+)
+DIFFUSE, MOVED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"  # these are read
+REPEAT = 10497  # the usual wrap mode of a texture
+SLACK = 1e-3  # of a texture's size, by which places may lie outside it where it does not repeat
 TRIANGLES, STRIP, FAN = 4, 5, 6  # the modes of a primitive that have faces
 
 
@@ -94,35 +107,54 @@ class _Reader:
             raise MeshError("a coordinate in it is no number, or beyond all measure")
         if np.linalg.det(turn[:3, :3]) < 0.0:
             faces = faces[:, ::-1].copy()
-        color, texture, channel = self._material(part)
-        uv = None
-        if texture:
-            name = f"TEXCOORD_{channel}"
-            if name not in attributes.data:
-                raise MeshError(f"a mesh in it has a texture, but no {name} that says where")
-            where = attributes.index(name)
-            uv = document.array(where, 2) if document.length(where) == len(points) else None
-            if uv is None or not np.isfinite(uv).all():
-                raise MeshError(f"its {name} does not fit its vertices")
+        color, image = self._material(part)
+        texture, uv = (b"", None) if image is None else self._texture(image, attributes, len(points))
         x, y, z = placed.T  # y points up in glTF
-        return Surface(np.column_stack([x, -z, y]), faces, color, uv, texture)
+        return tidy(Surface(np.column_stack([x, -z, y]), faces, color, uv, texture))
 
-    def _material(self, part: Item) -> tuple[RGB, bytes, int]:
-        """Base colour, texture and its channel of coordinates."""
+    def _material(self, part: Item) -> tuple[RGB, Item | None]:
+        """Base colour, and what the material says of its texture."""
         if "material" not in part.data:
-            return WHITE, b"", 0
-        paint = self.document.item("materials", part.index("material")).item("pbrMetallicRoughness", {})
-        red, green, blue, _ = np.clip(paint.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0)), 0.0, 1.0).tolist()
-        color = red, green, blue
-        if "baseColorTexture" not in paint.data:
-            return color, b"", 0
-        used = paint.item("baseColorTexture")
-        texture = self.document.item("textures", used.index("index"))
+            return WHITE, None
+        material = self.document.item("materials", part.index("material"))
+        older = material.item("extensions", {})
+        if DIFFUSE in older.data:
+            paint, factor, image = older.item(DIFFUSE), "diffuseFactor", "diffuseTexture"
+        else:
+            paint, factor, image = material.item("pbrMetallicRoughness", {}), "baseColorFactor", "baseColorTexture"
+        red, green, blue, _ = np.clip(paint.numbers(factor, 4, (1.0, 1.0, 1.0, 1.0)), 0.0, 1.0).tolist()
+        return (red, green, blue), paint.item(image) if image in paint.data else None
+
+    def _texture(self, image: Item, attributes: Item, count: int) -> tuple[bytes, Floats]:
+        """The file of a texture, and the places (count, 2) of the vertices in it."""
+        document = self.document
+        texture = document.item("textures", image.index("index"))
         if "source" not in texture.data:
             raise MeshError("a texture in it is neither PNG nor JPEG")
-        return color, self._texture(texture.index("source")), used.index("texCoord", 0)
+        moved = image.item("extensions", {}).item(MOVED, {})
+        name = f"TEXCOORD_{moved.index('texCoord', image.index('texCoord', 0))}"
+        if name not in attributes.data:
+            raise MeshError(f"a mesh in it has a texture, but no {name} that says where")
+        where = attributes.index(name)
+        uv = document.array(where, 2) if document.length(where) == count else None
+        if uv is None or not np.isfinite(uv).all():
+            raise MeshError(f"its {name} does not fit its vertices")
+        if moved.data:
+            angle = moved.number("rotation", 0.0)
+            cos, sin = np.cos(angle), np.sin(angle)
+            uv = uv * moved.numbers("scale", 2, (1.0, 1.0)) @ np.array([[cos, -sin], [sin, cos]])
+            uv = uv + moved.numbers("offset", 2, (0.0, 0.0))
+        sampler = document.item("samplers", texture.index("sampler")) if "sampler" in texture.data else Item({}, "")
+        for axis, mode in enumerate(("wrapS", "wrapT")):
+            outside = uv[:, axis].min(initial=0.0) < -SLACK or uv[:, axis].max(initial=1.0) > 1.0 + SLACK
+            if outside and sampler.index(mode, REPEAT) != REPEAT:
+                raise MeshError(
+                    f"{texture.place} does not repeat ({mode} of its sampler), and a mesh reaches beyond its edge, "
+                    "which is not read here: export it with places in the texture from 0 to 1"
+                )
+        return self._image(texture.index("source")), uv
 
-    def _texture(self, number: int) -> bytes:
+    def _image(self, number: int) -> bytes:
         if number not in self.textures:
             data = self.document.image(number)
             self.budget.add_texture(data, f"texture {number} in it")
@@ -138,7 +170,7 @@ def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Surf
     """
     document = open_document(name, data, read)
     for extension in document.required():
-        if not extension.startswith(HARMLESS):
+        if extension not in (*HARMLESS, DIFFUSE, MOVED):
             raise MeshError(f"it needs the extension {extension}, which is not read here: export it without")
     with np.errstate(all="ignore"):  # what overflows is found as no number
         return tuple(_Reader(document).surfaces())

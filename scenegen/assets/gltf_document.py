@@ -56,11 +56,18 @@ class Item:
             raise MeshError(f"{name} of {self.place} is no list of objects")
         return [Item(one, f"{name}[{k}] of {self.place}") for k, one in enumerate(value)]
 
+    def number(self, name: str, default: float) -> float:
+        return float(Item({name: [self.data.get(name, default)]}, self.place).numbers(name, 1, ())[0])
+
     def numbers(self, name: str, count: int, default: Sequence[float]) -> Floats:
         value = self.data.get(name, default)
         numeric = isinstance(value, list | tuple) and all(type(one) in (int, float) for one in value)
         if not numeric or len(value) != count or not all(abs(one) <= FARTHEST for one in value):  # nor nan
-            raise MeshError(f"{name} of {self.place} is not {count} numbers")
+            raise MeshError(
+                f"{name} of {self.place} is not {count} numbers"
+                if count > 1
+                else f"{name} of {self.place} is not a number"
+            )
         return np.array(value, dtype=np.float64)
 
 
@@ -158,7 +165,7 @@ class Document:
         elif "://" in uri or uri.startswith(("/", "\\", "file:")):
             raise MeshError(f"{item.place} names {uri[:60]}; only files beside it, or in folders there, are read")
         else:
-            data = self.read(unquote(uri))
+            data = self.read(unquote(uri).replace("\\", "/"))
         self.size += len(data)
         if self.size > MOST_BYTES:
             raise MeshError(f"its buffers and textures are larger than {MOST_BYTES:,} bytes together")

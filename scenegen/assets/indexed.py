@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, ValidationError
 
-from scenegen.assets.filenames import ending_of, local_name
+from scenegen.assets.filenames import ending_of
 from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats
 from scenegen.assets.outline import OutlineError, Shadow
@@ -237,7 +237,7 @@ def _robot_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> C
 
     def mesh(name: str) -> bytes:
         if name not in known:
-            known[name] = read(local_name(name))
+            known[name] = read(name)
         return known[name]
 
     return lambda at: robot_shadow(data, mesh, Placed(entry.turn, entry.scale, at))

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 
 from scenegen.assets.filenames import ending_of
-from scenegen.assets.mesh import Floats
+from scenegen.assets.mesh import Floats, Indices
 
 FARTHEST = 1e9  # of a coordinate, in the file's own unit
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -37,6 +37,53 @@ def vertices(name: str, data: bytes) -> Floats:
     return found
 
 
+def corners(name: str, data: bytes) -> Floats:
+    """(V, 3): the vertices that a triangle with an area has, in the unit of the file; all, where an .obj file has no
+    faces. Raises MeshError."""
+    points = vertices(name, data)
+    faces = (
+        _obj_faces(data, len(points)) if ending_of(name) == ".obj" else np.arange(len(points) // 3 * 3).reshape(-1, 3)
+    )
+    return points if not len(faces) else points[used(points, faces)]
+
+
+def used(points: Floats, faces: Indices) -> Indices:
+    """Which of some points (P, 3) are corners of triangles (F, 3) with an area, in their order; all corners, where
+    none has."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    solid = faces[np.cross(b - a, c - a).any(axis=1)]
+    return np.unique(solid if len(solid) else faces)
+
+
+def _obj_faces(data: bytes, count: int) -> Indices:
+    """The triangles (F, 3) of an .obj file of `count` vertices; polygons are cut from their first corner. Raises
+    MeshError."""
+    data = _plain(data)
+    rows = [row.split() for row in re.findall(rb"^[ \t]*f[ \t]+([^\r\n#]*)", data, re.MULTILINE)]
+    words = [word.partition(b"/")[0] for row in rows for word in row]
+    sizes = np.array([len(row) for row in rows], dtype=np.int64)
+    try:
+        flat = np.array(words, dtype=np.bytes_).astype(np.int64)
+    except (ValueError, OverflowError):
+        raise MeshError("a face in it names no vertex by its number") from None
+    if not len(rows):
+        return np.empty((0, 3), dtype=np.int64)
+    if sizes.min() < 3:
+        raise MeshError("a face in it has fewer than 3 corners")
+    if (flat < 0).any():  # which counts back from the face
+        before = np.cumsum([kind == b"v" for kind in re.findall(rb"^[ \t]*([vf])[ \t]", data, re.MULTILINE)])
+        kinds = np.array([kind == b"f" for kind in re.findall(rb"^[ \t]*([vf])[ \t]", data, re.MULTILINE)])
+        flat = np.where(flat < 0, flat + np.repeat(before[kinds], sizes) + 1, flat)
+    flat -= 1
+    if flat.min() < 0 or flat.max() >= count:
+        raise MeshError(f"a face in it names a vertex that is none of its {count:,}")
+    triangles = sizes - 2
+    first = np.repeat(np.cumsum(sizes) - sizes, triangles)
+    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    faces: Indices = flat[np.column_stack([first, first + step + 1, first + step + 2])]
+    return faces
+
+
 def _numbers(rows: list[bytes]) -> Floats:
     words = [row.split()[:3] for row in rows]
     try:
@@ -47,9 +94,13 @@ def _numbers(rows: list[bytes]) -> Floats:
         raise MeshError("a vertex in it is not three numbers") from None
 
 
+def _plain(data: bytes) -> bytes:
+    """An .obj file without lines that go on, and without a byte order mark."""
+    return re.sub(rb"\\\r?\n", b" ", data.removeprefix(b"\xef\xbb\xbf"))
+
+
 def _obj(data: bytes) -> Floats:
-    data = re.sub(rb"\\\r?\n", b" ", data.removeprefix(b"\xef\xbb\xbf"))  # lines that go on; a byte order mark
-    return _numbers(re.findall(rb"^[ \t]*v[ \t]+([^\r\n#]*)", data, re.MULTILINE))
+    return _numbers(re.findall(rb"^[ \t]*v[ \t]+([^\r\n#]*)", _plain(data), re.MULTILINE))
 
 
 def _stl(data: bytes) -> Floats:

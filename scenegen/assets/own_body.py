@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import PurePosixPath
 
 import numpy as np
 
 from scenegen.assets.convex import convex_pieces
 from scenegen.assets.drawn import mesh_surfaces, robot_surfaces
 from scenegen.assets.elements import Element, ElementsError, elements
-from scenegen.assets.filenames import local_name
+from scenegen.assets.filenames import beside
 from scenegen.assets.limits import LEAST_MASS, MOST_FRICTION, MOST_MASS
 from scenegen.assets.mesh import Floats, Mesh, box, disc, joined, revolve
 from scenegen.assets.meshfile import MeshError
@@ -66,8 +65,8 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
 
     The mass is the sum of the links' <inertial> masses, none where that is 0. The friction is the largest of those that
     <contact><lateral_friction> and <gazebo><mu1> say. `skins` are the visual shapes, if
-    `painted`. `read` gives the bytes of a file by its path relative to this
-    one. Raises UrdfError, with line and element, and RequestError as `convex_pieces`.
+    `painted`. `read` gives the bytes of a file by its name in this one.
+    Raises UrdfError, with line and element, and RequestError as `convex_pieces`.
     """
     try:
         robot = elements(data)
@@ -125,15 +124,10 @@ class _Reader:
                 return self.meshes[name, scale]
 
     def _mesh(self, name: str, scale: Floats) -> tuple[Mesh, ...]:
-        local = local_name(name)
-        data = self.read(local)
+        data = self.read(name)
         self.budget.add_file(data)
-
-        def beside(other: str) -> bytes:
-            return self.read(str(PurePosixPath(local).parent / other))
-
         try:
-            mesh = _solid_mesh(name, data, beside, self.budget)
+            mesh = _solid_mesh(name, data, lambda other: self.read(beside(name, other)), self.budget)
             flipped = float(np.prod(scale)) < 0.0
             return convex_pieces(Mesh(mesh.vertices * scale, mesh.faces[:, ::-1].copy() if flipped else mesh.faces))
         except MeshError as error:

@@ -6,13 +6,13 @@ import io
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenegen.assets.mesh import Floats, Indices
-from scenegen.assets.meshfile import MeshError
+from scenegen.assets.meshfile import MeshError, used
 from scenegen.assets.palette import RGB
 
 if TYPE_CHECKING:
@@ -37,6 +37,18 @@ class Surface:
     color: RGB | None
     uv: Floats | None = None
     texture: bytes = b""
+
+
+def tidy(surface: Surface) -> Surface:
+    """The surface without vertices that no triangle with an area has: they count for nothing."""
+    kept = used(surface.vertices, surface.faces)
+    if len(kept) == len(surface.vertices):
+        return surface
+    order = np.full(len(surface.vertices), -1, dtype=np.int64)
+    order[kept] = np.arange(len(kept))
+    faces = order[surface.faces]
+    uv = None if surface.uv is None else surface.uv[kept]
+    return replace(surface, vertices=surface.vertices[kept], faces=faces[(faces >= 0).all(axis=1)], uv=uv)
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from scenegen.assets.elements import Element, ElementsError, elements
 from scenegen.assets.filenames import ending_of
 from scenegen.assets.gltf import surfaces
 from scenegen.assets.mesh import Floats
-from scenegen.assets.meshfile import MeshError, vertices
+from scenegen.assets.meshfile import MeshError, corners
 from scenegen.assets.outline import OutlineError, Shadow
 from scenegen.assets.urdf_tree import Pose, UrdfError, links_of, numbers_of, origin_of, sizes_of, solid_of
 from scenegen.primitives import Box, Circle, Footprint
@@ -45,7 +45,7 @@ class _Meshes:
             if self.size > MOST_BYTES:
                 raise UrdfError(f"its meshes are larger than {MOST_BYTES:,} bytes together")
             try:
-                self.known[name] = vertices(name, data)
+                self.known[name] = corners(name, data)
             except MeshError as error:
                 raise UrdfError(f"mesh {name}: {error}") from None
         self.placed += len(self.known[name])
@@ -114,8 +114,8 @@ def mesh_shadow(name: str, data: bytes, read: Callable[[str], bytes]) -> Shadow:
 
 
 def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Floats]:
-    """The vertices (V, 3) of a mesh file's parts, in its unit, z upwards, as `mesh_outline` reads it. Raises
-    UrdfError."""
+    """The vertices (V, 3) of the triangles of a mesh file's parts, in its unit, z upwards, as `mesh_outline` reads it.
+    Raises UrdfError."""
     ending = ending_of(name)
     if ending not in (*PLAIN, *GLTF):
         kind = f"{ending} files" if ending else "a file without an ending"
@@ -123,8 +123,8 @@ def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Fl
         raise UrdfError(f"{kind} cannot be read here: {known}")
     try:
         if ending in GLTF:
-            return [one.vertices[np.unique(one.faces)] for one in surfaces(name, data, read)]
-        return [vertices(name, data)]
+            return [one.vertices for one in surfaces(name, data, read)]
+        return [corners(name, data)]
     except MeshError as error:
         raise UrdfError(str(error)) from None
 

@@ -31,6 +31,15 @@ NOT_A_SHAPE = Kind(
 )
 NOT_AN_OUTLINE = Kind("not-an-outline", "this is no outline", help='write {kind}("{path}", box(length, width, height))')
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
+UNLIKELY_SHAPE = Kind(
+    "unlikely-shape",
+    ("{path} measures {size:,.3g} m", "{path} lies {distance:,.3g} m from its origin, which is where the object is"),
+    help=(
+        "if its numbers are centimetres, {remedy}",
+        'poses are those of the origin: move the mesh to it, or write asset("NAME") with center = true in assets.toml',
+    ),
+    severity="note",
+)
 UNUSABLE_SHAPE_FILE = Kind("unusable-shape-file", "{path} cannot be used: {reason}")
 NO_ASSET_INDEX = Kind(
     "no-asset-index",

@@ -19,6 +19,7 @@ from scenegen.errors.declarations import (
     PLACE_OUTSIDE_WORKSPACE,
     TOO_MANY_OBJECTS,
     UNKNOWN_ASSET,
+    UNLIKELY_SHAPE,
     UNUSABLE_SHAPE_FILE,
     WRONG_NUMBER_OF_PLACES,
 )
@@ -37,7 +38,7 @@ from scenegen.lang.spec import Count, Pose
 from scenegen.lang.trampoline import Call, run
 from scenegen.lang.values import ListValue, NumberValue
 from scenegen.pose import TWO_PI
-from scenegen.primitives.footprint import Box, Circle, Footprint
+from scenegen.primitives.footprint import Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import convex_hull
 from scenegen.primitives.units import ANGLE, BARE
 from scenegen.scene.workspace import Workspace
@@ -47,6 +48,13 @@ if TYPE_CHECKING:
     from scenegen.lang.lower import Lowering
 
 MAX_OBJECTS = 20_000
+LARGE = 2.0  # metres: a thing on a table is smaller
+AWAY = 0.05  # metres from the origin of a file to its outline, at least along x or y
+CENTIMETRES = {  # what to do about a file in another unit
+    "mesh": 'give it an entry in assets.toml with scale = 0.01, and write asset("NAME")',
+    "asset": "multiply its scale in assets.toml by 0.01",
+    "urdf": 'write scale="0.01 0.01 0.01" in its <mesh>',
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,20 +205,40 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     if kind == "asset":
-        return indexed(path.value, here, project)
-    data = project.read(path.value, here, "a URDF file" if kind == "urdf" else "a mesh file")
+        found = indexed(path.value, here, project)
+        _notice(lowering, found, here)
+        return found
+    name = path.value.replace("\\", "/")
+    data = project.read(name, here, "a URDF file" if kind == "urdf" else "a mesh file")
 
     def beside(other: str) -> bytes:
-        return project.read_beside(path.value, other, here)
+        return project.read_beside(name, other, here)
 
     try:
         if kind == "mesh":
-            footprint, height = mesh_outline(path.value, data, beside)
+            footprint, height = mesh_outline(name, data, beside)
         else:
             footprint, height = outline(data, beside)
     except UrdfError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
-    return Shape(kind, footprint, height, path.value)
+    found = Shape(kind, footprint, height, path.value)
+    _notice(lowering, found, here)
+    return found
+
+
+def _notice(lowering: Lowering, shape: Shape, here: Span) -> None:
+    """Note what a file would be read as and hardly is."""
+    size = max(*shape.footprint.extent, shape.height)
+    away = 0.0
+    if isinstance(shape.footprint, Polygon):
+        xs, ys = zip(*shape.footprint.vertices, strict=True)
+        away = max(min(xs), -max(xs), min(ys), -max(ys))
+    notes = []
+    if size > LARGE:
+        notes.append(UNLIKELY_SHAPE(here, path=shape.path, size=size, remedy=CENTIMETRES[shape.asset]))
+    if away > AWAY:
+        notes.append(UNLIKELY_SHAPE(here, path=shape.path, distance=away))
+    lowering.noticed += [one for one in notes if one not in lowering.noticed]
 
 
 def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...]:

@@ -61,8 +61,7 @@ class Project:
         if base is None:
             raise SpecError(SPEC_WITHOUT_FILE(here))
         try:
-            # A spec that is a link imports from the folder of the file that it points to.
-            root = self.root.resolve() if self.root is not None else (self.file or base).resolve().parent
+            root = self._root(base.resolve().parent)
             wanted = (base.resolve().parent / path).resolve()
         except (OSError, RuntimeError, ValueError):
             raise SpecError(CANNOT_FIND_IMPORT(here, path=path)) from None
@@ -94,7 +93,13 @@ class Project:
         SpecError."""
         from scenegen.assets.filenames import local_name  # the folder's other files need numpy
 
-        return self.read(str(Path(path).parent / local_name(other)), here, "a mesh")
+        folder = self.find(path, here).parent
+        return self.read(str(Path(path).parent / local_name(other, folder, self._root(folder))), here, "a mesh")
+
+    def _root(self, folder: Path) -> Path:
+        """The folder that nothing may lie outside of. A spec that is a link imports from the folder of the file that it
+        points to."""
+        return self.root.resolve() if self.root is not None else self.file.resolve().parent if self.file else folder
 
 
 def _beside(wanted: Path) -> list[str]:

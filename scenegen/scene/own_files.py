@@ -24,7 +24,7 @@ SAME = 1e-6  # metres by which an outline may differ from the one that the scene
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnFile:
-    """A file's bytes; `beside` gives those of a file by its path relative to it, and raises MeshError. `matrix` (3, 3)
+    """A file's bytes; `beside` gives those of a file that it names, and raises MeshError. `matrix` (3, 3)
     and `offset` (3,), metres, take its points to the object's frame: matrix @ point + offset. Mass (kg) and friction
     are those that an index gives an asset."""
 
@@ -58,12 +58,12 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
 
     Raises MeshError and UrdfError where it cannot be read, or has another outline than the scenes were made with.
     """
-    name, entry = _entry(folder, shape.path) if shape.asset == "asset" else (shape.path, None)
+    name, entry = _entry(folder, shape.path) if shape.asset == "asset" else (shape.path.replace("\\", "/"), None)
     path = folder / name
     data = _read(folder, path)
 
     def beside(other: str) -> bytes:
-        return _read(folder, path.parent / other)
+        return _read(folder, path.parent / local_name(other, path.resolve().parent, folder.resolve()))
 
     is_robot, matrix = shape.asset == "urdf", np.eye(3)
     if entry is not None:
@@ -71,10 +71,7 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
         is_robot = entry.is_robot
         footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
-        if is_robot:
-            shadow = robot_shadow(data, lambda other: beside(local_name(other)))
-        else:
-            shadow = mesh_shadow(name, data, beside)
+        shadow = robot_shadow(data, beside) if is_robot else mesh_shadow(name, data, beside)
         footprint, height = measured(shadow)
         offset = np.array([0.0, 0.0, -shadow.bottom])
     if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > SAME:

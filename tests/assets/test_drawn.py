@@ -140,6 +140,7 @@ def robot(visual, rest="", link=""):
     files = {"sub/a.obj": OBJ, "sub/a.mtl": MTL, "sub/skin 1.png": png(), "skin.png": png()}
 
     def read(name):
+        name = name.removeprefix("package://props/")  # which whoever reads files looks up
         if name not in files:
             raise MeshError(f"{name}: no such file")
         return files[name]

@@ -199,3 +199,91 @@ def test_specs_take_them_and_say_where_something_is_missing(tmp_path):
 
 def test_faces_and_corners_of_the_tests_are_a_closed_box():
     assert Mesh(CORNERS.astype(float), FACES.astype(int)).volume == pytest.approx(0.006)
+
+
+def painted(pbr=None, extensions=None, *, sampler=None, used=None, required=(), uv=None):
+    """A box with a material of these parts, and what becomes of it."""
+    made = document(texture={"bufferView": 3, "mimeType": "image/png"})
+    body = BODY[:-64] + (UV if uv is None else np.asarray(uv, dtype="<f4")).tobytes() + png()
+    made["bufferViews"] += [{"buffer": 0, "byteOffset": len(BODY), "byteLength": len(png())}]
+    made["buffers"] = [{"byteLength": len(body)}]
+    made["materials"] = [{}]
+    if pbr is not None:
+        made["materials"][0]["pbrMetallicRoughness"] = pbr
+    if extensions is not None:
+        made["materials"][0]["extensions"] = extensions
+    if sampler is not None:
+        made["textures"], made["samplers"] = [{"source": 0, "sampler": 0}], [sampler]
+    if required:
+        made["extensionsRequired"] = list(required)
+    (found,) = surfaces("a.glb", glb(made, body), nothing)
+    return found
+
+
+GLOSS, MOVED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
+
+
+def test_materials_of_specular_glossiness_are_read():
+    assert painted(extensions={GLOSS: {"diffuseFactor": [1, 0, 0, 1]}}, required=[GLOSS]).color == (1.0, 0.0, 0.0)
+    found = painted(extensions={GLOSS: {"diffuseTexture": {"index": 0}}}, required=[GLOSS])
+    assert found.texture == png() and found.color == (1.0, 1.0, 1.0)
+    both = painted({"baseColorFactor": [0, 1, 0, 1]}, {GLOSS: {"diffuseFactor": [0, 0, 1, 1]}})
+    assert both.color == (0.0, 0.0, 1.0)  # who knows the extension takes it
+    assert painted().color == (1.0, 1.0, 1.0) and not painted().texture
+
+
+@pytest.mark.parametrize(
+    ("moved", "wanted"),
+    [
+        ({"offset": [0.5, 0.0], "scale": [0.5, 0.5]}, [(0.5, 0.0), (1.0, 0.0), (0.5, 0.5)]),
+        ({"rotation": np.pi / 2}, [(0.0, 0.0), (0.0, -1.0), (1.0, 0.0)]),
+        # the example of the extension: the lower left quadrant of the picture
+        ({"offset": [0, 1], "rotation": np.pi / 2, "scale": [0.5, 0.5]}, [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)]),
+        ({"offset": [0, 1], "scale": [1, -1]}, [(0.0, 1.0), (1.0, 1.0), (0.0, 0.0)]),
+    ],
+)
+def test_transforms_of_textures_are_applied(moved, wanted):
+    places = np.tile([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)], (2, 1))
+    image = {"index": 0, "extensions": {MOVED: moved}}
+    found = painted({"baseColorTexture": image}, uv=places, required=[MOVED])
+    np.testing.assert_allclose(found.uv[:3], wanted, atol=1e-12)
+
+
+def test_a_transform_may_name_other_places():
+    image = {"index": 0, "texCoord": 1, "extensions": {MOVED: {"texCoord": 0}}}
+    np.testing.assert_allclose(painted({"baseColorTexture": image}).uv, UV)
+    with pytest.raises(MeshError, match=r"rotation of .* is not a number"):
+        painted({"baseColorTexture": {"index": 0, "extensions": {MOVED: {"rotation": "x"}}}})
+
+
+@pytest.mark.parametrize("mode", [33071, 33648])
+def test_textures_that_do_not_repeat_stay_within_their_edges(mode):
+    image = {"baseColorTexture": {"index": 0}}
+    assert painted(image, sampler={"wrapS": mode, "wrapT": mode}).texture
+    wide = UV * (3.0, 1.0)
+    assert painted(image, sampler={"wrapT": mode}, uv=wide).uv.max() > 1.0
+    with pytest.raises(MeshError, match=r"does not repeat .wrapS of its sampler"):
+        painted(image, sampler={"wrapS": mode}, uv=wide)
+
+
+@pytest.mark.parametrize("extension", ["KHR_materials_unknown", "KHR_texture_basisu", "EXT_mesh_gpu_instancing", "X"])
+def test_what_a_file_requires_is_read_or_refused(extension):
+    with pytest.raises(MeshError, match=f"it needs the extension {extension}"):
+        painted(required=[extension])
+    painted(required=["KHR_materials_unlit", "KHR_mesh_quantization"])
+
+
+def test_vertices_of_no_triangle_count_for_nothing():
+    made = document()
+    for accessor, count in ((0, 9), (2, 9)):
+        made["accessors"][accessor]["count"] = count
+    corners = np.vstack([CORNERS, [(9, 9, 9)]]).astype("<f4").tobytes()
+    faces, uv = FACES.tobytes(), np.vstack([UV, [(0, 0)]]).astype("<f4").tobytes()
+    sizes = len(corners), len(faces), len(uv)
+    starts = np.cumsum([0, *sizes])
+    made["bufferViews"] = [
+        {"buffer": 0, "byteOffset": int(start), "byteLength": size} for start, size in zip(starts, sizes, strict=False)
+    ]
+    made["buffers"] = [{"byteLength": int(starts[-1])}]
+    (found,) = surfaces("a.glb", glb(made, corners + faces + uv), nothing)
+    assert found.vertices.shape == (8, 3) and np.abs(found.vertices).max() < 1.0

@@ -290,6 +290,8 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
         if value is not None and as_int(name, value) < 0:
             raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted="0 or more"))
     if is_set(path):
+        if spec is not None:
+            raise _says_itself(path)
         from scenegen.formats.opening import open_store
         from scenegen.formats.sets import read_set
 
@@ -311,11 +313,16 @@ def open_scenes(path: Path, spec: Spec | None = None) -> Reading | SceneSet:
             return settled_scenes(path)
         return table.read_scenes(path)
     if not is_plain(path):
-        rule, remedy = f"is for files of poses alone, and {path} says itself of what spec it is", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy=remedy))
+        table.read_scenes(path)  # says what else is wrong with it
+        raise _says_itself(path)
     from scenegen.api.own_scenes import read_own
 
     return read_own(spec, path)
+
+
+def _says_itself(path: str | Path) -> RequestError:
+    rule = f"is for files of poses alone, and {path} says itself of what spec it is"
+    return RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy="leave it out"))
 
 
 def reading_of(path: Path, spec: Spec | None = None) -> Reading:

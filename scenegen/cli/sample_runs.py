@@ -123,6 +123,7 @@ def _sample(
 
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
+        refused |= {"fix_from": wishes.fix_from is not None}
         sample_motions(subject, _request(source, subject, wishes), source, out, refused, render, reserve)
         return
     stored = out is not None and names_set(out)

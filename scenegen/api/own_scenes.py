@@ -18,7 +18,6 @@ from scenegen.errors.files import COLUMN_NOT_A_NUMBER, NO_SURFACE_GIVEN, NOT_SCE
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.errors.temporal import TRAJECTORY_COLUMN, TRAJECTORY_UNUSED
 from scenegen.formats.blocks import counts_in
-from scenegen.formats.columns import COUNT, PHI, RARITY
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import not_scenes, parse
 from scenegen.formats.plain import Table, is_plain, read_table
@@ -301,8 +300,7 @@ def _tabled(spec: CheckedSpec, table: Table) -> _Given:
         column = f"{name}.{ON}"
         return list(table.cells(column)) if column in table.names else None
 
-    unused = [name for name in table.names if name and not _is_place(spec, name)]
-    unused = [name for name in unused if not name.endswith(f".{ON}") and not name.startswith((PHI, RARITY, COUNT))]
+    unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
     return _Given(table.file, len(table), axis, on, tuple(unused))
 
 

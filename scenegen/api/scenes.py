@@ -67,9 +67,10 @@ class SceneSet(SceneArrays):
     def __post_init__(self, trusted: bool) -> None:
         if self.phi and not trusted:
             _check_phi(self)
-        still = {name: _still(values) for name, values in self.phi.items()}
-        for name, value in (("poses", _still(self.poses)), ("phi", still)):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "phi", {name: _still(values) for name, values in self.phi.items()})
+        for name in ("poses", "on", "rest"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _still(getattr(self, name)))
 
     def __repr__(self) -> str:
         spans = [
@@ -89,7 +90,7 @@ class SceneSet(SceneArrays):
             on = None if self.on is None else self.on[index]
             rest = None if self.rest is None else self.rest[index]
             return SceneSet(self.poses[index], phi, self.header, on=on, rest=rest, trusted=True)
-        return Scene(*self.places(index), self.header)
+        return Scene(*self.places(index), self.header, None if self.rest is None else self.rest[index])
 
     def __iter__(self) -> Iterator[Scene]:
         return (self[index] for index in range(len(self)))
@@ -132,7 +133,8 @@ class SceneSet(SceneArrays):
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
-            self._drawn.append(notebook.sheet(self[: notebook.SHOWN].file()))
+            some = self[: notebook.SHOWN]
+            self._drawn.append(notebook.sheet(some.file(), some.rest))
         return self._drawn[0]
 
     def _repr_html_(self) -> str:

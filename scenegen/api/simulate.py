@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE
@@ -49,4 +52,6 @@ def load_pybullet(
 
         own = own_bodies_of(header, as_path("meshes", meshes))
     world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
+    if scene.rest is not None:
+        world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
     return load(world, getattr(client, "_client", client), table=table)

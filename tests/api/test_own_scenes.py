@@ -287,6 +287,21 @@ def test_simulators_and_pictures_get_heights_and_attitudes(settled, tmp_path):
     np.testing.assert_allclose(z @ y @ x, turn.reshape(3, 3), atol=1e-6)
 
 
+def test_pybullet_gets_the_can_lying(settled, tmp_path):
+    import pybullet
+
+    scenes = scenegen.read_scenes(settled.save(tmp_path / "s.json"))
+    client = pybullet.connect(pybullet.DIRECT)
+    body = scenegen.load_pybullet(scenes[0], client)["can"]
+    middle, turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+    inertial, about = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
+    back = pybullet.invertTransform(inertial, about)
+    at, attitude = pybullet.multiplyTransforms(middle, turn, *back)
+    pybullet.disconnect(client)
+    np.testing.assert_allclose(at, settled.poses[0, 1, :3], atol=1e-5)
+    assert abs(np.dot(np.roll(attitude, 1), settled.poses[0, 1, 3:])) == pytest.approx(1.0, abs=1e-5)
+
+
 @pytest.mark.long
 def test_the_can_that_fell_is_drawn_lying(settled, tmp_path):
     scenes = scenegen.read_scenes(settled.save(tmp_path / "s.json"))

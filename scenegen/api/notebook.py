@@ -13,12 +13,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 from scenegen.errors import ScenegenError
 from scenegen.scene.data import SceneFile
 
 if TYPE_CHECKING:
     from scenegen.api.outline import Checked
     from scenegen.api.scene_arrays import SceneArrays
+
+Array = npt.NDArray[np.float64]
 
 SHOWN = 8  # scenes of a sheet
 WIDTH = 320  # pixels of one of its pictures, where the workspace is square
@@ -27,26 +32,28 @@ NAMED = 20  # objects that a spec names
 LINES = 40  # of the formula of a label
 
 
-def sheet(file: SceneFile) -> bytes | None:
-    """The contact sheet of a scene file as PNG, None for one without scenes. Raises DataError."""
-    return _drawn(file, WIDTH, sheet=True) if file.scenes else None
+def sheet(file: SceneFile, rest: Array | None = None) -> bytes | None:
+    """The contact sheet of a scene file as PNG, None for one without scenes; `rest` as SceneArrays has it. Raises
+    DataError."""
+    return _drawn(file, WIDTH, rest, sheet=True) if file.scenes else None
 
 
-def picture(file: SceneFile) -> bytes | None:
-    """A file's first scene in perspective, as PNG; None where it cannot be drawn: notebooks then show its `repr`."""
+def picture(file: SceneFile, rest: Array | None = None) -> bytes | None:
+    """A file's only scene in perspective, as PNG; None where it cannot be drawn: notebooks then show its `repr`. `rest`
+    (N, 7) as Scene has it."""
     try:
-        return _drawn(file, LARGE, sheet=False)
+        return _drawn(file, LARGE, None if rest is None else rest[None], sheet=False)
     except ScenegenError:
         return None
 
 
-def _drawn(file: SceneFile, width: int, *, sheet: bool) -> bytes:
+def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
     from scenegen.render import render_scenes
     from scenegen.render.request import usual_size
 
     size = usual_size(file, width)
     with tempfile.TemporaryDirectory() as folder:
-        drawn = render_scenes(file, Path(folder), views=("perspective",), size=size)
+        drawn = render_scenes(file, Path(folder), views=("perspective",), size=size, rest=rest)
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
 
 

@@ -15,18 +15,17 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.counts import NUMBERS_DISAGREE
 from scenegen.errors.files import COLUMN_NOT_A_NUMBER, NO_SURFACE_GIVEN, NOT_SCENES, OTHER_SPEC, OTHER_SURFACE
-from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
+from scenegen.errors.requests import NO_SCENES, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.errors.temporal import TRAJECTORY_COLUMN, TRAJECTORY_UNUSED
 from scenegen.formats.blocks import counts_in
-from scenegen.formats.columns import COUNT, PHI, RARITY
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import not_scenes, parse
-from scenegen.formats.plain import Table, read_table
+from scenegen.formats.plain import Table, is_plain, read_table
 from scenegen.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.formats.settled import read_settled
 from scenegen.lang.check import check_text
 from scenegen.physics.attitude import upright
-from scenegen.pose import NAMES, THETA, TWO_PI, X, as_rows
+from scenegen.pose import NAMES, THETA, TWO_PI, X, Y, as_rows
 from scenegen.scene.data import ObjectData, Pose, RequestData, SceneFile
 
 if TYPE_CHECKING:
@@ -60,26 +59,30 @@ def own_scenes(spec: Spec, poses: object, on: object = None) -> SceneSet:
 
 def read_own(spec: Spec, path: Path) -> SceneSet:
     """The scenes of a file that holds poses alone. Raises DataError."""
-    drawn, ending = spec.drawn, path.suffix.lower()
-    if ending == ".json":
+    return _scenes(spec.drawn, _file(spec.drawn, path))
+
+
+def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _Given:
+    """What a file of poses alone says; `partly`, of some of its objects, and perhaps of others. Raises DataError."""
+    if path.suffix.lower() == ".json":
         raw, _ = parse(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
         if isinstance(raw, dict) and isinstance(raw.get("scenes"), list):
             raw = raw["scenes"]
-        return _scenes(drawn, _listed(drawn, raw if isinstance(raw, list) else [raw], str(path)))
+        return _listed(drawn, raw if isinstance(raw, list) else [raw], str(path), partly=partly)
     table = read_table(path, "a scenes file", NOT_SCENES)
     if "poses" in table.names:
-        return _scenes(drawn, _listed(drawn, list(table.cells("poses")), str(path)))
+        return _listed(drawn, list(table.cells("poses")), str(path), partly=partly)
     if any(name in table.names for name in drawn.objects):
         rows = [dict(zip(table.names, row, strict=True)) for row in zip(*map(table.cells, table.names), strict=True)]
-        return _scenes(drawn, _listed(drawn, rows, str(path)))
-    return _scenes(drawn, _tabled(drawn, table))
+        return _listed(drawn, rows, str(path), partly=partly)
+    return _tabled(drawn, table)
 
 
 def settled_scenes(path: Path) -> SceneSet:
     """The scenes of a file of `scenegen settle`, as they came to rest. Raises DataError."""
     from scenegen.api.scenes import SceneSet, evaluate
 
-    said, rest = read_settled(path)
+    said, rest, on = read_settled(path)
     spec = check_text(said.spec.source, f"the spec of {path}")
     if list(spec.objects) != said.objects:
         facts = {"wanted": tuple(spec.objects), "found": tuple(said.objects)}
@@ -89,8 +92,51 @@ def settled_scenes(path: Path) -> SceneSet:
     header = make_header(spec, {"method": "settled", **said.simulator.model_dump()}, RequestData(phi={}, n=len(rest)))
     poses = upright(rest)
     poses[np.isnan(rest[..., 0])] = math.nan
-    bare = SceneSet(poses, {}, header)
-    return SceneSet(poses, evaluate(spec, bare), header, rest=rest, trusted=True)
+    for one in header.choosers:
+        if one.name not in said.surfaces:  # of earlier versions
+            raise DataError(NO_SURFACE_GIVEN(name=one.name))
+    surfaces = on if header.choosers else None
+    bare = SceneSet(poses, {}, header, on=surfaces)
+    return SceneSet(poses, evaluate(spec, bare), header, on=surfaces, rest=rest, trusted=True)
+
+
+def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array:
+    """(n, N, 3): the poses of a file of scenes, or of poses alone, of some of the spec's objects; NaN for the others,
+    and for headings that it does not have. Of `names` alone, if there are some. Raises DataError, RequestError."""
+    from scenegen.api.scenes import read_scenes
+
+    for name in names:
+        if name not in spec.objects:
+            raise RequestError(UNKNOWN_OBJECT(name=name, known=spec.objects))
+    if is_plain(path):
+        given = _file(spec, path, partly=True)
+        poses = np.full((given.count, len(spec.objects), len(NAMES)), math.nan)
+        for index, name in enumerate(spec.objects):
+            for place, axis in enumerate(NAMES):
+                values = given.axis(name, axis)
+                poses[:, index, place] = math.nan if values is None else values
+        halves = np.isnan(poses[..., X]) != np.isnan(poses[..., Y])
+        if halves.any():
+            scene, thing = np.argwhere(halves)[0].tolist()
+            facts = {"column": f"{spec.objects[thing]}.{NAMES[X]}", "scene": scene + 1}
+            raise DataError(COLUMN_NOT_A_NUMBER(path=path, **facts))
+    else:
+        found = read_scenes(path)
+        found.refuse_rest(path)
+        known = {name: k for k, name in enumerate(found.objects)}
+        poses = np.full((len(found), len(spec.objects), len(NAMES)), math.nan)
+        for index, name in enumerate(spec.objects):
+            if name in known:
+                poses[:, index] = found.poses[:, known[name]]
+    for name in names:
+        if np.isnan(poses[:, spec.objects.index(name), X]).all():
+            raise DataError(TRAJECTORY_COLUMN(file=path, name=f"{name}.x", known=[]))
+    others = [k for k, name in enumerate(spec.objects) if names and name not in names]
+    poses[:, others] = math.nan
+    if np.isnan(poses).all():
+        facts = {"wanted": tuple(spec.objects), "found": ()}
+        raise DataError(OTHER_SPEC(reason=f"{path} has none of the spec's objects", **facts))
+    return poses
 
 
 def mirrored(scenes: SceneSet) -> SceneSet:
@@ -189,7 +235,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
             if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
                 raise _refused(spec, poses)
             more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
-            return _Given("`poses`", sizes.pop(), _axes(columns), more.get if on is None else _numbers(spec, on))
+            return _Given("`poses`", sizes.pop(), _axes(columns), _on(more) if on is None else _numbers(spec, on))
         _refuse_unknown(spec, poses)
         each = {name: _array(_tuple(value)) for name, value in poses.items()}
         each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
@@ -212,16 +258,20 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
     return _Given("`poses`", len(array), _axes(columns), _numbers(spec, on))
 
 
-def _listed(spec: CheckedSpec, scenes: list[Any], name: str) -> _Given:
-    """A list of scenes, each with poses by name: {"x": .., "y": .., "theta": ..} or [x, y, theta]."""
+def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _Given:
+    """A list of scenes, each with poses by name: {"x": .., "y": .., "theta": ..} or [x, y, theta]. `partly`: objects of
+    other specs may be among them."""
     columns = {f"{one}.{axis}": np.full(len(scenes), math.nan) for one in spec.objects for axis in NAMES}
     on: dict[str, list[Any]] = {}
     for number, scene in enumerate(scenes):
         said = scene.get("poses", scene) if isinstance(scene, Mapping) else None
-        if not isinstance(said, Mapping):
+        if not isinstance(said, Mapping) or not said:
             raise DataError(not_scenes(name, f"scene {number + 1} has no poses by name"))
-        _refuse_unknown(spec, said)
+        if not partly:
+            _refuse_unknown(spec, said)
         for thing, pose in said.items():
+            if thing not in spec.objects:
+                continue
             if isinstance(pose, Mapping):
                 values = [pose.get(axis) for axis in NAMES]
                 if ON in pose:
@@ -250,8 +300,7 @@ def _tabled(spec: CheckedSpec, table: Table) -> _Given:
         column = f"{name}.{ON}"
         return list(table.cells(column)) if column in table.names else None
 
-    unused = [name for name in table.names if name and not _is_place(spec, name)]
-    unused = [name for name in unused if not name.endswith(f".{ON}") and not name.startswith((PHI, RARITY, COUNT))]
+    unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
     return _Given(table.file, len(table), axis, on, tuple(unused))
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
+
+import numpy.typing as npt
 
 from scenegen.api.model import Model
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
@@ -33,7 +35,7 @@ def sample(
     timeout: float = 60.0,
     raw: bool = False,
     keep_partial: bool = False,
-    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
+    fix: Mapping[str, FixedPose | tuple[float, ...] | npt.ArrayLike] | SceneSet | npt.ArrayLike | None = None,
     settle: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -48,19 +50,27 @@ def sample(
     tables) or by multilevel splitting (`splitting`: Markov chains that reach rare ranges, exact in the limit of long
     chains); `auto` takes what it expects to be cheapest and tells `on_note`, and the header, what it took and why. From a Model they are its proposals, moved onto their target:
     approximately distributed. `raw` returns a model's own output instead, neither moved nor filtered. `fix` holds
-    objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given scene. `settle` drops
-    every scene in PyBullet for one simulated second and hands out those in which no object moves more than 1 cm or
-    turns more than 5 degrees.
+    objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given scene. Of many scenes,
+    as arrays (n, 2) or (n, 3) by name, an array (n, N, 3) with NaN for what is free, or a SceneSet, each is completed
+    once, in their order, at a small part of the cost of n calls; `n` is then theirs. `settle` drops every scene in
+    PyBullet for one simulated second and hands out those in which no object moves more than 1 cm or turns more than 5
+    degrees.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises
     RequestError for a request that is wrong or out of reach, where fewer than n scenes were found in time, unless
     `keep_partial`, and for more scenes than go into memory: see `sample_to`.
     """
+    from scenegen.api.complete import complete, many_given
+
+    many = many_given(fix)
+    alone = cast("Mapping[str, FixedPose | tuple[float, ...]]", {} if fix is None or many else fix)
     request = SampleRequest(
-        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
+        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix=alone,
         settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
     )  # fmt: skip
+    if many:
+        return complete(source, request, fix)
     return draw_scenes(source, request, progress=progress, on_note=on_note)
 
 

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+import numpy.typing as npt
+
 from scenegen.scene.data import Pose, SceneData, SceneFile
 from scenegen.scene.numbers import element
 
@@ -13,11 +16,13 @@ from scenegen.scene.numbers import element
 @dataclass(frozen=True, slots=True)
 class Scene:
     """`poses` maps each object to where it stands (x and y in metres, theta in radians), `phi` each label to its value;
-    `header` is the scene file it is of, without scenes. Two scenes are equal if poses and phi are."""
+    `header` is the scene file it is of, without scenes; `rest` (N, 7) is as of a SceneSet. Two scenes are equal if
+    poses and phi are."""
 
     poses: Mapping[str, Pose]
     phi: Mapping[str, float]
     header: SceneFile = field(repr=False, compare=False)
+    rest: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         places = (
@@ -49,4 +54,4 @@ class Scene:
         """For notebooks: the scene in perspective."""
         from scenegen.api.notebook import picture
 
-        return picture(self.file())
+        return picture(self.file(), self.rest)

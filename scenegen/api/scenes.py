@@ -67,9 +67,10 @@ class SceneSet(SceneArrays):
     def __post_init__(self, trusted: bool) -> None:
         if self.phi and not trusted:
             _check_phi(self)
-        still = {name: _still(values) for name, values in self.phi.items()}
-        for name, value in (("poses", _still(self.poses)), ("phi", still)):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "phi", {name: _still(values) for name, values in self.phi.items()})
+        for name in ("poses", "on", "rest"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _still(getattr(self, name)))
 
     def __repr__(self) -> str:
         spans = [
@@ -89,7 +90,7 @@ class SceneSet(SceneArrays):
             on = None if self.on is None else self.on[index]
             rest = None if self.rest is None else self.rest[index]
             return SceneSet(self.poses[index], phi, self.header, on=on, rest=rest, trusted=True)
-        return Scene(*self.places(index), self.header)
+        return Scene(*self.places(index), self.header, None if self.rest is None else self.rest[index])
 
     def __iter__(self) -> Iterator[Scene]:
         return (self[index] for index in range(len(self)))
@@ -132,7 +133,8 @@ class SceneSet(SceneArrays):
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
-            self._drawn.append(notebook.sheet(self[: notebook.SHOWN].file()))
+            some = self[: notebook.SHOWN]
+            self._drawn.append(notebook.sheet(some.file(), some.rest))
         return self._drawn[0]
 
     def _repr_html_(self) -> str:
@@ -291,6 +293,8 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
         if value is not None and as_int(name, value) < 0:
             raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted="0 or more"))
     if is_set(path):
+        if spec is not None:
+            raise _says_itself(path)
         from scenegen.formats.opening import open_store
         from scenegen.formats.sets import read_set
 
@@ -312,11 +316,16 @@ def open_scenes(path: Path, spec: Spec | None = None) -> Reading | SceneSet:
             return settled_scenes(path)
         return table.read_scenes(path)
     if not is_plain(path):
-        rule, remedy = f"is for files of poses alone, and {path} says itself of what spec it is", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy=remedy))
+        table.read_scenes(path)  # says what else is wrong with it
+        raise _says_itself(path)
     from scenegen.api.own_scenes import read_own
 
     return read_own(spec, path)
+
+
+def _says_itself(path: str | Path) -> RequestError:
+    rule = f"is for files of poses alone, and {path} says itself of what spec it is"
+    return RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy="leave it out"))
 
 
 def reading_of(path: Path, spec: Spec | None = None) -> Reading:

@@ -72,6 +72,7 @@ def settle(
         raise RequestError(WRONG_VALUE(argument="scenes", value=repr(scenes), wanted="a SceneSet"))
     if not len(scenes):
         raise RequestError(NO_SCENES())
+    scenes.refuse_rest("settle")
     header = _header(scenes.header, simulator, seconds, max_shift, max_turn)
     found: list[SettledBlock] = []
     for block in _blocks(scenes.header, header, scenes.blocks(), _own(scenes.header, meshes), workers):
@@ -87,6 +88,7 @@ def settle(
         dict(zip(header.labels, phi, strict=True)),
         tuple(touches for one in found for touches in one.contacts),
         header,
+        np.concatenate([one.on for one in found if one.on is not None]) if header.surfaces else None,
     )
 
 
@@ -145,6 +147,9 @@ def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float,
         simulator=SimulatorData(name=simulator, version=version_of(simulator), seconds=as_seconds("seconds", seconds)),
         max_shift_mm=MM * _limit("max_shift", max_shift, "a number of metres above 0"),
         max_turn_deg=_limit("max_turn", max_turn, "a number of degrees above 0"),
+        surfaces={
+            one.name: [surface.on for surface in one.support.any] for one in scenes.choosers if one.support is not None
+        },
     )
 
 
@@ -218,4 +223,5 @@ def _judged(
         return None if contact.a == TABLE else names[contact.a], names[contact.b], contact.depth
 
     contacts = tuple(tuple(map(touch, one)) for one in rested.contacts)
-    return SettledBlock(rested.poses, shift, turn, moved, np.where(lost, np.nan, phi), contacts)
+    chosen = on if scenes.choosers else None
+    return SettledBlock(rested.poses, shift, turn, moved, np.where(lost, np.nan, phi), contacts, chosen)

@@ -36,6 +36,7 @@ def _settled(spec: CheckedSpec, scenes: SceneFile, header: SettledHeader, block:
     shift, turn, moved = np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, dtype=bool)
     phi = np.full((len(header.labels), count), np.nan)
     contacts: list[tuple[Touch, ...]] = [()] * count
+    on = block.rows[row_count(len(names)) :].T if scenes.choosers else None
     numbers = counts_in(scenes, block.rows)
     for some in np.unique(numbers, axis=1).T:
         which = np.flatnonzero((numbers == some[:, None]).all(axis=0))
@@ -57,4 +58,4 @@ def _settled(spec: CheckedSpec, scenes: SceneFile, header: SettledHeader, block:
             phi[:, part] = found.phi
             for scene, touches in zip(part.tolist(), found.contacts, strict=True):
                 contacts[scene] = touches
-    return SettledBlock(poses, shift, turn, moved, phi, tuple(contacts))
+    return SettledBlock(poses, shift, turn, moved, phi, tuple(contacts), on)

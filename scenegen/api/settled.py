@@ -27,7 +27,8 @@ class SettledScenes:
     objects moved farther than allowed. `phi` has by label the values (n,) at the settled poses, each object read as x,
     y and the heading of the nearest upright attitude. `contacts` are by scene the pairs of objects that touched before,
     None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged, and for
-    objects that are not there. `header` says the rest.
+    objects that are not there. `header` says the rest. `on` (n, M) is the surface that each object of
+    `header.surfaces` stood on in the plan, counted from 1.
     """
 
     poses: Array
@@ -37,6 +38,7 @@ class SettledScenes:
     phi: Mapping[str, Array]
     contacts: tuple[tuple[Touch, ...], ...]
     header: SettledHeader
+    on: Array | None = None
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -63,7 +65,7 @@ class SettledScenes:
 
     def _block(self) -> SettledBlock:
         phi = np.array(list(self.phi.values())).reshape(len(self.phi), len(self))
-        return SettledBlock(self.poses, self.shift, self.turn, self.moved, phi, self.contacts)
+        return SettledBlock(self.poses, self.shift, self.turn, self.moved, phi, self.contacts, self.on)
 
 
 @dataclass(slots=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from scenegen.api.scene import Scene
 from scenegen.errors import RequestError
@@ -47,4 +50,6 @@ def load_pybullet(
 
         own = own_bodies_of(header, as_path("meshes", meshes))
     world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
+    if scene.rest is not None:
+        world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
     return load(world, getattr(client, "_client", client), table=table)

@@ -140,6 +140,7 @@ def render(
     """
     from scenegen.cli.motion_pictures import film, names_film
     from scenegen.cli.output import print_error
+    from scenegen.formats.motions.table import is_motions
 
     shape = None if size is None else parse_size(size)
     alone = names_film(out)
@@ -149,6 +150,8 @@ def render(
         raise _only("--motion", "goes with --out FILE.gif or FILE.mp4")
     if seed and looks is None:
         raise _only("--seed", "goes with --looks")
+    if spec is not None and (alone or any(map(is_motions, sources))):
+        raise _only("--spec", "goes with scenes, and motions say themselves of what spec they are")
     if figure or alone:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
         if looks is not None:

@@ -78,8 +78,17 @@ def sample(
         list[str] | None,
         typer.Option(
             "--fix",
-            help="Hold an object where it is; repeat for more.",
+            help="Hold an object where it is; repeat for more. With --fix-from the name alone.",
             metavar="NAME=X,Y[,THETA]",
+            show_default=False,
+        ),
+    ] = None,
+    fix_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--fix-from",
+            help="Complete each scene of this file once: hold its objects, or those of --fix NAME, draw the others.",
+            metavar="SCENES",
             show_default=False,
         ),
     ] = None,
@@ -153,6 +162,7 @@ def sample(
       scenegen sample my.spec --phi 0:0.2 -n 100 --out scenes.json
       scenegen sample my.spec --phi task=-0.2:0 --satisfied --out s.json
       scenegen sample my.spec --phi 0: --fix plate=0.5,0.5
+      scenegen sample my.spec --phi 0: --fix-from easy.json --fix can
       scenegen sample my.spec --phi 0: --count block=5
       scenegen sample my.spec --phi 0: -n 1000000 --timeout 600 --out s.parquet
       scenegen sample model.safetensors --phi -0.3:-0.1 -n 1000 --out hard.json
@@ -180,7 +190,7 @@ def sample(
         raise RequestError(CONFLICTING_ARGUMENTS(one="satisfied", other="violated"))
     wishes = Wishes(
         phi or [], satisfied, violated, n, seed, method, spread, fix or [], settle, raw, workers, keep_partial, timeout,
-        steps, spec, root, count or [],
+        steps, spec, root, count or [], fix_from,
     )  # fmt: skip
     storing = Storing(resume, engine, address, shard_size)
     if len(sources) == 1:

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard
 
-from scenegen.errors.requests import SPEC_OF_SPEC, STEPS_OF_SPEC
+from scenegen.errors.requests import OUT_OF_PLACE, SPEC_OF_SPEC, STEPS_OF_SPEC
 from scenegen.errors.stores import ONLY_FOR_SETS
 from scenegen.formats.locations import inside, names_set
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
+    from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.processes.reserve import Reserve
     from scenegen.sampling.request import SampleRequest
@@ -41,6 +42,7 @@ class Wishes:
     spec: Path | None
     root: Path | None
     counts: list[str]
+    fix_from: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +123,7 @@ def _sample(
 
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
+        refused |= {"fix_from": wishes.fix_from is not None}
         sample_motions(subject, _request(source, subject, wishes), source, out, refused, render, reserve)
         return
     stored = out is not None and names_set(out)
@@ -135,6 +138,9 @@ def _sample(
     if wishes.steps is not None:
         subject = _in_steps(subject, wishes.steps)
     request = _request(source, subject, wishes)
+    if wishes.fix_from is not None:
+        _complete(subject, request, wishes, path, stored or storing.resume, render)
+        return
     if render is not None:
         check_folder(render, path)
         need("pybullet", "to draw pictures")
@@ -154,12 +160,43 @@ def _sample(
             draw(read_scenes(out), render)
         return
     from scenegen.api.sample import draw_scenes
-    from scenegen.api.stream import met
 
     with Bar() as bar:
         scenes = draw_scenes(subject, request, progress=bar, reserve=reserve)
     complain(*scenes.warnings)
     detail(f"sampled {len(scenes)} scenes")
+    _hand_out(scenes, path, render)
+
+
+def _complete(
+    subject: Spec | Model, request: SampleRequest, wishes: Wishes, path: Path | None, stored: bool, render: Path | None
+) -> None:
+    """The scenes of --fix-from, completed. Raises what `sample` raises."""
+    from scenegen.api.complete import complete
+    from scenegen.api.model import Model
+    from scenegen.api.own_scenes import part_of_scenes
+    from scenegen.cli.output import complain
+    from scenegen.errors import RequestError
+
+    assert wishes.fix_from is not None
+    for option, odd in (("--fix-from", stored or isinstance(subject, Model)),):
+        if odd:
+            rule = "completes scenes of a spec, in memory"
+            raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="name a spec, and a single file"))
+    assert not isinstance(subject, Model)
+    given = part_of_scenes(subject.checked, wishes.fix_from, wishes.fix)
+    scenes = complete(subject, request, given)
+    complain(*scenes.warnings)
+    _hand_out(scenes, path, render)
+
+
+def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None) -> None:
+    """Write scenes to a file or the output, say what they are, and draw them."""
+    from scenegen.api.stream import met
+    from scenegen.cli.output import print_error
+    from scenegen.cli.render import draw
+    from scenegen.cli.sampled import summary
+
     if path is not None:
         scenes.save(path)
     else:
@@ -203,7 +240,8 @@ def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleReque
     wanted = ", ".join(f"{name}={one}" for name, one in ranges.items()) or "any phi"
     detail(f"read {source} (labels {', '.join(labels)}); wanted: {wanted}")
     return SampleRequest(
-        ranges, wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread, fix=parse_fix(wishes.fix),
+        ranges, wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread,
+        fix={} if wishes.fix_from is not None else parse_fix(wishes.fix),
         settle=wishes.settle, raw=wishes.raw, timeout=_left(wishes.timeout), workers=wishes.workers,
         keep_partial=wishes.keep_partial,
     )  # fmt: skip

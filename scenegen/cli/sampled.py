@@ -55,8 +55,8 @@ def _how(info: Mapping[str, Any]) -> str:
     """How scenes were made, and with what yield."""
     if info.get("raw"):
         return "raw output of the model"
-    if info["method"] == "rejection":
-        return f"rejection, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
+    if info["method"] in ("rejection", "completed"):
+        return f"{info['method']}, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
     if info["method"] == "splitting":
         return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
     if info["method"] == "growth":

@@ -190,6 +190,11 @@ HELD_OUTSIDE = Kind(
 NOT_A_POSE = Kind(
     "not-a-pose", "the pose of `{name}` is {value}", help="write (x, y) or (x, y, theta), in metres and radians"
 )
+NOT_COMPLETED = Kind(
+    "not-completed",
+    "given scene {scene} cannot be completed: {reason}",
+    help="leave it out, ask for a wider range, or give fewer objects; <keep_partial> keeps the others",
+)
 ALL_HELD = Kind("all-held", "every object is held in place: {consequence}", help="free an object")
 
 # unreachable targets, and time limits

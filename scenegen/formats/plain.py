@@ -11,7 +11,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -152,6 +152,9 @@ def _number(cell: Any) -> float:
 
 def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
     need("pyarrow", "for .parquet files")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     from scenegen.formats.parquet import check_rows, is_number, open_parquet, refused
 
     def damaged(said: str) -> Diagnostic:
@@ -164,9 +167,27 @@ def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
     if not parquet.metadata.num_rows:
         raise DataError(wrong(file=path, reason="it has no rows"))
 
+    read: list[str] = []  # columns, which are kept
+
     def cells(name: str) -> Any:
+        kind = schema.field(name).type
+        text = bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+        if not (text or is_number(kind)):
+            raise DataError(TRAJECTORY_CELL(file=path, row=1, name=name, value=str(kind)))
+        read.append(name)
+        check_rows(path, parquet, len(read))
         with refused(damaged):
-            column = parquet.read(columns=[name], use_threads=False).column(0)
-        return column.to_numpy() if is_number(schema.field(name).type) else column.to_pylist()
+            if not text:
+                return parquet.read(columns=[name], use_threads=False).column(0).to_numpy()
+            # a long text that stands in every row is in memory once
+            texts = pq.ParquetFile(io.BytesIO(data), read_dictionary=[name], page_checksum_verification=True)
+            column = texts.read(columns=[name], use_threads=False).column(0)
+            return [cell for chunk in column.chunks for cell in _texts(chunk)]
 
     return Table(str(path), wrong, tuple(schema.names), functools.cache(cells), 0, parquet.metadata.num_rows)
+
+
+def _texts(chunk: Any) -> Iterator[str | None]:
+    """The texts of a column that is stored as numbers of a list of texts."""
+    known = chunk.dictionary.to_pylist()
+    return (None if number is None else known[number] for number in chunk.indices.to_pylist())

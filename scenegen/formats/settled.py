@@ -76,13 +76,13 @@ def is_settled(path: Path) -> bool:
     return False
 
 
-def read_settled(path: Path) -> tuple[SettledHeader, Array]:
-    """The header and the poses (n, N, 7) of a file of settled scenes, NaN of what is not there. Raises DataError, also
-    for a scene whose simulation diverged."""
+def read_settled(path: Path) -> tuple[SettledHeader, Array, Array]:
+    """The header of a file of settled scenes, the poses (n, N, 7) and the surfaces (n, M), NaN of what is not there.
+    Raises DataError, also for a scene whose simulation diverged."""
     if path.suffix.lower() == ".parquet":
         from scenegen.formats.settled_parquet import read_poses
 
-        header, poses = read_poses(path)
+        header, poses, on = read_poses(path)
     else:
         data = read_bytes(path, "a file of settled scenes", limit=MOST_BYTES, remedy="write .parquet")
         first, *lines = data.split(b"\n") if path.suffix.lower() == ".jsonl" else [data]
@@ -92,10 +92,13 @@ def read_settled(path: Path) -> tuple[SettledHeader, Array]:
         )
         header = settled_header(json.dumps(raw), path)
         poses = np.full((len(scenes), len(header.objects), len(POSE)), math.nan)
+        on = np.full((len(scenes), len(header.surfaces)), math.nan)
         for number, scene in enumerate(scenes):
             try:
                 for name, place in scene["objects"].items():
                     poses[number, header.objects.index(name)] = [place[axis] for axis in POSE]
+                    if name in header.surfaces:
+                        on[number, list(header.surfaces).index(name)] = header.surfaces[name].index(place["on"]) + 1
             except (KeyError, TypeError, ValueError, AttributeError):
                 where = f"scenes.{number + 1}"
                 raise DataError(DAMAGED_SCENES(file=path, place=where, reason="a pose is missing or null")) from None
@@ -104,7 +107,12 @@ def read_settled(path: Path) -> tuple[SettledHeader, Array]:
     if odd.any():
         where = f"scenes.{int(odd.argmax()) + 1}"
         raise DataError(DAMAGED_SCENES(file=path, place=where, reason="a pose is missing or null"))
-    return header, poses
+    known = np.array([len(names) for names in header.surfaces.values()])
+    bad = ~np.isnan(on) & ~((on >= 1) & (on <= known) & (on == np.round(on)))
+    if bad.any():
+        where = f"scenes.{int(bad.any(axis=1).argmax()) + 1}"
+        raise DataError(DAMAGED_SCENES(file=path, place=where, reason="there is no such surface"))
+    return header, poses, on
 
 
 def settled_header(text: str | bytes, path: Path) -> SettledHeader:
@@ -128,11 +136,15 @@ def _scene(header: SettledHeader, block: SettledBlock, index: int, number: int) 
     there = block.present[index].tolist()
     moved = [name for name, far in zip(header.objects, block.moved[index].tolist(), strict=True) if far]
     rows = np.concatenate([block.poses[index], MM * block.shift[index, :, None], block.turn[index, :, None]], axis=1)
-    objects = {
+    objects: dict[str, dict[str, Any]] = {
         name: dict(zip((*POSE, "shift_mm", "turn_deg"), map(_number, row), strict=True))
         for name, row, here in zip(header.objects, rows.tolist(), there, strict=True)
         if here
     }
+    chosen = {} if block.on is None else dict(zip(header.surfaces, block.on[index].tolist(), strict=True))
+    for name, surface in chosen.items():
+        if name in objects:
+            objects[name]["on"] = header.surfaces[name][int(surface) - 1]
     return {
         "scene": number,
         "settled": not moved,

@@ -20,7 +20,8 @@ class SettledBlock:
     """m scenes of N objects. `poses` (m, N, 7) are place (metres) and quaternion, w first; `shift` (m, N) in metres and
     `turn` (m, N) in degrees are against the plan; `moved` (m, N) says which objects moved too far; `phi` (L, m) is that
     of the settled scene; `contacts` are by scene the pairs that touched before, None for the table, and how deep in
-    metres. NaN, from a simulation that diverged, is written as null. Objects that are not there are NaN and have not
+    metres; `on` (m, M) is the surface that each object stood on in the plan, where the header has several, counted from
+    1. NaN, from a simulation that diverged, is written as null. Objects that are not there are NaN and have not
     moved."""
 
     poses: Array
@@ -29,6 +30,7 @@ class SettledBlock:
     moved: npt.NDArray[np.bool_]
     phi: Array
     contacts: tuple[tuple[Touch, ...], ...]
+    on: Array | None = None
 
     @property
     def count(self) -> int:

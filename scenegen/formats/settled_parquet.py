@@ -1,7 +1,8 @@
 """Settled scenes as Parquet: a row per scene, the header in the file's metadata under `scenegen`.
 
-Columns: `scene`, `settled`, then of each object `mug.x`, ..., `mug.qz`, `mug.shift_mm`, `mug.turn_deg`, then
-`phi.task`, ..., `moved` (a list of names) and `contacts` (a list of pairs with `depth_mm`).
+Columns: `scene`, `settled`, then of each object `mug.x`, ..., `mug.qz`, `mug.shift_mm`, `mug.turn_deg`, then of each
+that was planned on one of several surfaces `mug.on`, its number, then `phi.task`, ..., `moved` (a list of names) and
+`contacts` (a list of pairs with `depth_mm`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def write(sink: IO[bytes], header: SettledHeader, blocks: Iterable[SettledBlock]
     each = (*POSE, "shift_mm", "turn_deg")
     fields = [pa.field("scene", pa.int64()), pa.field("settled", pa.bool_())]
     fields += [pa.field(f"{name}.{column}", pa.float64()) for name in header.objects for column in each]
+    fields += [pa.field(f"{name}.on", pa.float64()) for name in header.surfaces]
     fields += [pa.field(f"{PHI}{label}", pa.float64()) for label in header.labels]
     fields += [pa.field("moved", pa.list_(pa.string())), pa.field("contacts", pa.list_(CONTACT))]
     schema = pa.schema(fields, metadata={KEY: header.model_dump_json().encode()})
@@ -60,8 +62,8 @@ def names_settled(path: Path, wanted: bytes) -> bool:
     return wanted in metadata.get(KEY, b"")
 
 
-def read_poses(path: Path) -> tuple[SettledHeader, Array]:
-    """The header and the poses (n, N, 7), NaN where null stands. Raises DataError."""
+def read_poses(path: Path) -> tuple[SettledHeader, Array, Array]:
+    """The header, the poses (n, N, 7) and the surfaces (n, M), NaN where null stands. Raises DataError."""
     from scenegen.formats.settled import settled_header
 
     with (
@@ -71,6 +73,7 @@ def read_poses(path: Path) -> tuple[SettledHeader, Array]:
         parquet = open_parquet(path, file)
         header = settled_header((parquet.metadata.metadata or {}).get(KEY, b""), path)
         names = [f"{name}.{column}" for name in header.objects for column in POSE]
+        names += [f"{name}.on" for name in header.surfaces]
         for name in names:
             if name not in parquet.schema_arrow.names:
                 raise DataError(WRONG_COLUMNS(path=path, name=name, wanted=tuple(names)))
@@ -79,13 +82,15 @@ def read_poses(path: Path) -> tuple[SettledHeader, Array]:
         check_rows(path, parquet, len(names))
         table = parquet.read(columns=names, use_threads=False)
     values = np.array([table.column(name).to_numpy() for name in names], dtype=np.float64)
-    return header, values.T.reshape(table.num_rows, len(header.objects), len(POSE))
+    poses, on = np.split(values.T, [len(header.objects) * len(POSE)], axis=1)
+    return header, poses.reshape(table.num_rows, len(header.objects), len(POSE)), on
 
 
 def _batch(schema: pa.Schema, header: SettledHeader, block: SettledBlock, done: int) -> pa.RecordBatch:
     names = np.array(header.objects, dtype=object)
     values = np.concatenate([block.poses, MM * block.shift[..., None], block.turn[..., None]], axis=2)
-    numbers = [*values.reshape(block.count, -1).T, *block.phi]
+    on = () if block.on is None else block.on.T
+    numbers = [*values.reshape(block.count, -1).T, *on, *block.phi]
     contacts = [[{"a": a, "b": b, "depth_mm": MM * depth} for a, b, depth in touches] for touches in block.contacts]
     columns = [
         pa.array(np.arange(done + 1, done + block.count + 1)),

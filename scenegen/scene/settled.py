@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, SerializerFunctionWrapHandler, model_serializer
 
 from scenegen.scene.data import SpecRef
 
@@ -28,7 +28,8 @@ class SimulatorData(_Strict):
 
 class SettledHeader(_Strict):
     """What holds for all scenes of the file: the spec, its objects and labels, the simulation, and how far an object
-    may be moved (mm) or turned (degrees) in a scene that counts as settled."""
+    may be moved (mm) or turned (degrees) in a scene that counts as settled. `surfaces` are those of each object that
+    stands on one of several, in the order of their numbers; scenes say on which it was planned."""
 
     format: Literal["scenegen/settled"] = FORMAT
     version: Literal[1] = VERSION
@@ -38,3 +39,9 @@ class SettledHeader(_Strict):
     simulator: SimulatorData
     max_shift_mm: Positive
     max_turn_deg: Positive
+    surfaces: dict[str, list[str]] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _surfaces_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = dump(self)
+        return {name: value for name, value in data.items() if value or name != "surfaces"}

@@ -43,7 +43,7 @@ class Folder:
             raise Refused(400, "this is no path of a file") from None
         if not found.is_relative_to(self.root):
             raise Refused(403, "this file lies outside the folder that was opened")
-        if found.suffix != ".spec":
+        if found.suffix.lower() != ".spec":
             raise Refused(400, "the page opens and saves files that end in .spec")
         parts = found.relative_to(self.root).parts
         if any(part.startswith(".") for part in parts):
@@ -62,7 +62,7 @@ class Folder:
             here = Path(at)
             deep = len(here.relative_to(self.root).parts)
             folders[:] = sorted(one for one in folders if not one.startswith(".")) if deep < DEPTH else []
-            found += [self.relative(here / name) for name in sorted(names) if name.endswith(".spec")]
+            found += [self.relative(here / name) for name in sorted(names) if name.lower().endswith(".spec")]
             if len(found) >= MAX_FILES:
                 break
         return found[:MAX_FILES]

@@ -1,5 +1,6 @@
 """Every format of scene files goes in and out of the commands."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -32,3 +33,45 @@ def test_noise(ending, scenegen, here):
     Path(f"x{ending}").write_bytes(b"\x00noise\xff" * 10)
     refused = scenegen("eval", "good.spec", f"x{ending}")
     assert refused.status == 1 and refused.out == "" and refused.err.startswith("error[") and "help: " in refused.err
+
+
+POSES = "mug.x,mug.y,mug.theta,plate.x,plate.y,plate.theta,cam\n0.2,0.5,0,0.6,0.5,0,front\n0.7,0.5,0,0.6,0.5,0,\n"
+
+
+def test_poses_alone_go_everywhere_with_one_option(scenegen, here):
+    (here / "w.spec").write_text("object mug, plate\nleft: leftOf(mug, plate)\n")
+    (here / "mine.csv").write_text(POSES)
+    scored = scenegen("eval", "w.spec", "mine.csv")
+    assert scored.status == 0 and [float(line.split("\t")[1]) for line in scored.out.splitlines()[1:]] == [
+        pytest.approx(0.4),
+        pytest.approx(-0.1),
+    ]
+    assert "mine.csv has columns that the spec does not need: cam" in scored.err
+    for words in (["export", "--out", "s.parquet"], ["export", "--to", "mjcf", "--out", "worlds"]):
+        refused = scenegen(words[0], "mine.csv", *words[1:])
+        assert refused.status == 1 and "error[not-scenes]" in refused.err and "--spec" in refused.err
+        assert scenegen(words[0], "mine.csv", "--spec", "w.spec", *words[1:]).status == 0
+    assert scenegen("eval", "w.spec", "s.parquet").out == scored.out
+    assert sorted(path.name for path in (here / "worlds").glob("*.xml")) == ["scene_0001.xml", "scene_0002.xml"]
+    refused = scenegen("export", "s.parquet", "--spec", "w.spec", "--out", "t.json")
+    assert refused.status == 1 and "error[out-of-place]: --spec" in refused.err
+    assert scenegen("export", "s.parquet", "--mirrored", "--out", "m.json").status == 0
+    values = [float(line.split("\t")[1]) for line in scenegen("eval", "w.spec", "m.json").out.splitlines()[1:]]
+    assert values == [pytest.approx(-0.4), pytest.approx(0.1)]
+
+
+def test_a_file_of_scenes_is_completed(scenegen, here):
+    (here / "w.spec").write_text("object mug, plate, can\ntask: leftOf(mug, plate)\n")
+    assert scenegen("sample", "w.spec", "--violated", "-n", "7", "--out", "a.json").status == 0
+    made = scenegen("sample", "w.spec", "--satisfied", "--fix-from", "a.json", "--fix", "can", "--out", "b.json")
+    assert made.status == 0 and "7 scenes (completed, " in made.err
+    before, after = (json.loads((here / name).read_text())["scenes"] for name in ("a.json", "b.json"))
+    assert [one["poses"]["can"] for one in before] == [one["poses"]["can"] for one in after]
+    for words, said in (
+        (["--fix-from", "a.json"], "error[all-held]"),
+        (["--fix-from", "a.json", "--fix", "cup"], "error[unknown-object]"),
+        (["--fix-from", "a.json", "--fix", "can", "--out", "set/"], "error[out-of-place]: --fix-from"),
+        (["--fix-from", "none.json", "--fix", "can"], "error[cannot-read]"),
+    ):
+        refused = scenegen("sample", "w.spec", "--satisfied", *words)
+        assert refused.status == 1 and refused.err.startswith(said), refused.err

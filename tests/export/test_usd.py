@@ -170,7 +170,7 @@ def test_the_stage(tmp_path):
 def test_what_is_known_of_a_scene(tmp_path):
     scenes = tower()
     phi = {"task": np.array([0.125, math.pi])}
-    scenes = type(scenes)(scenes.poses, phi, scenes.header)
+    scenes = type(scenes)(scenes.poses, phi, scenes.header, trusted=True)
     (together,) = scenes.export(tmp_path / "all.usda")
     for k, path in enumerate(scenes.export(tmp_path / "all", "usd")):
         for stage in (opened(path), opened(together, f"scene_000{k + 1}")):

@@ -59,7 +59,7 @@ def test_objects_of_any_name(name, tmp_path):
     )
     first, *rest = scenes.header.objects
     header = scenes.header.model_copy(update={"objects": [first.model_copy(update={"name": name}), *rest]})
-    scenes = type(scenes)(scenes.poses, scenes.phi, header)
+    scenes = type(scenes)(scenes.poses, scenes.phi, header, trusted=True)
     for path in (*scenes.export(tmp_path / "all", "usd"), *scenes.export(tmp_path / "all.usdc")):
         stage = opened(path)
         assert list(things(stage)) == [name, "plate"] and faults(stage) == []

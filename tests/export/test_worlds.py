@@ -43,7 +43,7 @@ def renamed(scenes, name, title="A title."):
     objects = [first.model_copy(update={"name": name}), *rest]
     spec = scenes.header.spec.model_copy(update={"title": title})
     header = scenes.header.model_copy(update={"objects": objects, "spec": spec})
-    return type(scenes)(scenes.poses, scenes.phi, header)
+    return type(scenes)(scenes.poses, scenes.phi, header, trusted=True)
 
 
 def test_every_format_has_an_ending():
@@ -237,7 +237,8 @@ def _odd_spec(header):
 def test_files_that_no_spec_makes(change, to, tmp_path):
     """Scene files may hold any number: each is told from sense by one diagnostic."""
     scenes = scenes_of(PAIR, PLACES)
-    broken = type(scenes)(scenes.poses, scenes.phi, scenes.header.model_copy(update=change(scenes.header)))
+    header = scenes.header.model_copy(update=change(scenes.header))
+    broken = type(scenes)(scenes.poses, scenes.phi, header, trusted=True)
     with pytest.raises((DataError, SpecError)) as caught:
         broken.export(tmp_path / FILES[to])
     assert len(caught.value.diagnostics) == 1 and caught.value.diagnostics[0].help

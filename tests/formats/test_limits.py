@@ -188,6 +188,27 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
         read_motions(motions)
 
 
+def test_texts_of_tables_are_in_memory_once(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from scenegen.errors.temporal import NOT_A_TRAJECTORY
+    from scenegen.formats.plain import read_table
+
+    table = pa.table({"t": ["1", "2.5", None, "x" * 1_000_000] * 2000, "u": [[0.5]] * 8000})
+    pq.write_table(table, tmp_path / "t.parquet")
+    assert (tmp_path / "t.parquet").stat().st_size < 2_000_000
+    cells = read_table(tmp_path / "t.parquet", "a trajectory", NOT_A_TRAJECTORY).cells("t")
+    assert len(cells) == 8000 and len({id(cell) for cell in cells}) < 20
+    for name, said in (("t", r"`t` in row 3 is `null`"), ("u", r"`u` in row 1 is `list<.*double>`")):
+        with pytest.raises(DataError, match=said):
+            read_table(tmp_path / "t.parquet", "a trajectory", NOT_A_TRAJECTORY).column(name)
+    numbers = pa.table({"t": ["1", "2.5"]})
+    pq.write_table(numbers, tmp_path / "t.parquet")
+    found = read_table(tmp_path / "t.parquet", "a trajectory", NOT_A_TRAJECTORY).column("t")
+    assert found.tolist() == [1.0, 2.5]
+
+
 def test_columns_of_motions_that_hold_no_numbers(motions):
     import pyarrow as pa
     import pyarrow.parquet as pq

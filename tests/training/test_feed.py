@@ -33,7 +33,9 @@ def file(tmp_path, exp1, monkeypatch):
     rows = uniform(exp1, M, torch.Generator().manual_seed(0)).rows.double().numpy()
     header = make_header(exp1, {"method": "uniform"}, RequestData(phi={}, n=M))
     phi = dict.fromkeys(exp1.labels, np.zeros(M))  # not looked at
-    return SceneSet(np.ascontiguousarray(rows.T).reshape(M, 2, 3), phi, header).save(tmp_path / "s.parquet")
+    return SceneSet(np.ascontiguousarray(rows.T).reshape(M, 2, 3), phi, header, trusted=True).save(
+        tmp_path / "s.parquet"
+    )
 
 
 @pytest.fixture
@@ -144,7 +146,7 @@ def test_a_file_that_changes_is_noticed(file, exp1, tmp_path, small):
     rows = uniform(exp1, M, torch.Generator().manual_seed(1)).rows.double().numpy()
     header = make_header(exp1, {"method": "uniform"}, RequestData(phi={}, n=M))
     poses = np.ascontiguousarray(rows.T).reshape(M, 2, 3)
-    SceneSet(poses, dict.fromkeys(exp1.labels, np.zeros(M)), header).save(file)
+    SceneSet(poses, dict.fromkeys(exp1.labels, np.zeros(M)), header, trusted=True).save(file)
     with pytest.raises(DataError, match="the training data is not what it was"):
         train(exp1, config(file), tmp_path / "m", resume=True)
 

@@ -64,7 +64,7 @@ def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = Non
         raise DataError(NO_MESSAGE(reason="too many scenes at a time"))
     header = make_header(spec.checked, sampler or {}, RequestData(phi={}, n=max(1, len(array)), spread="flat"))
     scenes = SceneSet(array, {}, header, on=_surfaces(header, len(array), on))
-    return replace(scenes, phi=score(spec.checked, scenes))
+    return replace(scenes, phi=score(spec.checked, scenes), trusted=True)
 
 
 def _surfaces(header: SceneFile, count: int, on: object) -> Array | None:

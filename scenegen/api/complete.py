@@ -1,0 +1,212 @@
+"""Given scenes, completed one by one: what is not given is drawn, so that phi is in the range.
+
+Candidates of many scenes are scored together, which costs far less than a run for each. Scenes that are not hit get
+one: there bounds, growth and splitting help, and say where nothing can be found.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.model import Model
+from scenegen.api.request import check_request, request_data
+from scenegen.api.sample import draw_scenes
+from scenegen.api.scene_arrays import make_header, stored_rows
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.requests import (
+    ALL_HELD,
+    HELD_OUTSIDE,
+    NO_SCENES,
+    NOT_COMPLETED,
+    OUT_OF_PLACE,
+    UNKNOWN_OBJECT,
+    WRONG_VALUE,
+)
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, as_poses, row_count, row_of
+from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.verify import verify
+from scenegen.training.datasets.arrange import check_held
+
+if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+STREAM = 17  # the stream of random numbers of completed scenes
+ROUND = 65_536  # candidates that are scored together
+ROUNDS = 64
+USUAL = 16  # scenes, where nobody says how many
+
+
+def many_given(fix: object) -> bool:
+    """Whether these are poses of many scenes, and not of one."""
+    if isinstance(fix, Mapping):
+        return any(getattr(pose, "ndim", 0) == 2 for pose in fix.values())
+    return isinstance(fix, SceneSet) or getattr(fix, "ndim", 0) == 3
+
+
+def given_poses(spec: CheckedSpec, fix: Any) -> Array:
+    """(n, N, 3) with NaN for what is free: of a set of scenes, an array, or arrays (n, 2) or (n, 3) by name. Raises
+    RequestError."""
+    wanted = f"a SceneSet, an array (n, {len(spec.objects)}, 3) with NaN for what is free, or arrays (n, 3) by name"
+    wrong = RequestError(WRONG_VALUE(argument="fix", value=repr(fix)[:80], wanted=wanted))
+    if isinstance(fix, SceneSet):
+        fix = {name: fix.poses[:, k] for k, name in enumerate(fix.objects) if name in spec.objects}
+    if not isinstance(fix, Mapping):
+        array = np.asarray(_plain(fix))
+        if array.shape[1:] != (len(spec.objects), len(NAMES)) or array.dtype.kind not in "fiu":
+            raise wrong
+        return np.array(array, dtype=np.float64)
+    each = {name: np.asarray(_plain(pose)) for name, pose in fix.items()}
+    sizes = {len(one) for one in each.values() if one.ndim == 2}
+    fits = (one.shape[-1:] in ((2,), (3,)) and one.dtype.kind in "fiu" for one in each.values())
+    if len(sizes) != 1 or not all(fits):
+        raise wrong
+    found = np.full((sizes.pop(), len(spec.objects), len(NAMES)), np.nan)
+    for name, one in each.items():
+        if name not in spec.objects:
+            raise RequestError(UNKNOWN_OBJECT(name=name, known=spec.objects))
+        found[:, spec.objects.index(name), : one.shape[-1]] = one
+    return found
+
+
+def _plain(values: Any) -> Any:
+    return values.detach().cpu().numpy() if hasattr(values, "detach") else values
+
+
+def complete(spec: Spec | Model, request: SampleRequest, fix: Any) -> SceneSet:
+    """A scene for each that is given by `fix`, in their order: see `given_poses`. Within the range the scenes are
+    spread as the request says, as far as what is given allows. Raises RequestError for a request that does not go with
+    given scenes, and where one cannot be completed in time, unless `keep_partial`."""
+    began = time.monotonic()
+    if not isinstance(spec, Spec):
+        raise RequestError(OUT_OF_PLACE(option="fix", rule="of many scenes is for specs", remedy="give a spec"))
+    checked = spec.checked
+    given = given_poses(checked, fix)
+    if not len(given):
+        raise RequestError(NO_SCENES())
+    for name, odd in (
+        ("n", request.n not in (USUAL, len(given))),
+        ("settle", request.settle),
+        ("method", request.method not in ("auto", "rejection")),
+    ):
+        if odd:
+            rule = "does not go with given scenes, of which each is completed once"
+            raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy="leave it out"))
+    request = check_request(spec, replace(request, n=len(given), fix={}))
+    problem = make_problem(checked, request, Budget(request.timeout))
+    held = _held(problem, given)
+    found, hit, draws = _drawn(problem, held, request, began)
+    warnings: list[Diagnostic] = list(problem.warnings)
+    for number in np.flatnonzero(~hit):
+        one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began))
+        if isinstance(one, Diagnostic):
+            if not request.keep_partial:
+                raise RequestError(one)
+            warnings.append(replace(one, severity="warning"))
+            continue
+        found[:, number], hit[number] = one, True
+    rows = np.ascontiguousarray(found[:, hit])
+    phi = problem.phi(rows)
+    verify(problem, rows, phi)
+    names = [name for k, name in enumerate(checked.objects) if not np.isnan(given[:, k, X]).all()]
+    if not hit.any():
+        raise RequestError(NO_SCENES())
+    facts = {"draws": draws, "acceptance": float(hit.sum()) / draws, "held": names}
+    header = make_header(checked, {"method": "completed", **facts}, request_data(problem.request))
+    count = row_count(len(checked.objects))
+    on = stored_rows(checked, rows)[count:].T if checked.choices else None
+    by_label = dict(zip(checked.labels, phi, strict=False))
+    return SceneSet(as_poses(rows[:count]), by_label, header, tuple(warnings), on=on, trusted=True)
+
+
+def _held(problem: Problem, given: Array) -> Array:
+    """(R, n): the rows of the core that are given, headings in [0, 2 pi), and NaN for those that are free. Raises
+    RequestError and DataError."""
+    spec = problem.spec
+    held = np.full((len(problem.lowest), len(given)), np.nan)
+    for which, name in enumerate(spec.objects):
+        for axis in range(len(NAMES)):
+            values = given[:, which, axis]
+            held[row_of(which, axis)] = np.remainder(values, TWO_PI) % TWO_PI if axis == THETA else values
+        for axis in PLACE:
+            row = row_of(which, axis)
+            low, high = problem.lowest[row], problem.highest[row]
+            out = np.flatnonzero((held[row] < low) | (held[row] > high))
+            if len(out) and which not in spec.fixed:
+                facts = {"x": given[out[0], which, X], "y": given[out[0], which, Y]}
+                ends = (
+                    f"[{problem.lowest[at]:g}, {problem.highest[at]:g}]" for at in (row_of(which, k) for k in PLACE)
+                )
+                raise RequestError(HELD_OUTSIDE(name=name, workspace=" x ".join(ends), **facts))
+        if which in spec.fixed and not np.isnan(given[:, which, X]).any():
+            check_held(replace(spec, fixed={which: spec.fixed[which]}), held)
+    still = problem.lowest == problem.highest
+    held[still] = problem.lowest[still, None]
+    if len(given) and not np.isnan(held).any():
+        raise RequestError(ALL_HELD(consequence="nothing is left to sample"))
+    return held
+
+
+def _drawn(
+    problem: Problem, held: Array, request: SampleRequest, began: float
+) -> tuple[Array, npt.NDArray[np.bool_], int]:
+    """The rows of every scene, (R, n), of which there are some, and the number of candidates. These are uniform where
+    nothing is given: the first one that is in the range is exactly distributed."""
+    count = held.shape[1]
+    found, hit = np.full(held.shape, np.nan), np.zeros(count, dtype=bool)
+    generator = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM]))
+    cells = problem.cells
+    possible = np.array(sorted(problem.possible))
+    wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
+    draws = 0
+    span = (problem.highest - problem.lowest)[:, None]
+    for turn in range(ROUNDS):
+        waiting = np.flatnonzero(~hit)
+        if not len(waiting) or time.monotonic() - began > request.timeout:
+            break
+        some = waiting[:ROUND]
+        each = max(1, ROUND // len(some) >> max(0, 4 - turn))  # most scenes are hit soon
+        draws += each * len(some)
+        rows = problem.lowest[:, None] + span * generator.random((len(held), len(some) * each))
+        given = np.repeat(held[:, some], each, axis=1)
+        rows = np.where(np.isnan(given), rows, given)
+        cell = cells.find(problem.phi(rows)).reshape(len(some), each)
+        strict = request.spread == "flat" and turn < ROUNDS // 2
+        fits = cell == wanted[some, None] if strict else cell >= 0
+        new = fits.any(axis=1)
+        first = fits.argmax(axis=1)
+        found[:, some[new]] = rows[:, (np.arange(len(some)) * each + first)[new]]
+        hit[some[new]] = True
+    return found, hit, draws
+
+
+def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: float) -> Array | Diagnostic:
+    """The rows of one scene that was not hit, or why there are none."""
+    checked = spec.checked
+    fix = {
+        name: tuple(float(value) for value in pose if not np.isnan(value))
+        for which, (name, pose) in enumerate(zip(checked.objects, given, strict=True))
+        if not np.isnan(pose[X]) and which not in checked.fixed
+    }
+    if left <= 0.0:
+        return NOT_COMPLETED(scene=number + 1, reason="time is up")
+    seed = int(np.random.SeedSequence([request.seed, STREAM, number]).generate_state(1)[0])
+    alone = replace(request, n=1, fix=fix, seed=seed, spread="base", method="auto", timeout=left, keep_partial=False)
+    try:
+        scenes = draw_scenes(spec, alone)
+    except RequestError as error:
+        return NOT_COMPLETED(scene=number + 1, reason=error.diagnostics[0].title)
+    from scenegen.api.scene_arrays import rows_of
+
+    return rows_of(checked, scenes)[:, 0]

@@ -180,7 +180,7 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
     if isinstance(found, OutOfReach):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(NO_MOTION_MEETS(evaluations=found.evaluations, misses=misses))
-    bounds = phi_bounds(timed, lowest, highest, Effort())
+    bounds = phi_bounds(timed, lowest, highest, Effort(lambda: budget.overdrawn))
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     warnings = _cut_short(budget, found, labels) or tuple(
         NO_MOTION_SATISFIES(name=one.label) for one in reports if one.reached[1] < 0.0

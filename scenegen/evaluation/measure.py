@@ -159,8 +159,8 @@ def _truth(model: Model, ranges: Mapping[str, tuple[float, float]], count: int, 
 
     wanted = {label: Range(*ends) for label, ends in ranges.items()}
     request = SampleRequest(wanted, count, SEED, spread="base" if count > CURVE else "flat")
-    problem = make_problem(model.spec.checked, request)
-    found = draw(problem, Budget(max(0.0, min(PATIENCE, until - time.monotonic()))))
+    budget = Budget(max(0.0, min(PATIENCE, until - time.monotonic())))
+    found = draw(make_problem(model.spec.checked, request, budget), budget)
     if found.shortfall is not None:
         raise RequestError(found.shortfall)
     order = np.random.default_rng(SEED).permutation(found.count)

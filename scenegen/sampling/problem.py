@@ -37,7 +37,7 @@ PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
 
 LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
 THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
-GRACE = 0.5  # seconds
+GRACE = 0.25  # seconds
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenegen.bounds.alias import make_alias
-from scenegen.bounds.chain import BINS, Edge, make_chain
+from scenegen.bounds.chain import BINS, Edge, empty, make_chain
 from scenegen.bounds.order import make_order
+from scenegen.bounds.prune import prune
+from scenegen.lang.check import check_text
 
 from ..laws import examples
 
@@ -136,3 +138,16 @@ def same():
         return np.abs(gap).max() < math.sqrt(-math.log(0.0005) / 2 * (1 / len(one) + 1 / len(two)))
 
     return test
+
+
+def test_a_volume_too_small_for_a_number_proves_nothing():
+    edges = [Edge(row, row + 1, -1e-9, 1e-9) for row in range(60)]
+    inside = dict.fromkeys(range(61), (0.0, 1e-4))
+    assert make_chain(edges, inside).volume == 0.0 and not empty(edges, inside)
+    inside = dict.fromkeys(range(12), (0.0, 1.0))
+    apart = [Edge(row, row + 1, 0.1, math.inf) for row in range(10)]
+    assert not empty(apart, inside) and empty([*apart, Edge(10, 11, 1e-6, math.inf)], inside)
+    table = "workspace [0, 1 cm] x [0, 1 cm]\nobject a[130] = cylinder(0.1 mm, 1 mm)\n"
+    text = table + "task: forall p, q in consecutive(a): abs(x(p) - x(q)) <= 1e-9"
+    spec = check_text(text)
+    assert prune(spec.core, *spec.box(), {spec.core.labels["task"]: (0.0, math.inf)}).parts

@@ -216,6 +216,7 @@ class Author:
         required = ["noOverlap()"] if self.chance(0.8) else [f"noOverlap({self.array()})"]
         required += ["insideWorkspace()"] if self.chance(0.6) else []
         required += [self.one()] if self.chance(0.2) else []
+        required += [f"(forall p in {name}: speed(p) <= {rng.randint(10, 50)} cm/s)" for name in self.arrays if timed]
         lines.append(f"require {' & '.join(required)}")
         names = ["task", "safe", "tidy"][: rng.choice([1, 1, 2, 3])]
         when = rng.choice(["finally", "eventually", "always"]) if timed else ""

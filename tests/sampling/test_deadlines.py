@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.bounds import label_bounds
+from scenegen.bounds import contract, label_bounds
 from scenegen.bounds.clash import clash
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
 from scenegen.bounds.prune import prune
@@ -21,6 +21,7 @@ from scenegen.lang.check import check_text
 from scenegen.lang.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
 from scenegen.sampling import report
+from scenegen.sampling.growth.islands import NoRoom, grow_islands
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.trial import MOST, make_trial
@@ -218,3 +219,50 @@ def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
     choice = make_plan(problem, Budget(), method="auto")
     assert choice.method == "growth" and choice.why == "pruning takes much work, growth does not"
     assert make_trial(problem, Budget()).work < MOST
+
+
+CROWD = """object can[3] = cylinder(0.03, 0.05)
+object block[8] = box(0.06, 0.06, 0.05)
+require noOverlap() & insideWorkspace()
+task: (forall p in can: exists q in block: closeTo(p, q, 12 cm)) & leftOf(can[1], can[2])
+"""
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that runs out at a look at it, and counts the rules of contraction that are called between two looks."""
+
+    class Clock:
+        looks, until, rules, largest = 0, None, 0, 0
+
+        def now(self):
+            self.looks += 1
+            self.largest, self.rules = max(self.largest, self.rules), 0
+            return 1.0 if self.until is not None and self.looks >= self.until else 0.0
+
+        def revise(self, *args):
+            self.rules += 1
+            return plain(*args)
+
+    clock, plain = Clock(), contract._revise
+    monkeypatch.setattr("time.monotonic", clock.now)
+    monkeypatch.setattr(contract, "_revise", clock.revise)
+    return clock
+
+
+@pytest.mark.long
+def test_growth_looks_at_the_clock_from_the_first_step_on(clock):
+    """While its graph and its machine are made, and wherever a room is contracted: each rule is a chance to stop."""
+    problem = make_problem(check_text(CROWD), SampleRequest({"task": Range(0.0)}, n=1))
+    looks = []
+    for most in (1.0, 60.0):  # the machine alone, and the first objects
+        clock.looks = clock.largest = 0
+        nodes = most * len(problem.core.nodes)
+        assert isinstance(grow_islands(problem, 2, 8, (0,), nodes, deadline=0.5), NoRoom)
+        assert 0 < clock.largest <= 2
+        looks.append(clock.looks)
+    for k in (1, looks[0] // 3, looks[0], (looks[0] + looks[1]) // 2, looks[1]):
+        clock.looks, clock.until, clock.rules = 0, k, 0
+        with pytest.raises(StoppedError):
+            grow_islands(problem, 2, 8, (0,), nodes, deadline=0.5)
+        assert clock.looks == k and clock.rules == 0, "nothing is done after time is up"

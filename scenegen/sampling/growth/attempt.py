@@ -65,7 +65,7 @@ def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], t
     machine, cell, stage = particles.machine, particles.cell, particles.stage
     for thing in things:
         touch = machine.touch[thing]
-        met = touch.meets(rows, cell, stage)
+        met = touch.meets(rows, cell, stage, machine.effort.check)
         if met is not None:
             good &= met
             machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(good))

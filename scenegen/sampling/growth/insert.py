@@ -99,7 +99,7 @@ def scored(particles: Particles, boxes: Boxes | Places, poses: Array, thing: int
     for row, values in zip(touch.rows, poses, strict=True):
         rows[row] = values
     good = np.broadcast_to(boxes.volumes.sum(axis=0) > 0.0, poses.shape[1:]).copy()
-    met = touch.meets(rows, cell, stage)
+    met = touch.meets(rows, cell, stage, machine.effort.check)
     if met is not None:
         good &= met
         machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), good.size)

@@ -90,7 +90,7 @@ def _keep(particles: Particles, group: Sequence[int], moved: dict[int, Array], g
             touch = machine.touch[thing]
             rows = [moved[row][number, column] if row in moved else scenes[row, column] for row in range(len(scenes))]
             there = cell[column]
-            met = touch.meets(rows, there, stage)
+            met = touch.meets(rows, there, stage, machine.effort.check)
             left = np.ones(len(column), dtype=bool) if met is None else met.copy()
             machine.count(6 * stage, len(column))
             if met is not None:

@@ -117,7 +117,11 @@ class Growth(Plan):
         if taken is None and self.started is not None:
             taken = self.started.second()
         if taken is None:
-            taken = Second(self.problem, self.budget)(recipe.size)
+            try:
+                taken = Second(self.problem, self.budget)(recipe.size)
+            except StoppedError as error:
+                none = placed_of(with_deadline(self.machine, self.budget.ends), recipe.size.count)
+                raise StoppedError(error.how_far or none) from error
         if not taken.count:
             return self._nothing(taken.work)
         return self._made(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's

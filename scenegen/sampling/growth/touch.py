@@ -8,7 +8,7 @@ at the price of a distance (the broad phase), and clearances are computed only f
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,13 +71,16 @@ class Touch:
         """The clauses over objects placed by then."""
         return self.clauses[: bisect_right(self.clause_stages, stage)]
 
-    def meets(self, rows: Sequence[Any], cell: Index, stage: int) -> Bool | None:
+    def meets(
+        self, rows: Sequence[Any], cell: Index, stage: int, check: Callable[[], None] | None = None
+    ) -> Bool | None:
         """Which columns meet the clauses in force other than pairs; None where there are none. `rows` are 3N arrays
-        that broadcast to the result's shape, `cell` the columns' cells, of the last axis."""
+        that broadcast to the result's shape, `cell` the columns' cells, of the last axis. `check` is called before each
+        primitive: what it raises ends the work."""
         clauses = self.in_force(stage)
         if not clauses:
             return None
-        values = self.values(len(clauses), [clause.node for clause in clauses])(rows)
+        values = self.values(len(clauses), [clause.node for clause in clauses])(rows, check)
         good: Bool | None = None
         for clause, value in zip(clauses, values, strict=True):
             inside = within(value, clause, cell)

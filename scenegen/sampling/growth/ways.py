@@ -44,7 +44,7 @@ def held_of_all(
     }
     key = ("all ways", stage, *((index, *numbers) for index, numbers in touched.items()))
     nodes = [one.node for each in asked.values() for clauses in each for one in clauses]
-    found = iter(machine.values(key, nodes)(rows))
+    found = iter(machine.values(key, nodes)(rows, machine.effort.check))
     held = []
     for index, each in asked.items():
         alone = ("ways", index, stage, *touched[index])  # work is counted as if each choice were looked at by itself

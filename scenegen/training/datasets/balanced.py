@@ -92,15 +92,19 @@ def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator, gatheri
 def _planned(spec: CheckedSpec, ranges: Ranges, count: int, seed: int, work: int, gathering: Gathering) -> Plan:
     """A plan for `count` scenes, or for as many as that much work is good for: what takes more is rare, and is learnt
     from fewer scenes."""
-    request = SampleRequest(ranges, count, seed, workers=1)
-    problem = make_problem(spec, request)
-    plan = choose(problem, gathering.budget())
+    request, budget = SampleRequest(ranges, count, seed, workers=1), gathering.budget()
+    problem = make_problem(spec, request, budget)
+    try:
+        plan = choose(problem, budget)
+    except RequestError:
+        gathering.check()
+        raise
     needed = plan.evaluations * (len(problem.core.nodes) + BESIDE)
     fewer = max(min(count, FEWEST), int(count * work / max(needed, 1.0)))
     if fewer >= count:
         return plan
     gathering.note(RARE_SCENES(labels=", ".join(ranges), fewer=fewer, count=count))
-    return choose(make_problem(spec, replace(request, n=fewer)), gathering.budget())
+    return choose(make_problem(spec, replace(request, n=fewer), budget), budget)
 
 
 def _counted(gathering: Gathering, before: int) -> Progress:

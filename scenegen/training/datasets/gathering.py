@@ -60,7 +60,7 @@ class Gathering:
         return f"{self.stage}: {self.done:,} of {self.wanted:,}" if self.wanted else self.stage
 
     def budget(self) -> Budget:
-        """For the exact samplers: one that is never spent, since `check` ends what takes too long."""
+        """For the exact samplers: `check` ends what takes too long; ask it where they say that time is up."""
         return _Checked(math.inf, gathering=self)
 
 
@@ -69,6 +69,10 @@ class _Checked(Budget):
     """Samplers look at their budget between all steps: so often is the gathering checked."""
 
     gathering: Gathering | None = None
+
+    @property
+    def ends(self) -> float:
+        return math.inf if self.gathering is None else self.gathering.until
 
     @property
     def spent(self) -> bool:

@@ -167,7 +167,7 @@ def careless(particles):
     """Redraws of poses from the room, those that two branches hold twice as often."""
     for thing in particles.placed:
         room = particles.machine.room(thing, particles.stage)
-        boxes = room.boxes(particles.scenes, particles.cell)
+        boxes = room.boxes(particles.scenes, particles.cell, particles.machine.effort)
         poses = boxes.draw(1, particles.rng)[:, 0]
         rows = particles.machine.touch[thing].rows
         attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
@@ -177,7 +177,7 @@ def greedy(particles):
     """Tries in the room, of which one is taken wherever there is one, however many branches hold it."""
     for thing in particles.placed:
         room = particles.machine.room(thing, particles.stage)
-        boxes = room.boxes(particles.scenes, particles.cell)
+        boxes = room.boxes(particles.scenes, particles.cell, particles.machine.effort)
         poses = boxes.draw(8, particles.rng)
         value, _ = scored(particles, boxes, poses, thing, particles.stage)
         which = value.argmax(axis=0)

@@ -31,7 +31,7 @@ def rooms(machine, rows, moving=False):
     cell = np.zeros(rows.shape[1], dtype=np.intp)
     for stage, thing in enumerate(machine.order):
         at = len(machine.order) - 1 if moving else stage
-        yield thing, stage, machine.room(thing, at).boxes(rows, cell)
+        yield thing, stage, machine.room(thing, at).boxes(rows, cell, machine.effort)
 
 
 @pytest.mark.parametrize("moving", [False, True])

@@ -218,7 +218,7 @@ class Clock:
 def test_a_piece_ends_when_its_time_is_up(plan, piece, monkeypatch):
     """The second piece is a population of its own, which has not been made yet here."""
     clock = Clock()
-    monkeypatch.setattr(machine_module, "time", clock)
+    monkeypatch.setattr("time.monotonic", clock.monotonic)
     recipe = dataclasses.replace(plan.recipe, taken=plan.recipe.taken[:1])
     short = dataclasses.replace(plan, recipe=recipe, budget=Budget(math.inf, 0.0))
     short.draw(piece)

@@ -147,10 +147,10 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
     for name, root in core.labels.items():
         low, high = float(bounds[root].lo), float(bounds[root].hi)
         if high < 0.0 or (low >= 0.0 and name != REQUIRE):
-            atoms = _atoms(core, root)
-            told.update(atoms)  # what can never be, `doubts` tells
+            mine = _atoms(core, root)
+            told.update(mine)  # what can never be, `doubts` tells
             if 0.0 <= low < high:
-                first = core.nodes[min(atoms)]
+                first = core.nodes[min(mine)]
                 assert isinstance(first, Atom)
                 here = next((span for span in first.spans if span.source.name == spec.name), first.spans[0])
                 found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(first, here))

@@ -14,7 +14,7 @@ from scenegen.errors.counts import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
-from scenegen.formats.files import read_bytes
+from scenegen.formats.files import is_stream, read_bytes, read_stream
 from scenegen.lang.check import check_file, check_text
 from scenegen.lang.counts import combinations
 from scenegen.lang.horizon import Horizon, Movers
@@ -283,8 +283,12 @@ def _number_of(name: str, given: int | str, assets: tuple[str, ...]) -> int:
 def load(path: str | Path, root: str | Path | None = None) -> Spec:
     """Read and check a spec file. Raises SpecError, and DataError where the file cannot be read.
 
-    What it imports must lie in its own folder, or in the folder `root`.
+    What it imports must lie in its own folder, or in the folder `root`. "-" and "/dev/stdin" are standard input,
+    "/dev/fd/N" is a pipe that is open already; what these import lies in the current folder.
     """
     path = as_path("path", path)
     folder = None if root is None else as_path("root", root)
+    if is_stream(path):
+        data = read_stream(path, "a spec", limit=MAX_BYTES)
+        return Spec(check_file(Path("<stdin>"), data, folder))
     return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))

@@ -18,7 +18,18 @@ from scenegen.primitives import MATH, PRIMITIVES, Box, Circle, Footprint, Polygo
 TURNS = 180  # headings that are tried where a footprint has to fit between walls
 
 
-__all__ = ["Surface", "cells_of", "fits", "narrowest", "pocketed", "reach_of", "rim_of", "slabs_of", "surfaces_of"]
+__all__ = [
+    "Surface",
+    "cells_of",
+    "fits",
+    "narrowest",
+    "pocketed",
+    "reach_of",
+    "rim_of",
+    "sizes_of",
+    "slabs_of",
+    "surfaces_of",
+]
 
 TOPS: dict[str, Footprint] = {  # narrower than the footprint
     "can": Circle(0.0275),
@@ -57,6 +68,18 @@ def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[Surface, ...]
     if shape.asset in TOPS:
         return (_stretched(Surface("top", TOPS[shape.asset], shape.height / z), x, y, z),)
     return (Surface("top", shape.footprint, shape.height),) if shape.asset in FLAT else ()
+
+
+def sizes_of(shape: Shape, surface: Surface) -> dict[str, float]:
+    """How large a surface is, in metres: `length` along the object's heading, `width` across it, and `depth`, the free
+    height over it: up to the rim of a hollow thing or to the next board. Open above, it has no depth."""
+    from scenegen.assets.rooms import rooms_of
+
+    length, width = surface.outline.extent
+    depth = surface.clear
+    if not math.isfinite(depth) and surface.walled and rooms_of(shape):
+        depth = shape.height - surface.height
+    return {"length": length, "width": width, **({"depth": depth} if math.isfinite(depth) else {})}
 
 
 def slabs_of(shape: Shape) -> tuple[Slab, ...]:

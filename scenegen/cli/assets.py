@@ -65,7 +65,10 @@ def _found(names: list[str]) -> list[Asset]:
 def _row(asset: Asset) -> dict[str, Any]:
     from scenegen.assets.library import shape_of
     from scenegen.assets.rooms import rooms_of
+    from scenegen.assets.surfaces import sizes_of, surfaces_of
     from scenegen.scene.data import footprint_data
+
+    shape = shape_of(asset.name)
 
     return {
         "name": asset.name,
@@ -74,7 +77,8 @@ def _row(asset: Asset) -> dict[str, Any]:
         "mass": asset.mass,
         "friction": asset.friction,
         "color": list(asset.color),
-        "hollow": bool(rooms_of(shape_of(asset.name))),
+        "hollow": bool(rooms_of(shape)),
+        "surfaces": {one.name: sizes_of(shape, one) for one in surfaces_of(shape)},
     }
 
 
@@ -85,7 +89,8 @@ def _table(found: list[Asset]) -> str:
     for asset in found:
         length, width = asset.footprint.extent
         size = f"radius {length / 2:g}" if isinstance(asset.footprint, Circle) else f"{length:g} x {width:g}"
-        hollow = "hollow" if _row(asset)["hollow"] else ""
+        row = _row(asset)
+        hollow = _inner(*next(iter(row["surfaces"].items()))) if row["hollow"] else ""
         rows.append((asset.name, size, f"{asset.height:g}", f"{asset.mass:g}", f"{asset.friction:g}", hollow))
     widths = [max(len(row[column]) for row in rows) for column in range(6)]
     lines = []
@@ -93,6 +98,11 @@ def _table(found: list[Asset]) -> str:
         cells = [row[k].ljust(widths[k]) if k in (0, 1, 5) else row[k].rjust(widths[k]) for k in range(6)]
         lines.append("  ".join(cells).rstrip())
     return "\n".join(lines)
+
+
+def _inner(name: str, sizes: dict[str, float]) -> str:
+    """How large a hollow object is inside."""
+    return f"hollow: {name} {sizes['length']:.4g} x {sizes['width']:.4g}, {sizes['depth']:.4g} deep"
 
 
 def _draw(found: list[Asset], out: Path, size: str, workers: int | None) -> list[Path]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenegen.cli.many import Address, Engine, exit_status, folder_for, names_of, say_why
-from scenegen.cli.options import Root, all_found, spec_names
+from scenegen.cli.options import Root, all_found, spec_names, whole
 
 if TYPE_CHECKING:
     from scenegen.engine.many import Ended
@@ -29,7 +29,9 @@ def dataset(
             autocompletion=spec_names,
         ),
     ] = None,
-    n: Annotated[int, typer.Option("-n", help="How many scenes, in equal shares of all specs.")] = 1_000_000,
+    n: Annotated[
+        int, typer.Option("-n", help="How many scenes, in equal shares of all specs.", parser=whole, metavar="N")
+    ] = 1_000_000,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same data set.")] = 0,
     shard_size: Annotated[
         int, typer.Option("--shard-size", help="Scenes of each file at most, a multiple of 65536.", metavar="N")

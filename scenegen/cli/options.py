@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -62,6 +63,17 @@ def parse_counts(options: list[str] | None) -> dict[str, str]:
     return found
 
 
+def whole(text: str | int) -> int:
+    """A number of things as typed: 1000000, 1_000_000 or 1e6. Raises typer.BadParameter."""
+    try:
+        return int(text)
+    except ValueError:
+        value = float(text) if re.fullmatch(r"\d+(\.\d+)?[eE]\+?\d{1,2}", str(text)) else 0.5
+        if not value.is_integer():
+            raise typer.BadParameter(f"'{text}' is not a whole number") from None
+        return int(value)
+
+
 def spec_names(incomplete: str) -> list[str]:
     """What a shell completes a spec's name to: shipped ones, where no file begins like that (it completes files)."""
     from scenegen.resources import shipped_specs
@@ -81,8 +93,11 @@ def find_spec(path: Path) -> Path:
     Raises DataError if there is none.
     """
     from scenegen.errors import DataError
+    from scenegen.formats.files import is_stream
     from scenegen.resources import shipped_specs
 
+    if is_stream(path):
+        return path
     try:
         if path.exists() or path.is_symlink() or path.suffix:
             return path
@@ -104,8 +119,11 @@ def find_spec(path: Path) -> Path:
 
 def named(path: Path) -> str:
     """A spec's file as people name it: a shipped one by its name alone."""
+    from scenegen.formats.files import is_stream
     from scenegen.resources import shipped_specs
 
+    if is_stream(path):
+        return "<stdin>"
     return path.stem if path.is_absolute() and shipped_specs().get(path.stem) == path else str(path)
 
 
@@ -120,7 +138,7 @@ def all_found(paths: list[Path]) -> list[Path]:
 SpecFile = Annotated[
     Path,
     typer.Argument(
-        help="A spec file, or the name of a shipped spec.",
+        help="A spec file, the name of a shipped spec, or - for standard input.",
         metavar="SPEC",
         show_default=False,
         callback=_found,
@@ -130,7 +148,7 @@ SpecFile = Annotated[
 SpecFiles = Annotated[
     list[Path],
     typer.Argument(
-        help="Spec files, or names of shipped specs.",
+        help="Spec files, names of shipped specs, or - for standard input.",
         metavar="SPEC",
         show_default=False,
         callback=all_found,

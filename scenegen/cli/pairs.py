@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, parse_counts
+from scenegen.cli.options import Counts, Root, SpecFile, parse_counts, whole
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
@@ -42,7 +42,7 @@ def pairs(
             show_default=False,
         ),
     ] = None,
-    n: Annotated[int, typer.Option("-n", help="How many pairs.")] = 16,
+    n: Annotated[int, typer.Option("-n", help="How many pairs.", parser=whole, metavar="N")] = 16,
     count: Counts = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same pairs.")] = 0,
     out: Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Counts, Root, all_found, spec_names
+from scenegen.cli.options import Counts, Root, all_found, spec_names, whole
 from scenegen.cli.sample_runs import Storing, Wishes, sample_many, sample_one
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, RESUME_WITHOUT_FILE
 from scenegen.sampling.methods import METHODS, methods_help
@@ -47,7 +47,7 @@ def sample(
     violated: Annotated[
         bool, typer.Option("--violated", help="phi <= 0 for every label that --phi does not name.")
     ] = False,
-    n: Annotated[int, typer.Option("-n", help="How many scenes.")] = 16,
+    n: Annotated[int, typer.Option("-n", help="How many scenes.", parser=whole, metavar="N")] = 16,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
     out: Annotated[
         str | None,
@@ -78,7 +78,8 @@ def sample(
         list[str] | None,
         typer.Option(
             "--fix",
-            help="Hold an object where it is; repeat for more. With --fix-from the name alone.",
+            help="Hold an object where it is, in metres and radians or with units (50cm, 90deg); repeat for more. "
+            "With --fix-from the name alone.",
             metavar="NAME=X,Y[,THETA]",
             show_default=False,
         ),

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts
+from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, whole
 from scenegen.formats.locations import names_set
 
 
@@ -72,7 +72,13 @@ def train(
     batch_size: Annotated[int | None, typer.Option("--batch-size", help="Scenes per step.")] = None,
     lr: Annotated[float | None, typer.Option("--lr", help="Learning rate of Adam.")] = None,
     scenes: Annotated[
-        int | None, typer.Option("--scenes", help="Training scenes; of a file the first so many, all if left out.")
+        int | None,
+        typer.Option(
+            "--scenes",
+            help="Training scenes; of a file the first so many, all if left out.",
+            parser=whole,
+            metavar="N",
+        ),
     ] = None,
     data: Annotated[
         str | None,

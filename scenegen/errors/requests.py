@@ -174,7 +174,7 @@ UNKNOWN_OBJECT = Kind(
 HELD_SYNTAX = Kind(
     "held-syntax",
     "an object is held as NAME=X,Y[,THETA]",
-    help="write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5",
+    help="write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg",
 )
 HELD_TWICE = Kind("held-twice", "`{name}` is held twice", help="give one place per object")
 HELD_BY_SPEC = Kind(

@@ -129,7 +129,7 @@ FOREIGN_OPERATOR = Kind("foreign-operator", "`{operator}` is not an operator her
 EQUALITY = Kind(
     "equality",
     "two numbers are never exactly equal in a random scene",
-    help="allow a tolerance: abs(a - b) <= 0.01",
+    help=("{instead}", "allow a tolerance: abs(a - b) <= 0.01; of two things say whether they differ: a != b"),
 )
 STRAY_EQUAL = Kind(
     "stray-equal",

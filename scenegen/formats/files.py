@@ -8,7 +8,9 @@ import difflib
 import errno
 import functools
 import os
+import re
 import stat
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -240,6 +242,27 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str =
         if limit is not None and size > limit:
             raise DataError(TOO_LARGE_TO_READ(path=path, size=size, limit=limit, remedy=remedy))
         return file.read()
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path means standard input, or a pipe that is open already, as `<(...)` of a shell makes it."""
+    return str(path) in ("-", "/dev/stdin") or re.fullmatch(r"/(dev|proc/self)/fd/\d+", str(path)) is not None
+
+
+def read_stream(path: Path, what: str, *, limit: int) -> bytes:
+    """All bytes of such a stream. Raises DataError."""
+    try:
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with path.open("rb") as file:
+                data = file.read(limit + 1)
+    except (OSError, ValueError) as error:
+        reason = str(getattr(error, "strerror", None) or error).lower()
+        raise DataError(CANNOT_READ(path=path, reason=reason, remedy=f"{what} was expected there")) from error
+    if len(data) > limit:
+        raise DataError(TOO_LARGE_TO_READ(path=path, size=len(data), limit=limit, remedy=""))
+    return data
 
 
 @contextlib.contextmanager

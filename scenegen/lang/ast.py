@@ -98,10 +98,11 @@ class Binary(Node):
 
 @dataclass(frozen=True, slots=True)
 class Compare(Node):
-    """a <= b <= c: one operand more than there are operators. `<` and `>` were written or not: they mean the same."""
+    """a <= b <= c: one operand more than there are operators. `<` and `>` were written or not: they mean the same.
+    `!=` is between things or constants, so it is the same in every scene."""
 
     operands: tuple[Expr, ...]
-    operators: tuple[Literal["<=", ">="], ...]
+    operators: tuple[Literal["<=", ">=", "!="], ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import re
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.syntax import CLOSES_NOTHING, NOTHING_INSIDE, UNCLOSED_BRACKET, WRONG_BRACKET
 
-BINARY = ("&", "|", "->", "<=", ">=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥")
+BINARY = ("&", "|", "->", "<=", ">=", "!=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥", "≠")
 _CLOSED = {"(": ")", "[": "]"}
 _CLOSING = {closing: opening for opening, closing in _CLOSED.items()}
 _TOKEN = re.compile(r'#[^\n]*|"[^"\n]*"|\s+|.', re.DOTALL)
@@ -45,7 +45,7 @@ def bracket(source: Source, start: int) -> Diagnostic | None:
         )
     before = text[:start].rstrip()
     if before.endswith((",", "(", "[", "!", "-", *BINARY)):
-        last = before[-2:] if before[-2:] in ("->", "<=", ">=") else before[-1]
+        last = before[-2:] if before[-2:] in ("->", "<=", ">=", "!=") else before[-1]
         where = "an argument" if last == "," else "something inside" if last in "([" else f"something after `{last}`"
         return NOTHING_INSIDE(Span(source, start, start + 1), what=where, closing=closing)
     return None

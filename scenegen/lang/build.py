@@ -15,7 +15,7 @@ from lark import Token
 from scenegen.lang import ast
 
 # margins know no strictness: `<` means `<=`, and the tree says so
-_COMPARE = {"≤": "<=", "≥": ">=", "<": "<=", ">": ">="}
+_COMPARE = {"≤": "<=", "≥": ">=", "≠": "!=", "<": "<=", ">": ">="}
 _NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)$")
 
 

@@ -66,6 +66,11 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
         return ListValue(surface_values(lowering, which, value, upper), origin=origin)
     which = _object(lowering, value, name)
     if name == "others":
+        if len(values) > 1:
+            items = lowering.coerce.items(values[1], "the argument `items` of `others`")
+            if any(isinstance(one, ObjectValue) and one.index >= FIRST for one in items):
+                raise Depends
+            return ListValue(tuple(one for one in items if one != value), origin=origin)
         rest = [one for one in range(len(lowering.heights)) if one != which]
         return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
     if name == "base":

@@ -23,6 +23,7 @@ from scenegen.errors.language import (
     UNIT_MISMATCH,
     UNIT_OF_ARGUMENT,
 )
+from scenegen.errors.syntax import EQUALITY
 from scenegen.lang import ast
 from scenegen.lang import provenance as blame
 from scenegen.lang.builder import FALSE, TRUE, CoreBuilder, TooLarge
@@ -37,11 +38,12 @@ from scenegen.lang.references import objects, refer
 from scenegen.lang.scope import Scope
 from scenegen.lang.select import index, member
 from scenegen.lang.spec import Choice, Support
-from scenegen.lang.template import placeholders
+from scenegen.lang.template import FIRST, Depends, placeholders
 from scenegen.lang.temporal import temporal
 from scenegen.lang.time_syntax import UNITS_OF_TIME
 from scenegen.lang.trampoline import Call
 from scenegen.lang.values import (
+    AnyValue,
     ChosenValue,
     FormulaValue,
     ListValue,
@@ -179,18 +181,23 @@ class Lowering:
             case ast.Not(inner):
                 value = yield self.lower(inner, env, frame)
                 turned = self.builder.negate(self.coerce.formula(value, "what `!` negates"))
-                return FormulaValue(turned, origin=origin)
+                return FormulaValue(turned, _by_name(value), origin=origin)
             case ast.And(parts) | ast.Or(parts):
                 symbol = "&" if isinstance(node, ast.And) else "|"
-                formulas = []
+                formulas, named, absorbing = [], True, FALSE if isinstance(node, ast.And) else TRUE
                 for part in parts:
                     value = yield self.lower(part, env, frame)
                     formulas.append(self.coerce.formula(value, f"each side of `{symbol}`"))
+                    if _by_name(value) and formulas[-1] == absorbing:
+                        return FormulaValue(absorbing, True, origin=origin)
+                    named = named and _by_name(value)
                 text = frame.text if node is frame.body else ""
                 kind: Any = "min" if isinstance(node, ast.And) else "max"
-                return FormulaValue(self.builder.junction(kind, formulas, text), origin=origin)
+                return FormulaValue(self.builder.junction(kind, formulas, text), named, origin=origin)
             case ast.Implies(condition, consequence):
                 before = yield self.lower(condition, env, frame)
+                if _by_name(before) and before.node == FALSE:
+                    return FormulaValue(TRUE, True, origin=origin)
                 after = yield self.lower(consequence, env, frame)
                 sides = [
                     self.builder.negate(self.coerce.formula(before, "what stands before `->`")),
@@ -306,7 +313,34 @@ class Lowering:
         except UnitMismatch as mismatch:
             raise self._mismatch(mismatch, verb, node, frame) from None
 
+    def _different(self, node: ast.Compare, env: Environment, frame: Frame) -> Call[Value]:
+        """`a != b`: whether two things, or two constants, are different ones. Names say that, not scenes."""
+        if len(node.operands) > 2:
+            raise self.error(EQUALITY, node, frame, instead="write a != b & b != c")
+        values: list[Value] = []
+        for operand in node.operands:
+            values.append(self.at_once(operand, env, frame) or (yield self.lower(operand, env, frame)))
+        first, second = values
+        origin = self.origin(node, frame)
+        if any(isinstance(one, AnyValue) for one in values):
+            return FormulaValue(TRUE, origin=origin)
+        if isinstance(first, NumberValue) and isinstance(second, NumberValue):
+            amounts = [self.builder.value(one.node) for one in (first, second)]
+            if None in amounts:
+                raise self.error(EQUALITY, node, frame, instead="write abs(a - b) >= 0.01")
+            self.agree(node, frame, "compared with", first.unit, second.unit)
+            return FormulaValue(TRUE if amounts[0] != amounts[1] else FALSE, True, origin=origin)
+        for value in values:
+            if not isinstance(value, ObjectValue | RegionValue | SurfaceValue):
+                raise self.coerce.wrong(value, "an object, a surface or a region", "each side of `!=`")
+            if isinstance(value, ObjectValue) and value.index >= FIRST:
+                raise Depends
+        return FormulaValue(TRUE if first != second else FALSE, True, origin=origin)
+
     def _compare(self, node: ast.Compare, env: Environment, frame: Frame) -> Call[Value]:
+        if "!=" in node.operators:
+            differ: Value = yield self._different(node, env, frame)
+            return differ
         numbers: list[NumberValue] = []
         for operand in node.operands:
             value = self.at_once(operand, env, frame) or (yield self.lower(operand, env, frame))
@@ -346,3 +380,8 @@ class Lowering:
                 return f"[{self.text(items[0])}, ..., {self.text(items[-1])}]"
             case _:
                 return "..."
+
+
+def _by_name(value: Value) -> bool:
+    """Whether the names in a formula say that it holds, or that it does not."""
+    return isinstance(value, FormulaValue) and value.named

@@ -158,7 +158,7 @@ HEIGHTS = {
     "top": "how high the highest point of a is above the table; metres",
     "apart": "the clearance of two bodies in space; where they share space, minus the smallest shift that parts them",
     "surfaces": "the surfaces of a that things can stand on, as a list; as deep as `upper` fits, if given",
-    "others": "all objects but a, as a list",
+    "others": "all of the items but a, as a list; of all objects, if none are given",
     "bodies": "the items and, as boards, all regions at a height: what noCollision keeps apart",
     "base": "the surface that a was declared to stand on, of several the one taken; on the table its own footprint",
     "load": "the centre of mass of a and all that stands on it, as a point",
@@ -212,6 +212,7 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
         names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
+    table["others"] = Signature("others", ("a", "items"), 1, usage="others(a, items = objects)")
     return table
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scenegen.assets.surfaces import sizes_of
 from scenegen.errors import Span
 from scenegen.errors.counts import MAY_BE_MISSING
 from scenegen.errors.language import (
@@ -29,6 +30,7 @@ from scenegen.lang.values import (
     ObjectValue,
     PointValue,
     RegionValue,
+    SurfaceValue,
     Value,
 )
 from scenegen.primitives.units import BARE, LENGTH
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from scenegen.lang.context import Context
 
 LIST_MEMBERS = ("first", "last", "count")
+SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
 
 def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
@@ -55,6 +58,12 @@ def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: F
             return items[0 if name == "first" else -1]
         case ListValue():
             raise lowering.error(NO_SUCH_PART, node, frame, what="a list", name=name, known=LIST_MEMBERS)
+        case SurfaceValue(carrier, surface):
+            sizes = sizes_of(lowering.shapes[carrier], surface)
+            sizes |= {"height": sizes["depth"]} if "depth" in sizes else {}  # as the third of box(...)
+            if name in sizes:
+                return NumberValue(lowering.builder.const(sizes[name]), LENGTH, origin=origin)
+            raise lowering.error(NO_SUCH_PART, node, frame, what="this surface", name=name, parts=tuple(sizes))
         case ObjectValue(index):
             written = lowering.builder.objects[index]
             if lowering.shapes:

@@ -51,7 +51,6 @@ _FOREIGN = {  # what to write instead
     "&&": (FOREIGN_OPERATOR, "`&` (or `and`)"),
     "||": (FOREIGN_OPERATOR, "`|` (or `or`)"),
     "==": (EQUALITY, ""),
-    "!=": (FOREIGN_OPERATOR, "abs(a - b) >= 0.01 for a distance from a value"),
     "=>": (FOREIGN_OPERATOR, "`->` for `implies`, or `>=` for `at least`"),
     "=<": (FOREIGN_OPERATOR, "`<=`"),
     "=": (STRAY_EQUAL, ""),
@@ -68,7 +67,7 @@ _FOREIGN = {  # what to write instead
 }
 NO_COMMA = "leave out the `,`: any of [...] by area"
 BY_AREA = "write `any of [...] by area`; without `by area` all are equally likely"
-_KNOWN = frozenset("()[],.:<>+-*/&|!≤≥∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
+_KNOWN = frozenset("()[],.:<>+-*/&|!≤≥≠∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 
 
 def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed: bool = False) -> Diagnostic:
@@ -125,6 +124,9 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
         return DEFINITION_WITHOUT_PARAMETERS(Span(source, start, start + 1), head=line)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
         return MISSING_LABEL_COLON(Span(source, start, start + 1), name=line, formula="...")
+    if text[start : start + 2] == "!=" or text[start - 1 : start + 1] == "!=":
+        start -= text[start] == "="
+        return NOTHING_ON_LEFT(Span(source, start, start + 2), word="!=")
     # `&&` is noticed at its second character: look one back as well.
     for at, length in ((start - 1, 2), (start, 2), (start, 1)):
         found = text[at : at + length] if at >= 0 else ""
@@ -303,7 +305,7 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
         return unclosed(source, stack)
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
-    word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|[^\w\s])$", _without_comments(text).rstrip())
+    word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|!=|[^\w\s])$", _without_comments(text).rstrip())
     return UNEXPECTED_END(Span(source, stop, stop), last=word[0] if word else None, expected=expected(accepts))
 
 

@@ -29,7 +29,7 @@ def _tokens(units: str) -> re.Pattern[str]:
         r'|(?P<text>"[^"\n]*")'
         rf"|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[ \t]*{units}(?!\w))?)"
         r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
-        r"|(?P<sign>->|<=|>=|\.\.|.)",
+        r"|(?P<sign>->|<=|>=|!=|\.\.|.)",
         re.DOTALL,
     )
 
@@ -53,6 +53,7 @@ _SPELLINGS = {
     "⊤": "true",
     "⊥": "false",
     "≤": "<=",
+    "≠": "!=",
     "<": "<=",
     "≥": ">=",
     ">": ">=",

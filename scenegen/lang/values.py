@@ -127,11 +127,14 @@ class NumberValue(Value):
 
 @dataclass(frozen=True, slots=True)
 class FormulaValue(Value):
+    """`named`: the names in it say whether it holds (`p != q`), so what stands beside it may mean nothing."""
+
     kind: ClassVar[str] = "a formula"
     node: int
+    named: bool = False
 
     def moved(self, origin: Span, role: str = "") -> Value:
-        return FormulaValue(self.node, origin=origin, role=role)
+        return FormulaValue(self.node, self.named, origin=origin, role=role)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from scenegen.assets.surfaces import surfaces_of
 from scenegen.lang.places import CORNERS, MEMBERS, SIDES, SIZES
 from scenegen.lang.resolve import AREAS, SHAPES
 from scenegen.lang.scope import BUILT_IN
-from scenegen.lang.select import LIST_MEMBERS
+from scenegen.lang.select import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, Token, scan
 from scenegen.lsp import facts, vocabulary
 from scenegen.lsp.document import Document
@@ -241,7 +241,7 @@ def _members_of(here: _Here) -> tuple[str, ...]:
     base = here.back(2)
     place = here.before[-2].start if len(here.before) > 1 else 0
     if len(here.before) > 2 and here.back(3) == ".":
-        return () if base in (*SIDES, *CORNERS, *SIZES, "count") else (*MEMBERS, *LIST_MEMBERS)
+        return () if base in (*SIDES, *CORNERS, *SIZES, "count") else (*MEMBERS, *SURFACE_SIZES, *LIST_MEMBERS)
     local = _locals(here, place).get(base)
     binding = local or here.document.values.get(base)
     if base == "workspace":

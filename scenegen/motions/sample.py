@@ -47,7 +47,9 @@ def sample(
     labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
     with np.errstate(all="ignore"):
         if watch is not None:
-            poses = within_a_turn(poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1))))
+            poses = within_a_turn(
+                poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1)))
+            )
             watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
         try:
             plan = make_plan(problem, budget, method, watch)

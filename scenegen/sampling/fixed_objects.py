@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import RequestError, Source, Span
+from scenegen.errors.language import MORE_THAN_A_TURN
 from scenegen.errors.requests import (
     ALL_HELD,
     HELD_BY_SPEC,
@@ -21,12 +23,14 @@ from scenegen.errors.requests import (
 )
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
+from scenegen.primitives.units import quantity
 from scenegen.sampling.request import FixedPose, number
 from scenegen.validation import as_list
 
 Array = npt.NDArray[np.float64]
 
-USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5"
+USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg"
+UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
 
 def parse_fix(options: Sequence[str]) -> dict[str, FixedPose]:
@@ -41,17 +45,29 @@ def parse_fix(options: Sequence[str]) -> dict[str, FixedPose]:
             raise RequestError(HELD_SYNTAX(whole))
         values = []
         start = len(name) + 1
-        for part in parts:
-            value = number(part)
-            if value is None:
-                here = Span(source, start, start + len(part))
-                raise RequestError(NOT_A_NUMBER(here, text=part, usage=USAGE))
+        for place, part in enumerate(parts):
+            value = _amount(part, "rad" if place == THETA else "m", Span(source, start, start + len(part)))
             values.append(value)
             start += len(part) + 1
         if name.strip() in found:
             raise RequestError(HELD_TWICE(whole, name=name.strip()))
         found[name.strip()] = FixedPose(values[0], values[1], values[2] if len(values) == len(FLAT) else None, whole)
     return found
+
+
+def _amount(part: str, base: str, here: Span) -> float:
+    """A coordinate in metres, or a heading in radians: a number, with a unit of the language or without. Raises
+    RequestError."""
+    found = re.fullmatch(r"\s*(.*?)\s*([a-z]*)\s*", part)
+    value = None if found is None else number(found[1])
+    if found is None or value is None:
+        raise RequestError(NOT_A_NUMBER(here, text=part, usage=USAGE))
+    if found[2] not in UNITS[base]:
+        usage = f"it is in {', '.join(UNITS[base][1:])}; {USAGE}"
+        raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
+    if not found[2] and base == "rad" and abs(value) > TWO_PI:
+        raise RequestError(MORE_THAN_A_TURN(here, amount=value))
+    return quantity(found[1].strip(), found[2])[0]
 
 
 def hold_fixed(

@@ -8,13 +8,15 @@ from typing import Any
 
 from scenegen.api.family import is_family, load_model
 from scenegen.api.motions import read_motions
-from scenegen.api.spec import parse
+from scenegen.api.spec import MAX_BYTES, parse
 from scenegen.errors import DataError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.motions import DAMAGED_MOTIONS
 from scenegen.errors.page import NOT_OPENED, NOTHING_TO_OPEN
+from scenegen.formats.files import is_stream, read_stream
 from scenegen.formats.motions.table import is_motions
 from scenegen.formats.registry import FORMATS
+from scenegen.lang.parse import read_source
 from scenegen.needs import INSTALL, found
 from scenegen.resources import shipped_specs
 from scenegen.view.folder import Folder, Refused, digest
@@ -60,6 +62,9 @@ class Opened:
 
 def open_(what: Path | None) -> Opened:
     """Find out what a path or name is, and read it. Raises DataError, RequestError, SpecError."""
+    if what is not None and is_stream(what):
+        text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_BYTES)).text
+        return Opened(Folder(Path.cwd().resolve()), text, "stdin")
     if what is not None and is_family(what):
         return _model(what)
     if what is None or what.is_dir():

@@ -2,6 +2,9 @@
 
 import pytest
 
+from scenegen.errors import SpecError
+from scenegen.lang.check import check_text
+
 from .worth import alike, problems
 
 BLOCKS = "object block[4], lid\n"
@@ -122,3 +125,60 @@ def test_a_quantifier_in_a_definition_sees_its_parameters():
 )
 def test_what_makes_no_sense(formula, said):
     assert problems(f"{BLOCKS}task: {formula}") == [said]
+
+
+SAME = [  # two ways to say one thing
+    (
+        "object o[3], mug\ntask: forall p in objects: p != mug -> gap(p, mug) >= 3 cm",
+        "object o[3], mug\ntask: forall p in o: gap(p, mug) >= 3 cm",
+    ),
+    (
+        "object o[30], mug\ndef clear(p) = forall q in objects: p != q -> gap(p, q) >= 3 cm\n"
+        "task: forall p in o: clear(p)",
+        "object o[30], mug\ntask: (forall p, q in o: gap(p, q) >= 3 cm) & (forall p in o: gap(p, mug) >= 3 cm)",
+    ),
+    (
+        "object o[3], mug\ntask: exists p in objects: !(p != o[2]) & closeTo(p, mug)",
+        "object o[3], mug\ntask: closeTo(o[2], mug)",
+    ),
+    (
+        "object o[3], mug\ntask: forall i in 1..3: forall j in 1..3: i != j -> x(o[i]) <= x(mug) + j * 1 cm",
+        "object o[3], mug\ntask: x(o[1]) <= x(mug) + 2 cm & x(o[2]) <= x(mug) + 1 cm & x(o[3]) <= x(mug) + 1 cm",
+    ),
+    (
+        "object o[4], mug\ntask: forall p in o: forall q in others(p, o): gap(p, q) >= 3 cm",
+        "object o[4], mug\ntask: forall p, q in o: gap(p, q) >= 3 cm",
+    ),
+    (
+        "object o[20], mug\ntask: forall p in objects: forall q in others(mug, [p, o[1]]): leftOf(q, mug)",
+        "object o[20], mug\ntask: forall p in o: leftOf(p, mug)",
+    ),
+    (
+        "object o[3], mug\ntask: forall p in others(mug, objects): leftOf(p, mug)",
+        "object o[3], mug\ntask: forall p in others(mug): leftOf(p, mug)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "plain"), SAME)
+def test_things_are_told_apart_by_name(text, plain):
+    assert alike(text, plain)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("x(a) != x(b)", "equality"),
+        ("a != b != c", "equality"),
+        ("object a, b\ntask: a != 3 & leftOf(a, b)", "wrong-type"),
+        ("object a, b\ntask: a != 3 cm & leftOf(a, b)", "wrong-type"),
+        ("object a, b\ntask: 3 cm != 4 deg & leftOf(a, b)", "unit-mismatch"),
+        ("object a, b\ntask: a != b", "constant-label"),
+        ("!= b", "nothing-on-left"),
+        ("object a, b\ntask: others(a, b).count >= 1 & leftOf(a, b)", "wrong-type"),
+    ],
+)
+def test_what_cannot_be_told_apart(text, code):
+    with pytest.raises(SpecError) as caught:
+        check_text(text)
+    assert caught.value.diagnostics[0].code == code

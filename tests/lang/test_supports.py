@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import scenegen
+from scenegen.bounds import spec_bounds
 from scenegen.errors import Source, SpecError
 from scenegen.lang.check import check_text
 from scenegen.lang.core import Atom
@@ -130,3 +131,29 @@ def test_what_is_required_has_no_constants_and_no_pairs_that_heights_keep_apart(
     texts = [node.text for node in spec.core.nodes if isinstance(node, Atom)]
     assert "gap(tray, low) >= 0" in texts and "gap(can, low) >= 0" in texts
     assert not any("max(" in text or "gap(block[1], block[2])" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("part", "metres"),
+    [
+        ("tray.inside.length", 0.378),
+        ("tray.inside.width", 0.278),
+        ("tray.inside.depth", 0.035),
+        ("tray.inside.height", 0.035),
+        ("shelfunit.shelf[1].depth", 0.204),
+        ("book.top.length", 0.21),
+        ("glass.inside.width", 0.051),
+    ],
+)
+def test_sizes_of_surfaces(part, metres):
+    """They are those of the library's objects, constants that the heading does not change."""
+    spec = check_text(f"object tray, shelfunit, book, glass, mug\ntask: x(mug) <= {part}\n")
+    ((low, high),) = spec_bounds(spec).values()
+    assert high == pytest.approx(metres, abs=1e-4) and low == pytest.approx(metres - 1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("part", ["book.top.depth", "tray.inside.left", "tray.width", "base(mug).width"])
+def test_sizes_that_there_are_not(part):
+    with pytest.raises(SpecError) as caught:
+        check_text(f"object tray, book, mug on any of [tray, workspace]\ntask: x(mug) <= {part}\n")
+    assert caught.value.diagnostics[0].code in ("no-such-part", "part-of-an-object")

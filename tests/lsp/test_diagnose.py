@@ -39,7 +39,8 @@ def test_a_message_has_its_help():
 
 def test_warnings():
     text = (
-        "object mug, plate\nconst UNUSED = 3\ndef f(a, b) = leftOf(a, plate)\ntask: f(mug, plate) & leftOf(mug, (0.5, 0))\n"
+        "object mug, plate\nconst UNUSED = 3\ndef f(a, b) = leftOf(a, plate)\n"
+        "task: f(mug, plate) & leftOf(mug, (0.5, 0))\n"
     )
     found = problems(Document(text))
     assert {(one.severity, text[one.start : one.end], one.unused) for one in found} == {

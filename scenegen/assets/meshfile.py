@@ -10,6 +10,7 @@ import numpy as np
 from scenegen.assets.filenames import ending_of
 from scenegen.assets.mesh import Floats, Indices
 
+MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
 FARTHEST = 1e9  # of a coordinate, in the file's own unit
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 80  # bytes of a binary STL before the number of triangles
@@ -96,7 +97,7 @@ def _numbers(rows: list[bytes]) -> Floats:
 
 def _plain(data: bytes) -> bytes:
     """An .obj file without lines that go on, and without a byte order mark."""
-    return re.sub(rb"\\\r?\n", b" ", data.removeprefix(b"\xef\xbb\xbf"))
+    return re.sub(rb"\\\r?\n", b" ", data.removeprefix(MARK))
 
 
 def _obj(data: bytes) -> Floats:
@@ -108,7 +109,7 @@ def _stl(data: bytes) -> Floats:
     count = struct.unpack_from("<I", data, _HEADER)[0] if len(data) >= start else -1
     size = start + _TRIANGLE.itemsize * count
     # A binary file may open with the word `solid` too: its length decides.
-    if len(data) != size and data.lstrip()[:5].lower() == b"solid":
+    if len(data) != size and data.removeprefix(MARK).lstrip()[:5].lower() == b"solid":
         return _numbers(re.findall(rb"^[ \t]*vertex[ \t]+([^\r\n]*)", data, re.MULTILINE | re.IGNORECASE))
     if count < 0 or len(data) < size:
         raise MeshError("it is cut short" if count >= 0 else "it is no STL file")

@@ -105,13 +105,15 @@ class Dressing:
             top = Covering(look.table, look.table, file)
         else:
             top = self._covering(look.table, look.table_texture, look.table_texture_size)
+        room = look.room(self._stage.table, camera.eye)
+        seen = PLAIN if room is None else look.walls_texture  # which is not among `textures` without walls
         return Dressed(
             look,
             camera,
             top,
             self._covering(look.ground_color, look.ground_texture, look.ground_texture_size),
-            self._covering(look.walls_color, look.walls_texture, look.walls_texture_size),
-            look.room(self._stage.table, camera.eye),
+            self._covering(look.walls_color, seen, look.walls_texture_size),
+            room,
         )
 
     def textures(self) -> Iterator[tuple[str, bytes]]:

@@ -2,7 +2,10 @@
 
 Every object is a body of its name with a free joint; its frame is in the middle of its footprint at its lowest point.
 Fixed objects have no joint. Visual meshes are OBJ files, in group 2; collision shapes are boxes and convex hulls in the
-file itself, in group 3. A file has any number of scenes of the same objects, each as a keyframe.
+file itself, in group 3. A file has one scene, or any number of scenes of the same objects, each as a keyframe.
+
+A robot's file may include a scene, and is one model with it: so there is no <compiler>, defaults are those of classes,
+and one scene has no keyframe, whose numbers would be those of the robot's joints.
 """
 
 from __future__ import annotations
@@ -12,9 +15,8 @@ from xml.etree import ElementTree
 
 from scenegen.assets.mesh import Mesh
 from scenegen.export import obj
-from scenegen.export.dressing import FOLDER as TEXTURES
 from scenegen.export.dressing import Dressed
-from scenegen.export.mjcf_looks import SLIPPERY, leg_color, rgba, surroundings, table_cover, visual
+from scenegen.export.mjcf_looks import SLIPPERY, STIFFER, leg_color, rgba, surroundings, table_cover, visual
 from scenegen.export.mjcf_looks import assets as materials
 from scenegen.export.world import Body, Form, Patch, World, piece_of
 from scenegen.export.xml import Element, check_room, document, node, numbers, short
@@ -27,7 +29,7 @@ SPECK = 1e-12  # cubic metres
 # or two. These recover five times as fast. Damped critically, what overhangs an edge would rattle, and wander by a
 # millimetre a second; so damping is twice that. Friction is ten times as stiff, in an elliptic cone.
 STIFF = {"solref": "0.004 2", "solimp": "0.95 0.99 0.001"}
-OPTIONS = {"timestep": "0.002", "cone": "elliptic", "impratio": "10"}
+OPTIONS = {"cone": "elliptic", "impratio": "10"}
 
 
 def meshes(world: World) -> Iterator[tuple[str, bytes]]:
@@ -47,45 +49,43 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     there."""
     if together:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
-    root, bodies, keys = _model(world, folder, None)
+    root, bodies = _model(world, folder, None)
+    keys = ElementTree.Element("keyframe")
     for index, scene in enumerate(world.scenes):
         if world.dressing is not None:
-            root, bodies, keys = _model(world, folder, world.dressing.of(scene, world.table))
+            root, bodies = _model(world, folder, world.dressing.of(scene, world.table))
         qpos = world.places(index)
-        if not together:
-            keys.clear()
         if index == 0 or not together:
             for element, place in zip(bodies, qpos, strict=True):
                 element.set("pos", numbers(*place[:3]))
                 element.set("quat", numbers(*place[3:]))
-        free = [value for body, place in zip(world.bodies, qpos, strict=True) if not body.fixed for value in place]
-        node(keys, "key", name=f"scene_{scene:04d}", qpos=numbers(*free))
-        if not together:
+        if together:
+            free = [value for body, place in zip(world.bodies, qpos, strict=True) if not body.fixed for value in place]
+            node(keys, "key", name=f"scene_{scene:04d}", qpos=numbers(*free))
+        else:
             yield document(root)
     if together:
+        root.append(keys)
         yield document(root)
 
 
-def _model(world: World, folder: str, dressed: Dressed | None) -> tuple[Element, list[Element], Element]:
-    """A file without places: its root, the bodies, and what keyframes go into."""
+def _model(world: World, folder: str, dressed: Dressed | None) -> tuple[Element, list[Element]]:
+    """A file without places: its root and the bodies."""
     root = ElementTree.Element("mujoco", model=world.title or "scenegen")
-    textures = {} if dressed is None else {"texturedir": TEXTURES}
-    node(root, "compiler", angle="radian", meshdir=folder, **textures)
     node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
     visual(root, world, dressed)
     _defaults(root)
-    _assets(root, world, dressed, f"../{folder}" if textures else folder)
+    _assets(root, world, dressed, folder)
     place = node(root, "worldbody")
     _table(place, world, dressed)
     bodies = [_body(place, body) for body in world.colored(dressed)]
-    return root, bodies, node(root, "keyframe")
+    return root, bodies
 
 
 def bench(world: World) -> bytes:
     """What collides and nothing else, in one model without files: the bodies at the origin, on an infinite table with
     the spec's boards. The contacts are those of the other files; a state that diverges is left as it is."""
     root = ElementTree.Element("mujoco", model="scenegen")
-    node(root, "compiler", angle="radian")
     node(node(root, "option", **OPTIONS), "flag", multiccd="enable", autoreset="disable")
     _defaults(root)
     assets = node(root, "asset")
@@ -94,7 +94,8 @@ def bench(world: World) -> bytes:
         if patch.solid:
             _sheet(assets, number, patch)
     parent = node(root, "worldbody")
-    node(parent, "geom", name=world.free_name("table"), type="plane", size="0 0 1", friction=f"{SLIPPERY}")
+    table = {"class_": STIFFER, "name": world.free_name("table")}
+    node(parent, "geom", **table, type="plane", size="0 0 1", friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
         if patch.solid:
             _board(parent, number, patch)
@@ -104,8 +105,8 @@ def bench(world: World) -> bytes:
 
 
 def _defaults(root: Element) -> None:
-    """What all geoms share, and those of a group."""
-    defaults = node(root, "default")
+    """What all geoms share, and those of a group, as classes: what has none keeps its own."""
+    defaults = node(node(root, "default"), "default", class_=STIFFER)
     node(defaults, "geom", **STIFF)
     seen = node(defaults, "default", class_="seen")
     node(seen, "geom", type="mesh", contype="0", conaffinity="0", group="2", mass="0")
@@ -113,16 +114,16 @@ def _defaults(root: Element) -> None:
     node(solid, "geom", type="mesh", group="3", rgba="0.9 0.4 0.2 0.5")
 
 
-def _assets(root: Element, world: World, dressed: Dressed | None, pictures: str) -> None:
+def _assets(root: Element, world: World, dressed: Dressed | None, folder: str) -> None:
     assets = node(root, "asset")
     materials(assets, world, dressed)
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
             name = _part(form, number)
             shell = {"inertia": "shell"} if form.shells else _shell(part)
-            node(assets, "mesh", name=name, file=f"{name}.obj", **shell)
+            node(assets, "mesh", name=name, file=f"{folder}/{name}.obj", **shell)
             if number in form.paints:
-                node(assets, "texture", name=name, type="2d", file=f"{pictures}/{name}.png")
+                node(assets, "texture", name=name, type="2d", file=f"{folder}/{name}.png")
                 node(assets, "material", name=name, texture=name)
     _hulls(assets, world)
     for number, patch in enumerate(world.patches, start=1):
@@ -156,7 +157,7 @@ def _table(parent: Element, world: World, dressed: Dressed | None) -> None:
     for number, (center, sizes) in enumerate(world.slabs()):
         cover = {"rgba": leg_color(dressed)} if number else table_cover(dressed)
         half = short(size / 2 for size in sizes)
-        node(table, "geom", type="box", size=half, pos=short(center), **cover, friction=f"{SLIPPERY}")
+        node(table, "geom", class_=STIFFER, type="box", size=half, pos=short(center), **cover, friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
         node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=rgba(patch.color))
         if patch.solid:

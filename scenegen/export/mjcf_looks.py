@@ -6,11 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from scenegen.export.dressing import Covering, Dressed
+from scenegen.export.dressing import FOLDER, Covering, Dressed
 from scenegen.export.world import TALL, WOOD, World
 from scenegen.export.xml import Element, node, short
 
 GREY = "0.66 0.67 0.69 1"
+STIFFER = "scenegen"  # the class of what collides, and of all that is of it
 SLIPPERY = 0.01  # MuJoCo uses the larger friction of two: on the table, the object's
 WIDE = 3.0  # metres: half the floor
 SEEN_ONLY = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
@@ -74,7 +75,7 @@ def surroundings(parent: Element, world: World, dressed: Dressed | None) -> None
     node(parent, "camera", name=world.free_name("front"), pos=short([x, y - 1.1 * side, 1.1 * side]), **turned)
     floor = {"type": "plane", "size": short([WIDE, WIDE, 1.0]), "pos": short([0.0, 0.0, -TALL])}
     cover = {"rgba": GREY} if dressed is None else {"material": "floor"}
-    node(parent, "geom", name=world.free_name("floor"), **floor, **cover, friction=f"{SLIPPERY}")
+    node(parent, "geom", class_=STIFFER, name=world.free_name("floor"), **floor, **cover, friction=f"{SLIPPERY}")
     if dressed is None:
         return
     right, up, _ = dressed.camera.view[:3, :3]
@@ -88,7 +89,7 @@ def surroundings(parent: Element, world: World, dressed: Dressed | None) -> None
 
 def _texture(parent: Element, name: str, covering: Covering) -> None:
     if covering.file:
-        node(parent, "texture", name=name, type="2d", file=covering.file)
+        node(parent, "texture", name=name, type="2d", file=f"{FOLDER}/{covering.file}")
 
 
 def _material(parent: Element, name: str, what: Covering, texture: str, width: float, height: float) -> None:

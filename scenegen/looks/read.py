@@ -204,7 +204,7 @@ def read_looks(source: str | Path) -> Looks:
     path = Path(source)
     data = read_bytes(path, "looks", limit=MAX_BYTES)
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(
             BAD_LOOKS(Span(Source(str(path), ""), 0, 0), reason=f"it is not UTF-8: {error.reason}")

@@ -135,7 +135,7 @@ def _read(file: Path) -> tuple[str, str]:
             os.close(handle)
         if len(data) > MAX_TEXT:
             raise Refused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
-        return data.decode(), digest(data)
+        return data.decode("utf-8-sig"), digest(data)
     except FileNotFoundError:
         raise Refused(404, "there is no such file") from None
     except (OSError, UnicodeDecodeError):

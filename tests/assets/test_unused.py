@@ -141,3 +141,10 @@ def test_what_a_file_hardly_is_is_noted(tmp_path, move, scale, words, kind):
 def _spec(folder, objects):
     (folder / "a.spec").write_text(f"workspace [-20, 20] x [-20, 20]\n{objects}\ntask: x(mug) <= 0.5\n")
     return folder / "a.spec"
+
+
+def test_texts_of_meshes_may_begin_with_a_byte_order_mark():
+    rows = [CORNERS[side[k] - 1] for side in SIDES for k in (0, 1, 2)]
+    text = "solid a\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in rows)
+    for name, data in (("a.stl", text.encode()), ("a.obj", obj())):
+        assert mesh_outline(name, b"\xef\xbb\xbf" + data, None)[0] == Box(0.1, 0.1)

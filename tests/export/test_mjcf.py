@@ -56,15 +56,14 @@ def test_objects_are_where_the_scene_says(together, tmp_path):
     assert [path.name for path in files] == (["all.xml"] if together else ["scene_0001.xml", "scene_0002.xml"])
     for k, heights in enumerate(HEIGHTS):
         model, data = load(files[0 if together else k])
-        assert model.nkey == (2 if together else 1)
-        for reset in [True] if together else [True, False]:  # as it is loaded, and by its keyframe
-            mujoco.mj_resetData(model, data)
-            if reset:
-                mujoco.mj_resetDataKeyframe(model, data, k if together else 0)
-            mujoco.mj_kinematics(model, data)
-            found = poses(model, data, scenes.objects)
-            np.testing.assert_allclose(found[:, [0, 1, 3]], scenes.poses[k], atol=1e-9)
-            np.testing.assert_allclose(found[:, 2], heights, atol=1e-9)
+        assert model.nkey == (2 if together else 0)  # one scene is as it is loaded
+        mujoco.mj_resetData(model, data)
+        if together:
+            mujoco.mj_resetDataKeyframe(model, data, k)
+        mujoco.mj_kinematics(model, data)
+        found = poses(model, data, scenes.objects)
+        np.testing.assert_allclose(found[:, [0, 1, 3]], scenes.poses[k], atol=1e-9)
+        np.testing.assert_allclose(found[:, 2], heights, atol=1e-9)
 
 
 def test_bodies_are_what_the_library_says(tmp_path):
@@ -186,3 +185,69 @@ def test_a_hundred_scenes_of_every_spec_settle(name, tmp_path):
     declared = scenes.header.heights is not None  # and noCollision is required
     good = np.ones(len(scenes), dtype=bool) if declared else clear(scenes)
     assert good.sum() >= 10 and settled(scenes, tmp_path / "all.xml")[good].mean() >= 0.95
+
+
+ARM = """<mujoco{model}>{before}<worldbody><body name="arm" pos="-1 0 0" euler="0 0 90">
+  <joint name="turn" type="hinge" range="-90 90" limited="true"/><geom name="link" type="capsule" size=".02 .1"/>
+  <geom type="mesh" mesh="hand"/></body></worldbody>
+  <asset><mesh name="hand" file="{hand}"/></asset>{after}</mujoco>"""
+
+
+def robot_file(folder, hand, **parts):
+    (folder / "parts").mkdir(exist_ok=True)
+    corners = "".join(f"v {x} {y} {z}\n" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1))
+    sides = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
+    (folder / "parts/hand.obj").write_text(corners + "".join(f"f {' '.join(map(str, side))}\n" for side in sides))
+    path = folder / "robot.xml"
+    path.write_text(ARM.format(**{"model": "", "before": "", "after": "", "hand": hand, **parts}))
+    return path
+
+
+def facts_of(model):
+    """What a robot is, whatever stands around it."""
+    arm, link = model.body("arm"), model.geom("link")
+    solver = [*link.solref, *link.solimp, *link.friction, *link.margin, link.group[0], link.conaffinity[0]]
+    joint = model.joint("turn")
+    return [*joint.range, *arm.quat, *arm.pos, *arm.mass, *arm.inertia, *solver, *joint.damping, *joint.armature]
+
+
+@pytest.mark.parametrize("looks", [None, "random"])
+@pytest.mark.parametrize("where", ["before", "after"])
+@pytest.mark.parametrize("compiler", ["", '<compiler angle="degree"/>'])
+def test_a_scene_that_is_included_changes_nothing_of_a_robot(tmp_path, looks, where, compiler):
+    scenes = tower()
+    (tmp_path / "scenes").mkdir()
+    scenes.export(tmp_path / "scenes/kitchen", to="mjcf", **({"looks": looks, "seed": 1} if looks else {}))
+    alone, _ = load(robot_file(tmp_path, "parts/hand.obj", before=compiler))
+    include = '<include file="scenes/kitchen/scene_0002.xml"/>'  # in another folder
+    parts = {"before": compiler + include} if where == "before" else {"before": compiler, "after": include}
+    model, data = load(robot_file(tmp_path, "parts/hand.obj", **parts))
+    np.testing.assert_array_equal(facts_of(model), facts_of(alone))
+    np.testing.assert_allclose(model.joint("turn").range, [-math.pi / 2, math.pi / 2])
+    assert model.opt.timestep == alone.opt.timestep and model.nkey == 0
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(poses(model, data, scenes.objects)[:, [0, 1, 3]], scenes.poses[1], atol=1e-9)
+    assert data.qpos[model.joint("turn").qposadr[0]] == 0.0
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_a_scene_that_is_attached_to_a_robot(tmp_path, together):
+    """The recipe of docs/formats.md; the robot's file has a folder of meshes of its own."""
+    scenes = tower()
+    files = scenes.export(tmp_path / ("all.xml" if together else "all"), to="mjcf")
+    path = robot_file(tmp_path, "hand.obj", before='<compiler angle="degree" meshdir="parts"/>')
+    alone, _ = load(path)
+    robot, scene = mujoco.MjSpec.from_file(str(path)), mujoco.MjSpec.from_file(str(files[-1]))
+    robot.option.cone, robot.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10
+    robot.attach(scene, frame=robot.worldbody.add_frame(), prefix="scene/")
+    model = robot.compile()
+    data = mujoco.MjData(model)
+    np.testing.assert_array_equal(facts_of(model), facts_of(alone))
+    assert model.nkey == (2 if together else 0)
+    if together:
+        mujoco.mj_resetDataKeyframe(model, data, 1)
+    mujoco.mj_kinematics(model, data)
+    found = poses(model, data, [f"scene/{name}" for name in scenes.objects])
+    np.testing.assert_allclose(found[:, [0, 1, 3]], scenes.poses[1], atol=1e-9)
+    assert data.qpos[model.joint("turn").qposadr[0]] == 0.0
+    assert model.geom_solref[model.body("scene/mug").geomadr[0]] == pytest.approx([0.004, 2.0])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from scenegen.looks.read import read_looks
 from scenegen.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
 from tests.looks.pictures import four_colors
 
@@ -76,3 +77,10 @@ def test_files_are_found_below_the_folder_in_order(tmp_path):
     for pattern in ("../*.png", "/etc/*", "none/*.png", ""):
         with pytest.raises(ValueError):
             found_files(tmp_path, pattern)
+
+
+def test_a_file_of_looks_may_begin_with_a_byte_order_mark(tmp_path):
+    text = '[ground]\ntexture = "speckle"\n'
+    for name, mark in (("a.toml", b""), ("b.toml", b"\xef\xbb\xbf")):
+        (tmp_path / name).write_bytes(mark + text.encode())
+    assert read_looks(tmp_path / "a.toml").at(3, 1) == read_looks(tmp_path / "b.toml").at(3, 1)

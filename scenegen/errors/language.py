@@ -15,7 +15,7 @@ UNKNOWN_NAME = Kind(
     "unknown-name",
     "unknown name `{name}`",
     ("{wanted} is needed here", "no object, constant or label has this name"),
-    ("{instead}", NEAREST, "the objects are {objects:quoted}", "declare it: object {name}"),
+    ("{instead}", NEAREST, "the objects are {objects:quoted8}", "declare it: object {name}"),
 )
 UNKNOWN_CONSTANT = Kind("unknown-constant", "unknown constant `{name}`", help=(NEAREST, "define it: const {name} = 1"))
 NOT_A_CONSTANT = Kind("not-a-constant", "`{name}` is not a constant", "only numbers and constants can stand here")

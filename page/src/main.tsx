@@ -72,7 +72,7 @@ function Problems() {
         const [title, ...rest] = one.message.split("\n");
         return (
           <li key={k} class={one.severity === 1 ? "error" : "warning"}>
-            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{ticked(title)}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{ticked(line)}</span>)}</button>
+            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{ticked(title)}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{line}</span>)}</button>
             <span class="ways">{one.code ? <Code code={one.code} /> : null}{mends(one).map(({ name, apply }) => <button key={name} class="diagnostic-code mend" onClick={() => apply(editor)}>{name}</button>)}</span>
           </li>
         );

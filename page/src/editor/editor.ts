@@ -4,7 +4,7 @@ import { defaultKeymap, history, historyField, historyKeymap, toggleComment } fr
 import { bracketMatching } from "@codemirror/language";
 import { lintKeymap, setDiagnostics } from "@codemirror/lint";
 import { highlightSelectionMatches, search, searchKeymap } from "@codemirror/search";
-import { EditorState, StateEffect, StateField, type Extension } from "@codemirror/state";
+import { EditorState, Prec, StateEffect, StateField, type Extension } from "@codemirror/state";
 import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
 import { effect } from "@preact/signals";
 import { explainCode, read } from "../reader";
@@ -101,7 +101,7 @@ function called(one: { label: string; detail?: string; kind: number }) {
 }
 
 /** Who goes on with a bracket, as without the fields, gets what was typed. */
-const overFields = EditorView.inputHandler.of((view, from, to, typed) => {
+const overFields = Prec.highest(EditorView.inputHandler.of((view, from, to, typed) => {
   const { state } = view;
   if (typed !== "(" || !hasNextSnippetField(state) || from === to || state.sliceDoc(from - 1, from) !== "(") return false;
   const end = state.doc.toString().indexOf(")", to);
@@ -112,7 +112,7 @@ const overFields = EditorView.inputHandler.of((view, from, to, typed) => {
   if (!bracket) return false;
   view.dispatch(bracket);
   return true;
-});
+}));
 
 /** What a message says to write instead. */
 export function mends(one: Problem): { name: string; apply: (view: EditorView) => void }[] {

@@ -26,7 +26,7 @@ export function RequestPanel() {
             </label>
           ))}
           {alone ? null : <>{now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
-          <div class="field"><label for="seed">seed</label><span class="joined"><input id="seed" type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title={`other ${now.time ? "motions" : "scenes"}: the next seed (n)`} aria-label="next seed">↻</button></span></div>
+          <div class="joined"><label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label><button onClick={next} title={`other ${now.time ? "motions" : "scenes"}: the next seed (n)`} aria-label="next seed">↻</button></div>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
           <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label></>}
           {!alone && wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">Flat in phi needs a range with two ends: with an open end {now.time ? "motions" : "scenes"} come as they occur.</p> : null}

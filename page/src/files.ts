@@ -1,9 +1,9 @@
 // Files: specs that are opened and saved, scenes that are taken away.
-import { editor, keepNow, openInEditor } from "./editor/editor";
-import { asShown, path } from "./motions";
+import { editor, keepNow, openInEditor, replaceText } from "./editor/editor";
+import { path } from "./motions";
 import { table } from "./panels/Stage";
-import { http } from "./server";
-import { about, edited, message, on, poses, request, result, saved, selected, shown, unsaved, view } from "./state";
+import { connected, Failed, http } from "./server";
+import { about, conflict, message, movedScenes, request, result, saved, shown, unsaved, view } from "./state";
 import { check, forget } from "./store";
 
 export interface Listing {
@@ -26,6 +26,7 @@ export async function openText(name: string, value: string): Promise<void> {
 
 async function take(file: { path: string | null; sha: string | null; text: string; name: string }): Promise<void> {
   const draft = await http(`/api/draft?name=${encodeURIComponent(file.path ?? file.name)}`).then((answer) => answer.json(), tell);
+  conflict.value = null;
   forget();
   openInEditor(file, draft);
   message.value = `opened ${file.path ?? file.name}${unsaved.value ? ", with what you had not saved" : ""}`;
@@ -36,6 +37,42 @@ function tell(error: unknown): void {
   message.value = error instanceof Error ? error.message : String(error);
 }
 
+/** Look at what is on the disk: where another program wrote it, what is not changed here is loaded again. */
+export async function compareWithDisk(path: string): Promise<void> {
+  const found = await http(`/api/file?path=${encodeURIComponent(path)}`).then((answer) => answer.json(), () => null);
+  if (!found || (path === saved.value.path && found.sha === saved.value.sha)) return;
+  if (path === saved.value.path && !unsaved.value) {
+    takeFromDisk({ path, text: found.text, sha: found.sha });
+    message.value = `${path} was changed by another program: this is how it is now`;
+  } else conflict.value = { path, text: found.text, sha: found.sha };
+}
+
+/** Take what is on the disk; it can be undone. */
+export function takeFromDisk({ path, text, sha }: { path: string; text: string; sha: string }): void {
+  saved.value = { path, sha, text, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+  conflict.value = null;
+  replaceText(text);
+}
+
+/** Save over what another program wrote. */
+export async function overwrite({ path, text, sha }: { path: string; text: string; sha: string }): Promise<void> {
+  saved.value = { ...saved.value, path, sha, text };
+  conflict.value = null;
+  await save(path);
+}
+
+const LOOK = 3000; // ms between two looks at the file, while the page is in sight
+
+/** Notice what other programs write into the file that is open. */
+export function watchDisk(): void {
+  const look = () => {
+    const { path } = saved.value;
+    if (path && !conflict.value && document.visibilityState === "visible" && connected.value === "yes") void compareWithDisk(path);
+  };
+  setInterval(look, LOOK);
+  addEventListener("focus", look);
+}
+
 export async function save(as: string | null = saved.value.path): Promise<boolean> {
   if (!as) return false;
   const path = as.endsWith(".spec") ? as : `${as}.spec`;
@@ -43,12 +80,14 @@ export async function save(as: string | null = saved.value.path): Promise<boolea
   const was = path === saved.value.path ? saved.value.sha : null;
   try {
     const found = await (await http("/api/file", { method: "PUT", body: JSON.stringify({ path, text: now, was }) })).json();
+    conflict.value = null;
     saved.value = { path, sha: found.sha, text: now, name: path.split("/").pop()!.replace(/\.spec$/, "") };
     keepNow();
     message.value = `saved ${path}`;
     return true;
   } catch (error) {
     tell(error);
+    if (error instanceof Failed && error.status === 409) await compareWithDisk(path);
     return false;
   }
 }
@@ -71,10 +110,12 @@ export async function download(format: string): Promise<void> {
   const found = result.value;
   if (!found) return;
   // What is on the page: a scene that was moved by hand goes as it stands.
-  const one = (k: number) => (found.motions ? asShown(k) : edited.value && k === selected.value ? poses.value : found.poses[k]);
+  const hand = (k: number) => movedScenes.get(found.poses[k]);
+  const one = (k: number) => (found.motions ? (hand(k)?.path ?? found.motions[k]) : (hand(k)?.poses ?? found.poses[k]));
   const all = format === "gif" ? [path.value] : shown.value.map(one);
-  const surfaces = found.on && shown.value.map((k) => (edited.value && k === selected.value ? on.value : found.on![k]));
-  const sampler = edited.value ? { ...found.sampler, edited: selected.value + 1 } : found.sampler;
+  const surfaces = found.on && shown.value.map((k) => (hand(k) ?? { on: found.on![k] }).on);
+  const some = shown.value.filter(hand).map((k) => k + 1);
+  const sampler = some.length ? { ...found.sampler, edited: some.length > 1 ? some : some[0] } : found.sampler;
   const body = { ...about(), format, poses: all, on: surfaces, request: { ...request.value, n: Math.max(1, all.length) }, sampler };
   if (format === "gif") message.value = "drawing the motion…";
   try {

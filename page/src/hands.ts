@@ -3,7 +3,7 @@ import { batch } from "@preact/signals";
 import { askOne } from "./server";
 import { about, alone, edited, message, chooser, moment, motion, on, poses, replaying, request, result, selected, spec, type Motion } from "./state";
 import { change as changeMotion, playMotion, timed } from "./motions";
-import { explain } from "./store";
+import { explain, remember } from "./store";
 import type { Pose, Report } from "./types";
 
 const TURN = 2 * Math.PI;
@@ -25,6 +25,7 @@ export function place(name: string, pose: Partial<{ x: number; y: number; theta:
     Math.min(Math.max(pose.y ?? oldY, y[0]), y[1]),
     pose.theta === undefined ? oldTheta : wrapped(pose.theta),
   ];
+  gesture(name);
   batch(() => {
     if (timed.value) changeMotion(index, next, name in request.value.fix);
     else poses.value = poses.value.map((one, at) => (at === index ? next : one));
@@ -33,6 +34,15 @@ export function place(name: string, pose: Partial<{ x: number; y: number; theta:
   });
   if (!timed.value) record(name, next);
   explain();
+}
+
+let gripped = { name: "", at: 0 };
+
+/** A drag, or a series of key presses, is taken back as one. */
+function gesture(name: string): void {
+  const now = performance.now();
+  if (gripped.name !== name || now - gripped.at > GAP) remember();
+  gripped = { name, at: now };
 }
 
 export function hold(name: string): void {
@@ -54,6 +64,7 @@ export function putOn(name: string, number?: number): void {
   if (!now || alone || column < 0 || !on.value) return;
   const { surfaces } = now.objects.find((one) => one.name === name)!;
   const next = number ?? (on.value[column] % surfaces.length) + 1;
+  remember();
   on.value = on.value.map((one, at) => (at === column ? next : one));
   edited.value = true;
   message.value = `${name} stands on ${surfaces[next - 1]}`;
@@ -84,6 +95,7 @@ function record(name: string, pose: Pose): void {
 
 /** The end of a drag or of a series of key presses: what was moved can be played back. */
 export async function moved(): Promise<void> {
+  gripped = { name: "", at: 0 };
   if (!recording || recording.path.length < 2) return;
   const { name, times, path } = recording;
   const mine: Motion = { name, times: [...times], path: [...path], phi: null };

@@ -8,8 +8,8 @@ import { table } from "./panels/Stage";
 import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
 import { band, justSolved } from "./rare";
-import { alone, heat, help, layout, names, pane, poses, selected, spec, tab, thing, view } from "./state";
-import { next, sample, select, step } from "./store";
+import { alone, heat, help, layout, names, pane, poses, spec, tab, thing, view } from "./state";
+import { next, putBack, sample, step, undo } from "./store";
 import { toggleTheme } from "./theme";
 
 export const KEYS: [string, string][] = [
@@ -19,7 +19,7 @@ export const KEYS: [string, string][] = [
   ["F12, Ctrl click", "go to the definition"],
   ["Ctrl Space", "complete"],
   ["[ ]", "previous, next scene"],
-  ["n", "other scenes: the next seed"],
+  ["n", "other scenes: take the next seed"],
   ["x", "hardest"],
   ["j", "just solved"],
   ["Enter", "sample again, the held objects where they are"],
@@ -28,9 +28,10 @@ export const KEYS: [string, string][] = [
   [", .", "turn it by 5°; with Alt 1°"],
   ["h", "hold it, or let it go"],
   ["u", "put it onto the next of its surfaces"],
+  ["Ctrl Z", "outside the editor: take back the last move of an object"],
   ["z", "put the scene back as it was sampled"],
   ["space, p", "play a motion, or stop it"],
-  ["← →", "of a motion, without a selected object: one step back, one on; with Shift 5"],
+  ["← →", "of a motion, without a selected object: one step back or on; with Shift five steps"],
   ["Home End", "its first moment, its last"],
   ["v", "3D or from above"],
   ["a d w", "without a selected object: turn the camera; + − 0 zoom"],
@@ -83,7 +84,7 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   S: () => cycle(-1),
   h: () => void (thing.value && hold(thing.value)),
   u: () => void (thing.value && putOn(thing.value)),
-  z: () => select(selected.value, true),
+  z: () => void (alone || putBack()),
   p: () => play(),
   v: () => void (view.value = view.value === "3d" ? "top" : "3d"),
   g: () => void (layout.value = layout.value === "many" ? "one" : "many"),
@@ -131,6 +132,11 @@ export function listen(): void {
       else if (menu.value) menu.value = "";
       else if (target.closest(".cm-editor")) (document.querySelector(".stage canvas, .stage svg") as HTMLElement | null)?.focus();
       else thing.value = null;
+      return;
+    }
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !alone && !target.closest(".cm-editor, input:not([type=range]), textarea")) {
+      event.preventDefault();
+      undo();
       return;
     }
     const typing = target.closest(".cm-editor, input:not([type=range]), select, textarea, .menu");

@@ -3,9 +3,10 @@ import "./page.css";
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { editor, mountEditor, replaceText } from "./editor/editor";
+import { editor, mends, mountEditor, replaceText } from "./editor/editor";
+import { overwrite, takeFromDisk, watchDisk } from "./files";
 import { KEYS, listen } from "./keys";
-import { Code, Explain } from "./panels/Explain";
+import { Code, Explain, ticked } from "./panels/Explain";
 import { Grid } from "./panels/Grid";
 import { MotionPanel } from "./panels/Motion";
 import { Reader } from "./panels/Reader";
@@ -19,7 +20,8 @@ import { Why } from "./panels/Why";
 import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
-import { alone, boot, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
+import { reading } from "./reader";
+import { alone, boot, conflict, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
@@ -35,10 +37,25 @@ function Editor() {
   return (
     <section class="editor" aria-label="spec">
       {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => replaceText(saved.value.text ?? "")}>Discard</button></p> : null}
+      <Conflict />
       <div class="code" ref={root} />
       <Reader />
       <Problems />
     </section>
+  );
+}
+
+function Conflict() {
+  const one = conflict.value;
+  if (!one) return null;
+  const start = { line: 0, character: 0 };
+  return (
+    <p class="restored conflict" role="alert">
+      <span>{one.path} on the disk is another text than this one began with.</span>
+      <button class="chip" onClick={() => (reading.value = { name: one.path, path: one.path, text: one.text, from: start, to: start })}>Look at it</button>
+      <button class="chip" onClick={() => takeFromDisk(one)}>Take it</button>
+      <button class="chip" onClick={() => void overwrite(one)}>Save mine over it</button>
+    </p>
   );
 }
 
@@ -56,8 +73,8 @@ function Problems() {
         const [title, ...rest] = one.message.split("\n");
         return (
           <li key={k} class={one.severity === 1 ? "error" : "warning"}>
-            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{title}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{line}</span>)}</button>
-            {one.code ? <Code code={one.code} /> : null}
+            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{ticked(title)}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{line}</span>)}</button>
+            <span class="ways">{one.code ? <Code code={one.code} /> : null}{mends(one).map(({ name, apply }) => <button key={name} class="diagnostic-code mend" onClick={() => apply(editor)}>{name}</button>)}</span>
           </li>
         );
       })}
@@ -83,11 +100,15 @@ function Panel() {
 
 function Help() {
   const close = useRef<HTMLButtonElement>(null);
-  useEffect(() => close.current?.focus(), []);
+  useEffect(() => {
+    const before = document.activeElement as HTMLElement | null;
+    close.current?.focus();
+    return () => requestAnimationFrame(() => before?.focus()); // once the page below can be reached again
+  }, []);
   return (
     <div class="veil" onClick={() => (help.value = false)}>
       <div class="help-box" role="dialog" aria-modal="true" aria-label="keys" onClick={(event) => event.stopPropagation()}>
-        <header><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
+        <header role="presentation"><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
         <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S), /).map((way, w) => [w ? <span key={`or ${w}`}>or</span> : null, ...way.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={`${w} ${k}`}>{one}</kbd>)])}</dt><dd>{what}</dd></div>)}</dl>
         <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click holds it. phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is at least 0, and the lower, the harder.</p>
         {alone ? null : <Offers />}
@@ -100,7 +121,7 @@ function Page() {
   return (
     <div class={`page pane-${pane.value} ${layout.value}${alone ? " alone" : ""}`}>
       <TopBar />
-      <main>
+      <main inert={help.value}>
         <Editor />
         <section class={`middle${timed.value ? " timed" : ""}`} aria-label={timed.value ? "motions" : "scenes"}>
           <Stage />
@@ -109,7 +130,7 @@ function Page() {
         </section>
         <Panel />
       </main>
-      <nav class="panes" aria-label="parts of the page">
+      <nav class="panes" inert={help.value} aria-label="parts of the page">
         {([["spec", "Spec"], ["scenes", timed.value ? "Motions" : "Scenes"], ["panel", alone ? "Filter" : "Request"]] as const).map(([key, name]) => <button key={key} aria-pressed={pane.value === key} onClick={() => (pane.value = key)}>{name}{key === "spec" && problems.value.length ? <i class="badge">{problems.value.length}</i> : null}</button>)}
       </nav>
       <Explain />
@@ -148,6 +169,7 @@ function begin(): void {
   (window as any).scenegen.link = link; // for tests, as what store.ts puts there
   render(<Page />, document.getElementById("app")!);
   listen();
+  if (!alone) watchDisk();
   if (boot.scenes && alone) show(taken(boot.scenes), false);
   const scene = selected.value; // of the link, or before a reload; a first look may have fewer
   if (!alone && (comeBack || scene)) {

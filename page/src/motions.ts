@@ -1,6 +1,6 @@
 // Motions of a spec over time: the one that is shown, its moments, and how it is played.
 import { batch, computed, signal } from "@preact/signals";
-import { bases, decides, edited, poses, result, selected, spec } from "./state";
+import { bases, decides, edited, poses, spec } from "./state";
 import type { Decides, Mark, Pose, Result } from "./types";
 
 export const timed = computed(() => spec.value?.time ?? null);
@@ -129,8 +129,3 @@ export const trails = computed<{ index: number; points: [number, number][] }[]>(
     .map((_, index) => ({ index, points: all.map((one) => [one[index][0], one[index][1]] as [number, number]) }))
     .filter(({ points }) => points.some(([x, y]) => Math.hypot(x - points[0][0], y - points[0][1]) > 1e-4));
 });
-
-/** The motions of a file: those of the set, and the large one as it was changed by hand. */
-export function asShown(k: number): Pose[][] {
-  return edited.peek() && k === selected.peek() ? path.peek() : result.peek()!.motions![k];
-}

@@ -3,12 +3,18 @@ import { signal } from "@preact/signals";
 import type { Refusal } from "./types";
 
 export const token = new URLSearchParams(location.search).get("token") ?? "";
-export const connected = signal<"yes" | "no" | "lost">("no");
+export const connected = signal<"yes" | "no" | "lost" | "full">("no"); // full: the server takes no more pages
 
 export class Ended extends Error {}
 export class Refused extends Error {
   constructor(public refusal: Refusal) {
     super(refusal.title);
+  }
+}
+
+export class Failed extends Error {
+  constructor(words: string, public status: number) {
+    super(words);
   }
 }
 
@@ -22,6 +28,7 @@ let socket: WebSocket | null = null;
 let opening: Promise<WebSocket> | null = null;
 let number = 0;
 let pause = 300;
+let closed = false; // the connection was lost, or there was none
 const waiting = new Map<number, Waiting>();
 const again: (() => void)[] = [];
 
@@ -30,25 +37,46 @@ export function onReconnect(then: () => void): void {
   again.push(then);
 }
 
+/** Whether the server answers at all. */
+async function alive(): Promise<boolean> {
+  try {
+    return (await fetch("/static/icon.svg", { cache: "no-store" })).ok;
+  } catch {
+    return false;
+  }
+}
+
+const MOST_TEXT = 256 * 1024, MOST = 1_000_000; // bytes of a spec and of a message that the server takes
+
+function tooLarge(text: unknown, message: string): string {
+  const bytes = (one: string) => (one.length * 3 < MOST_TEXT ? 0 : new TextEncoder().encode(one).length);
+  if (typeof text === "string" && bytes(text) > MOST_TEXT) return `a spec on the page has at most ${MOST_TEXT >> 10} kB`;
+  return bytes(message) > MOST ? "this is more than the server takes in one message: ask for fewer scenes" : "";
+}
+
 function open(): Promise<WebSocket> {
   if (socket?.readyState === WebSocket.OPEN) return Promise.resolve(socket);
   opening ??= new Promise((resolve, reject) => {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const one = new WebSocket(`${scheme}://${location.host}/api/socket?token=${encodeURIComponent(token)}`);
+    let opened = false;
     one.onopen = () => {
-      const before = connected.value;
+      opened = true;
       socket = one;
       opening = null;
       pause = 300;
       connected.value = "yes";
       resolve(one);
-      if (before === "lost") for (const then of again) then();
+      if (closed) for (const then of again) then();
+      closed = false;
     };
     one.onmessage = (event) => hear(JSON.parse(event.data));
     one.onclose = () => {
       opening = null;
       socket = null;
-      connected.value = "lost";
+      closed = true;
+      void alive().then((there) => connected.value !== "yes" && (connected.value = there && !opened ? "full" : there ? "no" : "lost"));
+      if (connected.value === "yes") connected.value = "no";
       for (const [key, one] of waiting) {
         waiting.delete(key);
         one.reject(new Ended("the connection is lost"));
@@ -80,9 +108,12 @@ function hear(answer: any): void {
 export async function ask(job: string, fields: Record<string, unknown>, part: (value: any) => void): Promise<void> {
   const line = await open();
   const id = ++number;
+  const message = JSON.stringify({ id, job, ...fields });
+  const title = tooLarge(fields.text, message);
+  if (title) throw new Refused({ title, label: "", note: "", help: "", text: title });
   return new Promise((resolve, reject) => {
     waiting.set(id, { part, resolve, reject });
-    line.send(JSON.stringify({ id, job, ...fields }));
+    line.send(message);
   });
 }
 
@@ -104,5 +135,5 @@ export async function http(path: string, options: RequestInit = {}): Promise<Res
   if (answer.ok) return answer;
   const text = await answer.text();
   if (answer.headers.get("content-type")?.includes("json")) throw new Refused(JSON.parse(text));
-  throw new Error(text.trim() || `the server answered ${answer.status}`);
+  throw new Failed(text.trim() || `the server answered ${answer.status}`, answer.status);
 }

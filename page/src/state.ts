@@ -12,6 +12,7 @@ export const saved = signal<{ path: string | null; sha: string | null; text: str
   text: boot.text,
   name: boot.name,
 });
+export const conflict = signal<{ path: string; text: string; sha: string } | null>(null); // what another program wrote
 export const restored = signal(false); // what is in the editor was written earlier, and not saved
 export const spec = signal<Spec | null>(null);
 export const wrong = signal(false); // the text has a mistake: what is shown is of the last text that had none
@@ -29,6 +30,15 @@ export const poses = signal<Pose[]>([]);
 export const bases = signal<number[]>([]);
 export const on = signal<number[] | null>(null); // on which of their surfaces objects stand, as Report has it
 export const edited = signal(false);
+/** Scenes that were moved by hand, by the poses that they were sampled with: as they stand, and what they are worth. */
+export interface Moved {
+  poses: Pose[];
+  on: number[] | null;
+  path: Pose[][]; // of a motion
+  report: Report;
+}
+export const movedScenes = new Map<Pose[], Moved>();
+export const moves = signal(0); // changes with them
 export const report = signal<Report | null>(null);
 export const label = signal(""); // the label that the page explains
 export const thing = signal<string | null>(null); // the selected object

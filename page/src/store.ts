@@ -5,8 +5,8 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, finding, label, meshes, message, motion, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
-import type { Ends, Report, Request, Result, Spec } from "./types";
+import { about, alone, bases, boot, busy, edited, explaining, finding, label, meshes, message, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import type { Ends, Pose, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
 
@@ -55,6 +55,7 @@ export async function check(): Promise<void> {
       if (mine !== checks) return;
       if ("spec" in part) {
         wrong.value = !part.spec;
+        if (message.value === refusal.value?.title) message.value = "";
         refusal.value = null; // what was said of the text before
         if (part.spec) take(part.spec, early);
         else {
@@ -87,6 +88,7 @@ export function forget(): void {
 }
 
 function clear(): void {
+  movedScenes.clear();
   result.value = null;
   poses.value = [];
   on.value = null;
@@ -244,7 +246,7 @@ export function select(index: number, again = false): void {
   const found = result.value;
   if (!found || !found.poses.length) return;
   index = Math.max(0, Math.min(index, found.poses.length - 1));
-  if (!again && index === selected.value && !edited.value) return;
+  if (!again && index === selected.value) return;
   if (again && !found.motions && found.poses[index] === poses.value && !edited.value && report.value?.decides) {
     selected.value = index; // it is on the screen, and explained
     return;
@@ -259,10 +261,78 @@ export function select(index: number, again = false): void {
     on.value = found.on?.[index] ?? null;
     edited.value = false;
     replaying.value = false;
+    const hand = movedScenes.get(found.poses[index]);
+    if (hand) {
+      stand(hand);
+      report.value = hand.report;
+      return;
+    }
     const phi = Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, [values[index]]]));
     report.value = { phi, require: found.require ? [found.require[index]] : null, bases: [found.bases[index]] };
   });
   explain();
+}
+
+/** Have the large scene stand as it was moved to. */
+function stand(hand: { poses: Pose[]; on: number[] | null; path: Pose[][] }): void {
+  edited.value = true;
+  on.value = hand.on;
+  if (spec.value?.time) {
+    path.value = hand.path;
+    seek(frame.value);
+  } else poses.value = hand.poses;
+}
+
+let telling: ReturnType<typeof setTimeout> | undefined;
+
+/** Keep the scene that is moved by hand: it stands so until it is put back, whatever else is looked at. */
+function keepMoved(): void {
+  const of = result.value?.poses[selected.value];
+  if (!of || !edited.value || alone || playing.value || !report.value) return;
+  movedScenes.set(of, { poses: spec.value?.time ? path.value[path.value.length - 1] : poses.value, on: on.value, path: path.value, report: report.value });
+  clearTimeout(telling);
+  telling = setTimeout(() => moves.value++, 120); // its small picture follows the hand a little later
+}
+
+const past: { of: Pose[]; moved: boolean; poses: Pose[]; on: number[] | null; path: Pose[][]; fix: Request["fix"] }[] = [];
+const MOST_PAST = 200;
+
+/** Remember how the large scene stands, before a hand changes it. */
+export function remember(): void {
+  const of = result.value?.poses[selected.value];
+  if (of) past.push({ of, moved: edited.value, poses: poses.value, on: on.value, path: path.value, fix: request.value.fix });
+  if (past.length > MOST_PAST) past.shift();
+}
+
+/** Take back what hands did last. */
+export function undo(): void {
+  let last = past.pop();
+  while (last && !result.value?.poses.includes(last.of)) last = past.pop(); // of scenes that are gone
+  if (!last) {
+    message.value = "nothing was moved before this";
+    return;
+  }
+  const { of, moved, fix } = last;
+  batch(() => {
+    const index = result.value!.poses.indexOf(of);
+    if (index !== selected.value) select(index);
+    request.value = { ...request.value, fix };
+    if (!moved) putBackNow();
+    else stand(last);
+  });
+  if (moved) explain();
+}
+
+/** As it was sampled. */
+export function putBack(): void {
+  remember();
+  putBackNow();
+}
+
+function putBackNow(): void {
+  movedScenes.delete(result.value!.poses[selected.value]);
+  moves.value++;
+  select(selected.value, true);
 }
 
 /** The next or previous scene of those that are shown. */
@@ -306,6 +376,7 @@ let askAgain = false;
 
 /** Evaluate the scene as it stands. While an answer is under way, only the newest question waits. */
 export function explain(): void {
+  keepMoved();
   if (alone) {
     const known = alone.reports[selected.value];
     if (known && report.value) report.value = { ...report.value, ...known };
@@ -328,6 +399,7 @@ async function explainNow(): Promise<void> {
     batch(() => {
       if (poses.value.length !== mine.length || (moving && path.value.length !== moving.length)) return;
       report.value = found;
+      if (poses.value === mine || moving) keepMoved();
       if (!moving) bases.value = found.bases[0];
       else {
         rises.value = (found.bases as unknown as number[][][] | null)?.[0] ?? null;

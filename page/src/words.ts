@@ -23,6 +23,15 @@ export function oneIn(log: number, what = "scenes"): string {
   return `1 in ${count < 10 ? count.toFixed(1) : Math.round(count)}`;
 }
 
+const UNITS: Record<string, number> = { "": 1, m: 1, cm: 0.01, mm: 0.001, rad: 1, deg: Math.PI / 180, turn: 2 * Math.PI };
+
+/** A length or an angle as the language writes them, in metres or radians; null where it is none. */
+export function measure(text: string): number | null {
+  const found = text.trim().replace("−", "-").match(/^([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(\w*)$/i);
+  const value = found && found[2] in UNITS ? Number((Number(found[1]) * UNITS[found[2]]).toPrecision(12)) : NaN;
+  return Number.isFinite(value) ? value : null;
+}
+
 export function degrees(theta: number): string {
   return `${Math.round((180 * theta) / Math.PI)}°`;
 }

@@ -15,7 +15,7 @@ UNKNOWN_NAME = Kind(
     "unknown-name",
     "unknown name `{name}`",
     ("{wanted} is needed here", "no object, constant or label has this name"),
-    ("{instead}", NEAREST, "the objects are {objects:quoted}", "declare it: object {name}"),
+    ("{instead}", NEAREST, "the objects are {objects:quoted8}", "declare it: object {name}"),
 )
 UNKNOWN_CONSTANT = Kind(
     "unknown-constant", "unknown constant `{name}`", help=("{instead}", NEAREST, "define it: const {name} = 1")

@@ -11,10 +11,11 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.motions import NO_BOUND_ON_STEPS
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.timed import Timed
 from scenegen.motions.bounds import phi_bounds, step_bounds
 from scenegen.motions.cost import cost
 from scenegen.motions.lean import lean
-from scenegen.motions.problem import MotionProblem
+from scenegen.motions.problem import Array, MotionProblem
 from scenegen.motions.scores import TraceScores
 from scenegen.pose import PLACE, THETA, row_of, rows_of
 from scenegen.sampling.fixed_objects import hold_fixed
@@ -36,15 +37,9 @@ def make_problem(
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
     checked, warnings = check_request(dataclasses.replace(request, fix=fixed), bounds)
-    radius, turn = step_bounds(timed)
-    for thing, name in enumerate(timed.objects):
-        place = [row_of(thing, axis) for axis in PLACE]
-        if (lowest[place] == highest[place]).all():
-            radius[thing] = 0.0
-            if lowest[row_of(thing, THETA)] == highest[row_of(thing, THETA)]:
-                turn[thing] = 0.0
-        if np.isinf(radius[thing]):
-            raise RequestError(NO_BOUND_ON_STEPS(name=name))
+    radius, turn = _steps(timed, lowest, highest)
+    for name in unbounded(timed, lowest, highest):
+        raise RequestError(NO_BOUND_ON_STEPS(name=name))
     turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
     shape = (len(timed.objects), len(rows_of(0)))
     made = MotionProblem(
@@ -54,3 +49,21 @@ def make_problem(
         lean=lean(timed),
     )  # fmt: skip
     return made, warnings
+
+
+def unbounded(timed: Timed, lowest: Array, highest: Array) -> list[str]:
+    """The objects of which nothing says how far they move in a step, in the box (3N,) of their poses."""
+    radius, _ = _steps(timed, lowest, highest)
+    return [name for name, far in zip(timed.objects, radius, strict=True) if np.isinf(far)]
+
+
+def _steps(timed: Timed, lowest: Array, highest: Array) -> tuple[Array, Array]:
+    """The largest displacement and turn of each object in a step, (N,) each: none of one that is held in place."""
+    radius, turn = step_bounds(timed)
+    for thing in range(len(timed.objects)):
+        place = [row_of(thing, axis) for axis in PLACE]
+        if (lowest[place] == highest[place]).all():
+            radius[thing] = 0.0
+            if lowest[row_of(thing, THETA)] == highest[row_of(thing, THETA)]:
+                turn[thing] = 0.0
+    return radius, turn

@@ -135,7 +135,7 @@ class Session:
         except Crowded as reason:
             self._say(f'{head}failed":{json.dumps(str(reason))}}}')
         except Gone as how:
-            self._say(f'{head}failed":{json.dumps(f"the process that worked on this is gone: {how}")}}}')
+            self._say(f'{head}failed":{json.dumps(str(how))}}}')
 
     def _say(self, text: str) -> None:
         try:

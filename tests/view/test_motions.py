@@ -236,3 +236,12 @@ def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch
     assert len(last["motions"]) == 2 and min(last["phi"]["task"]) >= 0
     (warning,) = last["warnings"]
     assert "2" in warning["title"] and "12" in warning["title"]
+
+
+def test_what_moves_without_a_bound_is_a_problem_at_its_declaration(tmp_path):
+    text = "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\ntask: finally leftOf(mug, plate)\n"
+    described, problems = do("check", tmp_path, text)
+    assert described["spec"]["time"]
+    (one,) = problems["problems"]
+    assert one["code"] == "no-bound-on-steps" and "write `require speed(mug) <= 20 cm/s`" in one["message"]
+    assert one["range"] == {"start": {"line": 0, "character": 7}, "end": {"line": 0, "character": 10}}

@@ -1,17 +1,17 @@
 // The editor: CodeMirror with the features of the language server.
-import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, closeCompletion, completionKeymap, currentCompletions, selectedCompletion, selectedCompletionIndex, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
+import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, clearSnippet, closeCompletion, completionKeymap, currentCompletions, hasNextSnippetField, insertBracket, selectedCompletion, selectedCompletionIndex, snippet, type Completion, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
 import { defaultKeymap, history, historyField, historyKeymap, toggleComment } from "@codemirror/commands";
 import { bracketMatching } from "@codemirror/language";
 import { lintKeymap, setDiagnostics } from "@codemirror/lint";
 import { highlightSelectionMatches, search, searchKeymap } from "@codemirror/search";
-import { EditorState, StateEffect, StateField, type Extension } from "@codemirror/state";
+import { EditorState, Prec, StateEffect, StateField, type Extension } from "@codemirror/state";
 import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
 import { effect } from "@preact/signals";
 import { explainCode, read } from "../reader";
 import { askOne, http } from "../server";
 import { alone, boot, decides, message, pointed, problems, report, restored, saved, spec, text, unsaved } from "../state";
 import { setText } from "../store";
-import type { Draft, Line } from "../types";
+import type { Draft, Line, Problem } from "../types";
 import { specLanguage } from "./language";
 import { markdown } from "./markdown";
 
@@ -79,13 +79,53 @@ async function complete(context: CompletionContext): Promise<CompletionResult | 
         type: KINDS[one.kind] ?? "variable",
         detail: one.detail && one.detail !== one.label ? one.detail : undefined,
         info: one.documentation || undefined,
-        boost: -Math.min(99, order / 10),
+        boost: -Math.min(99, order / 20 + one.label.length / 2), // of those that fit as well: the shorter
+        apply: called(one),
       })),
       validFor: /^\w*$/,
     };
   } catch {
     return null;
   }
+}
+
+/** What a relation puts in: with its arguments as fields to fill in, and those that may be left out left out. */
+function called(one: { label: string; detail?: string; kind: number }) {
+  const args = one.kind === 3 ? one.detail?.match(/^\w+\((.*)\)$/)?.[1] : undefined;
+  const needed = args?.split(",").map((arg) => arg.trim()).filter((arg) => /^\w+$/.test(arg)) ?? [];
+  if (!needed.length) return undefined;
+  return (view: EditorView, completion: Completion, from: number, to: number) => {
+    if (view.state.sliceDoc(to, to + 1) === "(") view.dispatch({ changes: { from, to, insert: one.label }, selection: { anchor: from + one.label.length } });
+    else snippet(`${one.label}(${needed.map((arg) => `#{${arg}}`).join(", ")})`)(view, completion, from, to);
+  };
+}
+
+/** Who goes on with a bracket, as without the fields, gets what was typed. */
+const overFields = Prec.highest(EditorView.inputHandler.of((view, from, to, typed) => {
+  const { state } = view;
+  if (typed !== "(" || !hasNextSnippetField(state) || from === to || state.sliceDoc(from - 1, from) !== "(") return false;
+  const end = state.doc.toString().indexOf(")", to);
+  if (end < 0 || state.sliceDoc(to, end).includes("\n")) return false;
+  view.dispatch({ changes: { from: from - 1, to: end + 1 } });
+  clearSnippet(view);
+  const bracket = insertBracket(view.state, "(");
+  if (!bracket) return false;
+  view.dispatch(bracket);
+  return true;
+}));
+
+/** What a message says to write instead. */
+export function mends(one: Problem): { name: string; apply: (view: EditorView) => void }[] {
+  const better = one.message.match(/did you mean `([^`]+)`/)?.[1], more = one.message.match(/help: write `(require [^`]+)`/)?.[1];
+  const change = (find: (state: EditorState) => { from: number; to: number; insert: string }) => (view: EditorView) => {
+    view.dispatch({ changes: find(view.state), userEvent: "mend" });
+    view.focus();
+  };
+  if (better)
+    return [{ name: `Change to ${better}`, apply: change((state) => ({ from: offset(state, one.range.start), to: offset(state, one.range.end), insert: better })) }];
+  if (more)
+    return [{ name: `Add ${more}`, apply: change((state) => ({ from: state.doc.lineAt(offset(state, one.range.end)).to, to: state.doc.lineAt(offset(state, one.range.end)).to, insert: `\n${more}` })) }];
+  return [];
 }
 
 let asked = false; // the list of words was opened by a key
@@ -192,7 +232,7 @@ function extensions(): Extension[] {
     marks,
     EditorView.lineWrapping,
     EditorView.contentAttributes.of({ "aria-label": "spec", spellcheck: "false" }),
-    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false, defaultKeymap: false }), hovers],
+    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false, defaultKeymap: false }), overFields, hovers],
     tooltips({ position: "fixed", parent: document.body }),
     keymap.of([
       { key: "F12", run: (view) => (void define(view), true) },
@@ -251,6 +291,8 @@ export function keepNow(): void {
   keepDraft();
 }
 
+const MOST_DRAFT = 256 * 1024; // as a spec on the page has at most
+
 let drafted = { name: "", body: "" }; // what the server keeps of the file that is open
 let touched = false; // whether anything was written in it in this tab
 
@@ -258,7 +300,7 @@ let touched = false; // whether anything was written in it in this tab
 function keepDraft(): void {
   const { path, sha } = saved.value, name = path ?? saved.value.name;
   const body = JSON.stringify({ name, text: unsaved.value ? text.value : null, was: sha });
-  if (!touched || body === drafted.body) return;
+  if (!touched || body === drafted.body || body.length > MOST_DRAFT) return;
   const put = (body: string) => http("/api/draft", { method: "PUT", body, keepalive: body.length < 60_000 }).catch((error) => (message.value = error.message));
   if (drafted.name && drafted.name !== name) void put(JSON.stringify({ name: drafted.name, text: null, was: null })); // saved under another name
   drafted = { name, body };
@@ -308,7 +350,7 @@ export function mountEditor(parent: HTMLElement, fresh: boolean): void {
       to: Math.max(offset(editor.state, one.range.end), offset(editor.state, one.range.start)),
       severity: one.severity === 1 ? ("error" as const) : ("warning" as const),
       message: one.message,
-      actions: one.code ? [{ name: "What does this mean?", apply: () => void explainCode(one.code!, true) }] : [],
+      actions: [...mends(one), ...(one.code ? [{ name: "What does this mean?", apply: () => void explainCode(one.code!, true) }] : [])],
     }));
     editor.dispatch(setDiagnostics(editor.state, found));
   });

@@ -18,7 +18,7 @@ export function Explain() {
   if (!one) return null;
   return (
     <div class="explained" role="dialog" aria-label={`what ${one.code} means`}>
-      <header><b class={one.severity === "warning" ? "warn" : "bad"}>{one.severity}</b> <code>{one.code}</code>{one.pinned ? <button onClick={closeCode}>close <kbd>Esc</kbd></button> : null}</header>
+      <header role="presentation"><b class={one.severity === "warning" ? "warn" : "bad"}>{one.severity}</b> <code>{one.code}</code>{one.pinned ? <button onClick={closeCode}>close <kbd>Esc</kbd></button> : null}</header>
       {one.means.split(/\n\n+/).map((part, k) => <p key={k}>{ticked(part)}</p>)}
       {one.example ? <><h2>Example</h2><pre>{one.example}</pre></> : null}
       {one.mended ? <><h2>Mended</h2><pre class="mended">{one.mended}</pre></> : null}
@@ -26,6 +26,6 @@ export function Explain() {
   );
 }
 
-function ticked(text: string): ComponentChildren {
+export function ticked(text: string): ComponentChildren {
   return text.split(/(`[^`]*`)/).map((piece, k) => (piece.startsWith("`") ? <code key={k}>{piece.slice(1, -1)}</code> : piece));
 }

@@ -3,7 +3,7 @@ import { effect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Thumbs, type Wanted } from "../scene/thumbs";
 import { calm } from "../motions";
-import { coming, label, layout, meshes, outdated, preparing, preview, result, selected, shown, spec, view, wrong } from "../state";
+import { coming, label, layout, meshes, movedScenes, moves, outdated, preparing, preview, result, selected, shown, spec, view, wrong } from "../state";
 import { select, step } from "../store";
 import { theme } from "../theme";
 import type { Pose } from "../types";
@@ -22,6 +22,7 @@ export function Grid() {
     return effect(() => {
       // whatever the pictures depend on
       const now = spec.value, found = result.value, packed = meshes.value, flat = view.value === "top" && !!theme.value, all = shown.value, big = layout.value;
+      void moves.value;
       cancelAnimationFrame(soon);
       soon = requestAnimationFrame(() => {
         if (!now || !found || !root.current) return;
@@ -37,10 +38,11 @@ export function Grid() {
             canvas.width = width;
             canvas.height = Math.round((width * 3) / 4);
           }
-          const poses = found.poses[k];
+          const hand = movedScenes.get(found.poses[k]);
+          const poses = hand?.poses ?? found.poses[k];
           if (!poses || !all.includes(k)) continue;
           if (drawn.get(button) !== poses) button.classList.remove("drawn"); // not the picture of another scene
-          wanted.push({ canvas, poses, bases: found.bases[k], done: () => (button.classList.add("drawn"), drawn.set(button, poses)) });
+          wanted.push({ canvas, poses, bases: hand && !found.motions ? hand.report.bases[0] : found.bases[k], done: () => (button.classList.add("drawn"), drawn.set(button, poses)) });
         }
         const first = wanted.findIndex((one) => one.canvas.parentElement?.getAttribute("aria-selected") === "true");
         if (first > 0) wanted.unshift(...wanted.splice(first, 1));
@@ -57,6 +59,7 @@ export function Grid() {
     }), []);
   const now = spec.value, found = result.value;
   const all = shown.value;
+  void moves.value;
   const playing = useRef(0);
   /** Play a motion in its small picture, as long as the pointer is over it. */
   const playSmall = (k: number) => (event: Event) => {
@@ -95,11 +98,13 @@ export function Grid() {
     <div ref={root} class={`grid ${layout.value}${preview.value ? " early" : wrong.value || outdated.value ? " behind" : ""}`} role="listbox" aria-label={`${what}s`} tabIndex={-1} onKeyDown={keys}>
       {now && found
         ? all.map((k) => {
-            const phi = label.value === "require" ? found.require?.[k] : found.phi[label.value]?.[k];
+            const hand = movedScenes.get(found.poses[k])?.report;
+            const each = hand ? Object.fromEntries(Object.entries(hand.phi).map(([name, values]) => [name, values[0]])) : Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]]));
+            const phi = label.value === "require" ? (hand ? hand.require?.[0] : found.require?.[k]) : each[label.value];
             return (
               <button key={k} role="option" data-scene={k} aria-selected={k === selected.value} tabIndex={k === selected.value ? 0 : -1} onClick={() => select(k)} onDblClick={() => (layout.value = "one")} onMouseEnter={found.motions ? playSmall(k) : undefined} onMouseLeave={found.motions ? lastAgain(k) : undefined} aria-label={`${what} ${k + 1}, ${label.value} ${phi === undefined ? "" : signed(phi)}`}>
                 <canvas width={128} height={96} />
-                <span class={phi !== undefined && phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]])))}>{phi === undefined ? "" : signed(phi)}</span>
+                <span class={phi !== undefined && phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(each)}>{phi === undefined ? "" : signed(phi)}{hand ? " ✎" : ""}</span>
               </button>
             );
           })

@@ -1,10 +1,10 @@
 // The range of one label as two handles over the plot of how rare each phi is.
-import { useRef } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { band, justSolved, probability } from "../rare";
 import { alone, label as chosenLabel, measuring, preview, rarity, request, result, shown, spec } from "../state";
 import { setEnds } from "../store";
 import type { Ends } from "../types";
-import { number, oneIn, round } from "../words";
+import { measure, number, oneIn, round } from "../words";
 
 const WIDE = 300, HIGH = 86, FOOT = 20;
 
@@ -86,14 +86,24 @@ export function Handles({ name }: { name: string }) {
   };
   const zero = low < 0 && high > 0 ? toX(0) : null;
   const [a, b] = [toX(ends[0] ?? low), toX(ends[1] ?? high)];
+  const [wrong, setWrong] = useState<{ which: 0 | 1; value: string; words: string } | null>(null);
+  useEffect(() => setWrong(null), [ends[0], ends[1]]);
   const typed = (which: 0 | 1) => (event: Event) => {
     const value = (event.currentTarget as HTMLInputElement).value.trim();
-    const phi = value === "" ? null : Number(value);
-    if (phi !== null && !Number.isFinite(phi)) return;
+    const phi = value === "" ? null : measure(value);
     const next: Ends = [...ends];
     next[which] = phi;
-    setEnds(name, next);
+    if (value !== "" && phi === null) setWrong({ which, value, words: `${value} is no number here: write 0.02, or 2 cm, or 10 deg` });
+    else if (next[0] !== null && next[1] !== null && next[0] > next[1]) setWrong({ which, value, words: "from is larger than to" });
+    else {
+      setWrong(null);
+      setEnds(name, next);
+    }
   };
+  const field = (which: 0 | 1, word: string) => (
+    <label>{word} <input type="text" inputMode="decimal" value={wrong?.which === which ? wrong.value : ends[which] === null ? "" : String(ends[which])} placeholder="open" aria-invalid={wrong?.which === which} onChange={typed(which)} aria-label={`${word}, ${name}`} /></label>
+  );
+  const tick = (phi: number) => number(Math.abs(phi) < 1e-6 * (high - low) ? 0 : phi);
   return (
     <section class={`label-box${chosenLabel.value === name ? " chosen" : ""}`} data-label={name}>
       <header>
@@ -116,8 +126,8 @@ export function Handles({ name }: { name: string }) {
           </g>
         ) : null}
         {found.map((phi, k) => (shown.value.includes(k) ? <line key={k} x1={toX(phi)} x2={toX(phi)} y1={HIGH - FOOT + 1} y2={HIGH - FOOT + 6} class={`rug${preview.value ? " early" : ""}`} /> : null))}
-        <text x={1} y={HIGH - 2} class="tick">{number(low + pad)}</text>
-        <text x={WIDE - 1} y={HIGH - 2} class="tick" text-anchor="end">{number(high - pad)}</text>
+        <text x={1} y={HIGH - 2} class="tick">{tick(low + pad)}</text>
+        <text x={WIDE - 1} y={HIGH - 2} class="tick" text-anchor="end">{tick(high - pad)}</text>
         {zero !== null && zero > 42 && zero < WIDE - 36 ? <text x={zero} y={HIGH - 2} class="tick" text-anchor="middle">0</text> : null}
         {([0, 1] as const).map((which) => {
           const x = which ? b : a;
@@ -131,21 +141,23 @@ export function Handles({ name }: { name: string }) {
           );
         })}
       </svg>
+      <p class="caption" hidden={name !== now.labels[0].name}>{area ? `Height: how common ${what} with such a phi are (each step down is much rarer). ` : ""}Left of 0 the formula is not met. Drag the handles to say which phi you want.</p>
       <div class="ends">
-        <label>from <input type="text" inputMode="decimal" value={ends[0] === null ? "" : String(ends[0])} placeholder="open" onChange={typed(0)} aria-label={`from, ${name}`} /></label>
-        <label>to <input type="text" inputMode="decimal" value={ends[1] === null ? "" : String(ends[1])} placeholder="open" onChange={typed(1)} aria-label={`to, ${name}`} /></label>
+        {field(0, "from")}
+        {field(1, "to")}
       </div>
+      {wrong ? <p class="wrong" role="alert">{wrong.words}</p> : null}
       <div class="chips">
-        <Chip disabled={!known?.bands.some((one) => one.name === "hard")} onClick={() => band("hard", name)}>hardest</Chip>
-        <Chip disabled={!known?.bands.some((one) => one.name === "medium")} onClick={() => band("medium", name)}>medium</Chip>
-        <Chip disabled={high <= 0} onClick={() => justSolved(name)}>just solved</Chip>
-        <Chip disabled={high <= 0} onClick={() => setEnds(name, [0, null])}>solved</Chip>
-        <Chip onClick={() => setEnds(name, [null, null])}>{alone ? "all" : "free"}</Chip>
+        <Chip title={`the tenth of all ${what} with the lowest phi: farthest from being met`} disabled={!known?.bands.some((one) => one.name === "hard")} onClick={() => band("hard", name)}>hardest</Chip>
+        <Chip title={`phi in the middle of what ${what} have`} disabled={!known?.bands.some((one) => one.name === "medium")} onClick={() => band("medium", name)}>medium</Chip>
+        <Chip title="met, but barely: phi a little above 0" disabled={high <= 0} onClick={() => justSolved(name)}>just solved</Chip>
+        <Chip title="met: phi of 0 or more" disabled={high <= 0} onClick={() => setEnds(name, [0, null])}>solved</Chip>
+        <Chip title="any phi" onClick={() => setEnds(name, [null, null])}>{alone ? "all" : "any"}</Chip>
       </div>
     </section>
   );
 }
 
-function Chip({ children, onClick, disabled }: { children: string; onClick: () => void; disabled?: boolean }) {
-  return <button class="chip" onClick={onClick} disabled={disabled}>{children}</button>;
+function Chip({ children, onClick, disabled, title }: { children: string; onClick: () => void; disabled?: boolean; title: string }) {
+  return <button class="chip" title={title} onClick={onClick} disabled={disabled}>{children}</button>;
 }

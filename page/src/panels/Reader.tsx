@@ -29,7 +29,7 @@ export function Reader() {
   if (!one) return null;
   return (
     <div class="reader" role="dialog" aria-label={`${one.name}, to read`}>
-      <header>
+      <header role="presentation">
         <b>{one.path ?? one.name}</b> <span class="quiet">{one.path === null ? "built in" : "read only"}</span>
         {one.path === null ? null : <button class="tool" disabled={unsaved.value} title={unsaved.value ? "save the spec first" : "open it in the editor"} onClick={() => { const path = one.path!; closeReader(); void openFile(path); }}>Open</button>}
         <button class="tool" onClick={closeReader}>Back <kbd>Esc</kbd></button>

@@ -10,6 +10,7 @@ export function RequestPanel() {
   const methods = now.time ? ["auto", "rejection", "splitting"] : ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
   const most = now.time ? Math.max(1, now.time.most) : 400;
   const count = <input type="number" min={1} max={most} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, most) })} />;
+  const two = Object.values(wanted.phi).some(([low, high]) => low !== null && high !== null);
   const held = Object.keys(wanted.fix);
   return (
     <div class="request">
@@ -18,16 +19,17 @@ export function RequestPanel() {
         <div class="fields">
           {(now.numbers ?? []).map((one) => (
             <label key={one.name}>
-              {one.assets.length ? `${one.name}: which` : `${one.name}: how many`}
+              {one.assets.length ? `${one.name}: which` : `number of ${one.name}`}
               <select data-count={one.name} value={one.now} disabled={!!alone} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
                 {Array.from({ length: one.most - one.least + 1 }, (_, k) => one.least + k).map((k) => <option key={k} value={k}>{one.assets[k - 1] ?? k}</option>)}
               </select>
             </label>
           ))}
           {alone ? null : <>{now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
-          <label>seed <span class="joined"><input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /><button onClick={next} title="others: the next seed (n)" aria-label="next seed">↻</button></span></label>
+          <div class="joined"><label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label><button onClick={next} title={`other ${now.time ? "motions" : "scenes"}: the next seed (n)`} aria-label="next seed">↻</button></div>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
           <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label></>}
+          {!alone && wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">Flat in phi needs a range with two ends: with an open end {now.time ? "motions" : "scenes"} come as they occur.</p> : null}
         </div>
       )}
       {held.length ? (

@@ -1,14 +1,15 @@
 // The large scene: in three dimensions or from above, with what it is worth.
-import { effect } from "@preact/signals";
+import { effect, signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { Table3d, type Tag } from "../scene/table3d";
 import { marks, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
 import { alone, bases, busy, chooser, edited, finding, heat, label, meshes, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
-import { sample, select, step } from "../store";
-import { Code } from "./Explain";
+import { putBack, sample, step, undo } from "../store";
+import { Code, ticked } from "./Explain";
 import { degrees, signed } from "../words";
+import type { Problem, Refusal } from "../types";
 import { TopView } from "./TopView";
 
 export let table: Table3d | null = null;
@@ -17,7 +18,7 @@ export function Stage() {
   return (
     <section class={`stage${stale.value ? " stale" : wrong.value || (outdated.value && scenes.value) ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
-      <div class="over"><Phi /><Chosen /></div>
+      <div class="over"><Phi /><AboutPhi /><Chosen /></div>
       <Tools />
       <Warnings />
       <Trouble />
@@ -94,14 +95,27 @@ function Phi() {
   const all: [string, number][] = Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
   if (found.require && found.require[0] < 0) all.push(["require", found.require[0]]);
   return (
-    <div class="phis" role="status" aria-label={`phi of the ${now.time ? "motion" : "scene"}`}>
+    <div class="phis" role="group" aria-label={`phi of the ${now.time ? "motion" : "scene"}`}>
       {all.map(([name, phi]) => (
         <button key={name} class={`phi ${phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={`phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
           <span>{name}</span> <b>{signed(phi)}</b>
         </button>
       ))}
+      <button class="phi ask" aria-expanded={asking.value} aria-label="what phi is" title="what phi is" onClick={() => (asking.value = !asking.value)}>?</button>
       {edited.value ? <span class="phi moved">{now.time ? "changed" : "moved"} by hand</span> : null}
     </div>
+  );
+}
+
+const asking = signal(false); // somebody wants to know what phi is
+
+function AboutPhi() {
+  if (!asking.value) return null;
+  return (
+    <p class="about" role="note">
+      <b>phi</b> says by how much a scene meets a formula, in metres or radians: 0 or more is met, less is not, and the nearer to 0, the closer the call. You ask for scenes by their phi: barely met, clearly met, or missed by a little.
+      <button class="chip" onClick={() => (asking.value = false)}>close</button>
+    </p>
   );
 }
 
@@ -142,7 +156,7 @@ function Chosen() {
           {kept ? <button class="tool" onClick={() => void sample()} title="sample the other objects (Enter)">Sample the rest</button> : null}
         </>
       )}
-      {edited.value ? <button class="tool" onClick={() => select(selected.value, true)} title="as it was sampled (z)">Put back</button> : null}
+      {edited.value ? <><button class="tool" onClick={undo} title="take the last move back (Ctrl+Z)">Undo</button><button class="tool" onClick={putBack} title="as it was sampled (z)">Put back</button></> : null}
     </div>
   );
 }
@@ -166,7 +180,7 @@ function Warnings() {
   if (!found.length || wrong.value || preview.value || busy.value === "sample") return null;
   return (
     <ul class="warnings" aria-label="warnings">
-      {found.map(({ code, title }) => <li key={code + title}>{title} <Code code={code} /></li>)}
+      {found.map(({ code, title }) => <li key={code + title}>{ticked(title)} <Code code={code} /></li>)}
     </ul>
   );
 }
@@ -187,9 +201,19 @@ function Working() {
   return <div class="working" role="progressbar" aria-label="sampling"><div ref={bar} /></div>;
 }
 
+const CLASHES = new Set(["cannot-be-satisfied", "hardly-satisfied"]);
+
+function asRefusal({ message, code }: Problem): Refusal {
+  const [title, ...rest] = message.split("\n");
+  const help = rest.find((line) => line.startsWith("help: ")) ?? "";
+  const note = rest.filter((line) => line !== help).join("\n");
+  return { code, title, label: "", note, help: help.slice(6), text: message };
+}
+
 function Trouble() {
   const found = scenes.value;
-  const told = refusal.value;
+  const clash = problems.value.find((one) => CLASHES.has(one.code ?? ""));
+  const told = refusal.value && (clash ? asRefusal(clash) : refusal.value); // one cause is told once, in the same words
   const working = busy.value === "sample";
   const some = finding.value;
   const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these come nearest"}; at most ${Math.ceil(some.left)} s more`;
@@ -199,10 +223,10 @@ function Trouble() {
       {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range")}</div> : null}
       {told && !working ? (
         <div class="trouble" role="alert">
-          <b>{told.title}</b>{told.code ? <Code code={told.code} /> : null}
-          {told.label ? <p>{told.label}</p> : null}
-          {told.note ? <pre>{told.note}</pre> : null}
-          {told.help ? <p class="help">{told.help}</p> : null}
+          <b>{ticked(told.title)}</b>{told.code ? <Code code={told.code} /> : null}
+          {told.label ? <p>{ticked(told.label)}</p> : null}
+          {told.note ? <pre>{ticked(told.note)}</pre> : null}
+          {told.help ? <p class="help">{ticked(told.help)}</p> : null}
           <button class="chip" onClick={() => (refusal.value = null)}>close</button>
         </div>
       ) : null}

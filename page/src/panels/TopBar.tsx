@@ -35,7 +35,7 @@ export function TopBar() {
     return () => removeEventListener("pointerdown", away);
   }, []);
   return (
-    <header class="bar" ref={bar}>
+    <header class="bar" ref={bar} inert={help.value}>
       <span class="brand"><svg viewBox="0 0 32 32" aria-hidden="true"><rect width="32" height="32" rx="7" fill="#b98a5b" /><path d="M0 21h32M0 11h32" stroke="#a2744a" stroke-width="1.2" /><circle cx="12" cy="18" r="7" fill="#f4f1ea" /><circle cx="12" cy="18" r="4.2" fill="none" stroke="#d8d2c4" /><rect x="21" y="7" width="6" height="13" rx="1.6" fill="#0b7a5c" transform="rotate(14 24 13)" /></svg><h1>scenegen</h1></span>
       {alone ? <span class="file-name">{boot.name}</span> : (
         <button class="file-name" aria-haspopup="menu" aria-expanded={menu.value === "file"} onClick={() => openMenu("file")} title="open a spec (o)">
@@ -72,7 +72,8 @@ function Status() {
   }
   if (wrong.value) words = "the spec has a mistake";
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
-  return <span class={`status${connected.value === "lost" ? " bad" : ""}`} role="status" aria-live="polite" title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
+  if (connected.value === "full") words = "this server has as many pages open as it takes: close another one";
+  return <span class={`status${connected.value === "lost" || connected.value === "full" ? " bad" : ""}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
 }
 
 function close(then: () => void): () => void {

@@ -6,7 +6,7 @@ import { select } from "../store";
 import { theme } from "../theme";
 import { number } from "../words";
 
-const BINS = 24;
+const BINS = 12; // wide enough to be hit
 
 export function Where() {
   const now = spec.value;

@@ -19,6 +19,7 @@ export class Stage3d {
   private material: MeshStandardMaterial | MeshLambertMaterial;
   private wood: Texture | null = null;
   spec: Spec | null = null;
+  protected covered = { top: 0, bottom: 0 }; // shares of the picture's height that lie under something else
 
   constructor(canvas: HTMLCanvasElement, private small: boolean) {
     this.renderer = new WebGLRenderer({ canvas, antialias: !small, alpha: true, preserveDrawingBuffer: false, powerPreference: "high-performance" });
@@ -137,7 +138,7 @@ export class Stage3d {
       this.camera.updateMatrixWorld();
       const fits = corners.every((corner) => {
         const seen = corner.clone().project(this.camera);
-        return Math.abs(seen.x) <= 0.97 && Math.abs(seen.y) <= 0.97;
+        return Math.abs(seen.x) <= 0.97 && seen.y <= 0.97 - 2 * this.covered.top && seen.y >= 2 * this.covered.bottom - 0.97;
       });
       if (fits) high = middle;
       else low = middle;

@@ -23,6 +23,7 @@ export interface Tag {
 
 const SLOW = 34; // ms between two pictures above which they get coarser while something moves
 const COARSEST = 0.4;
+const COVERED = 48; // pixels at the top and the bottom that phi and the buttons cover
 
 export class Table3d extends Stage3d {
   readonly controls: OrbitControls;
@@ -44,6 +45,7 @@ export class Table3d extends Stage3d {
   private slow = 0;
   private framed = "";
   private seen = { width: 1, height: 1 }; // of the view, in pixels of the window
+  private said: Tag[] = []; // the words over the picture
   private waiting = false; // for scenes: until they are there the last picture stays
   names = false;
   onTags: (tags: Tag[]) => void = () => {};
@@ -127,6 +129,8 @@ export class Table3d extends Stage3d {
   resize(width: number, height: number): void {
     if (width < 2 || height < 2) return;
     this.seen = { width, height };
+    const share = Math.min(COVERED / height, 0.16);
+    this.covered = { top: share, bottom: share };
     const first = this.camera.aspect;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
@@ -277,6 +281,7 @@ export class Table3d extends Stage3d {
     } else if (moving) this.schedule();
     if (!this.dirty) return;
     if (!this.objects.children.some((one) => one.visible)) {
+      this.said = [];
       this.onTags([]);
       if (this.waiting || !this.spec) return; // to draw an empty table would hold up the scenes
     }
@@ -312,7 +317,8 @@ export class Table3d extends Stage3d {
         put(new Vector3(mesh.position.x, mesh.position.y - 1.1 * reach(thing.footprint), mesh.position.z), mesh.name, mesh.name === this.chosen ? "chosen" : "name");
     }
     for (const tag of this.markTags) put(tag.at, tag.text, tag.good ? "good" : "bad");
-    this.onTags(apart(tags));
+    this.said = apart(tags);
+    this.onTags(this.said);
   }
 
   /** Where an object is on the screen, in pixels of the window. */
@@ -325,18 +331,32 @@ export class Table3d extends Stage3d {
     return { x: box.left + ((seen.x + 1) / 2) * box.width, y: box.top + ((1 - seen.y) / 2) * box.height };
   }
 
-  /** The view as a PNG at twice its size. */
+  /** The view as a PNG at twice its size, with the words over it. */
   picture(): Promise<Blob | null> {
     const before = this.now;
     this.renderer.setPixelRatio(2);
     this.render();
-    return new Promise((resolve) =>
-      this.renderer.domElement.toBlob((blob) => {
-        this.renderer.setPixelRatio(before);
-        this.wake();
-        resolve(blob);
-      }, "image/png"),
-    );
+    const canvas = document.createElement("canvas");
+    canvas.width = this.renderer.domElement.width;
+    canvas.height = this.renderer.domElement.height;
+    const context = canvas.getContext("2d")!;
+    context.drawImage(this.renderer.domElement, 0, 0);
+    this.renderer.setPixelRatio(before);
+    this.wake();
+    context.scale(2, 2);
+    context.font = "600 11.5px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (const { x, y, text, kind } of this.said) {
+      const wide = context.measureText(text).width + 12;
+      context.fillStyle = { good: "#0b7a5c", bad: "#c2332b", chosen: "#1e2126", name: "rgb(255 255 255 / 84%)" }[kind];
+      context.beginPath();
+      context.roundRect(x - wide / 2, y - 9, wide, 18, 6);
+      context.fill();
+      context.fillStyle = kind === "name" ? "#23262b" : "#fff";
+      context.fillText(text, x, y);
+    }
+    return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
   }
 
   stop(): void {

@@ -7,8 +7,9 @@ from typing import Any
 
 from scenegen.api.spec import Spec
 from scenegen.errors import SpecError
+from scenegen.errors.motions import NO_BOUND_ON_STEPS
 from scenegen.lang.spec import CheckedSpec
-from scenegen.lsp.answers import Question, answer
+from scenegen.lsp.answers import Page, Question, answer
 from scenegen.view.jobs.assist import page_of
 from scenegen.view.jobs.calm import calmly
 from scenegen.view.jobs.describe import describe, numbers_data
@@ -35,4 +36,21 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
         yield {"meshes": meshes}
     # what clashes takes as long to find out as scenes, which somebody waits for
     problems = calmly(lambda: answer(page, Question("diagnostics")))
+    if described is not None and spec.over_time is not None:
+        problems = [*(problems or []), *_unbounded(page, spec)]
     yield {"problems": [{**one, "message": inside(one["message"], message["root"])} for one in problems or []]}
+
+
+def _unbounded(page: Page, spec: Spec) -> list[dict[str, Any]]:
+    """A warning for each object of which nothing says how far it moves in a step: then no motions can be sampled."""
+    from scenegen.motions.prepare import unbounded
+
+    assert spec.over_time is not None
+    found = []
+    for name in unbounded(spec.over_time, *spec.declared.box()):
+        told = NO_BOUND_ON_STEPS(name=name)
+        places = [one for one in page.document.index.declarations if one.name == name.partition("[")[0]]
+        start, end = (places[0].start, places[0].end) if places else (0, 0)
+        message = f"{told.title}\nhelp: {told.help}"
+        found.append({"range": page.span(start, end), "message": message, "code": told.code, "severity": 2})
+    return found

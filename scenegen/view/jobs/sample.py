@@ -18,6 +18,7 @@ from scenegen.api.sample import partial
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
+from scenegen.errors.declarations import NEVER_SATISFIED
 from scenegen.errors.motions import TOO_FEW_MOTIONS
 from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
 from scenegen.view.jobs.calm import SLIGHTLY, calmly, give_way
@@ -35,6 +36,7 @@ SPREAD = 32  # and of those over all of a range, at most
 TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
 PATIENCE = 45.0  # of motions: those at a rare phi take longer
 LONGEST = 55.0
+TOUCH = 1e-9  # phi, in metres or radians, up to which a formula is met by nothing but rounding
 BEAT = 0.4  # seconds between two looks at motions that are being found
 QUICK = 5.0  # seconds that the first look may take
 
@@ -57,7 +59,18 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
         return scenegen.sample(source or spec, **wanted, **how)
 
     found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
-    yield {**scenes_data(spec, found), "notes": notes, "took": time.perf_counter() - began}
+    data = scenes_data(spec, found)
+    data["warnings"] += [
+        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is met at its border alone: phi is 0 in all of these scenes"}
+        for name, values in found.phi.items()
+        if _touches(wanted["phi"].get(name), values)
+    ]
+    yield {**data, "notes": notes, "took": time.perf_counter() - began}
+
+
+def _touches(ends: tuple[float | None, float | None] | None, phi: npt.NDArray[np.float64]) -> bool:
+    """Whether scenes that may have any phi from 0 up have no more than rounding makes."""
+    return ends is not None and ends[0] == 0.0 and (ends[1] is None or ends[1] > TOUCH) and bool(phi.max() < TOUCH)
 
 
 def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

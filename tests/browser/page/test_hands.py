@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import scenegen
@@ -82,3 +84,35 @@ def test_a_held_object_stays_while_the_rest_is_sampled(served, tab):
     one.ready()
     poses = one.state("$.result.poses")
     assert all(scene[1] == held for scene in poses) and len({str(scene[0]) for scene in poses}) > 10
+
+
+def test_moved_scenes_stay_as_they_were_left_and_moves_are_taken_back(served, tab, tmp_path):
+    one = tab(served.link)
+    one.ready()
+    one.until("!document.querySelector('.grid button[data-scene]:not(.drawn)')")
+    sampled = one.state("$.result.poses[0]")
+    drag(one, "mug", 40, -25)
+    settled(one)
+    moved, phi = one.state("$.poses"), one.state("$.report.phi.task[0]")
+    small = ".grid button[data-scene='0'] span"
+    one.until(f"JSON.parse(document.querySelector(\"{small}\").dataset.phi).task === {phi}")
+    one.page.click(".grid button[data-scene='1']")
+    one.until("$.poses[0][0] === $.result.poses[1][0][0]")
+    drag(one, "plate", 30, 0)
+    settled(one)
+    one.page.click(".grid button[data-scene='0']")
+    settled(one)
+    assert one.state("$.poses") == moved and one.state("$.report.phi.task[0]") == phi
+    path = download(one, "json", tmp_path)
+    back = scenegen.read_scenes(path)
+    assert back.poses[0].tolist() == moved and back.poses[1].tolist() != one.state("$.result.poses[1]")
+    assert [found["task"] for found in scenegen_eval(tmp_path / "two.spec", path)][0] == phi
+    drag(one, "fork", 0, -20)
+    settled(one)
+    one.page.keyboard.press("Control+z")
+    one.until(f"JSON.stringify($.poses) === {json.dumps(json.dumps(moved, separators=(',', ':')))}")
+    one.page.keyboard.press("Control+z")  # the plate of the other scene
+    one.until("JSON.stringify($.poses) === JSON.stringify($.result.poses[1])")
+    one.page.keyboard.press("Control+z")
+    one.until("JSON.stringify($.poses) === JSON.stringify($.result.poses[0])")
+    assert one.state("$.poses") == sampled and not one.page.query_selector(".phi.moved")

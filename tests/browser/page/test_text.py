@@ -206,3 +206,91 @@ def test_after_a_refusal_no_picture_of_another_spec_stays(serve, tab, tmp_path):
     one.page.wait_for_selector(".trouble")
     one.page.wait_for_selector(".stage.behind .behind-note")
     assert one.page.query_selector(".grid.behind")
+
+
+def test_what_another_program_writes_is_noticed(serve, tab, tmp_path):
+    file = tmp_path / "two.spec"
+    text = "object mug, plate\ntask: leftOf(mug, plate)\n"
+    file.write_text(text)
+    one = tab(serve("two.spec").link)
+    one.ready()
+    file.write_text(text + "# theirs\n")
+    one.until("document.querySelector('.cm-content').innerText.includes('# theirs')", 20)
+    write_more(one, "# mine")
+    file.write_text(text + "# theirs again\n")
+    one.page.wait_for_selector(".conflict", timeout=20_000)
+    one.page.click(".conflict button:has-text('Look')")
+    one.page.wait_for_selector(".reader")
+    assert "# theirs again" in one.page.inner_text(".reader .cm-content")
+    one.page.keyboard.press("Escape")
+    one.page.click(".conflict button:has-text('Take')")
+    assert content(one) == text + "# theirs again\n"
+    one.page.click(".cm-content")
+    one.page.keyboard.press("Control+z")
+    assert content(one).endswith("# theirs\n# mine")
+    file.write_text(text + "# once more\n")
+    one.page.keyboard.press("Control+s")
+    one.page.click(".conflict button:has-text('Save mine')")
+    one.until("document.querySelector('.file-name').innerText.indexOf('•') < 0")
+    assert file.read_text().endswith("# theirs\n# mine")
+    one.faults.clear()  # the browser reports the refusal to save, too
+
+
+def test_relations_come_with_their_arguments_and_mistakes_with_their_mends(served, tab):
+    one = tab(served.link)
+    one.ready()
+    one.write("object mug, plate\n")
+    one.page.keyboard.type("task: lef", delay=60)
+    popup = ".cm-tooltip-autocomplete:not(.cm-tooltip-autocomplete-disabled)"
+    one.page.wait_for_selector(f"{popup} li[aria-selected=true]:has-text('leftOf')")
+    one.page.wait_for_timeout(400)
+    one.page.keyboard.press("Enter")
+    one.until("document.querySelector('.cm-content').innerText.includes('leftOf(a, b)')")
+    one.page.keyboard.type("mug", delay=60)
+    one.page.keyboard.press("Tab")
+    one.page.keyboard.type("plate", delay=60)
+    one.page.keyboard.press("Escape")
+    assert content(one) == "object mug, plate\ntask: leftOf(mug, plate)"
+    one.write("object mug, plate\ntask: leftof(mug, plate)\n")
+    one.page.click(".problems .mend:has-text('leftOf')")
+    assert content(one) == "object mug, plate\ntask: leftOf(mug, plate)\n"
+    one.write("object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\ntask: finally leftOf(mug, plate)\n")
+    one.page.wait_for_selector(".cm-lintRange-warning")
+    one.page.click(".problems .mend:has-text('speed(mug)')")
+    one.until("$.spec && $.spec.time && $.problems.length === 0 && $.result && !$.busy")
+
+
+def test_news_of_a_text_that_was_refused_go_with_it(served, tab):
+    one = tab(served.link)
+    one.ready()
+    status = ".status"
+    one.write("# " + "x" * 2_000_000)  # more than a message may have
+    one.page.wait_for_selector(f"{status}:has-text('at most 256 kB')")
+    one.write("object mug, plate\ntask: leftOf(mug, plate)\n")
+    one.page.wait_for_selector(f"{status}:has-text('16 scenes')")
+    assert not one.page.query_selector(".trouble")
+
+
+def test_the_thirteenth_page_says_why_it_gets_no_answer(served, tab, browser):
+    context = browser.new_context()
+    first = tab(served.link, context)
+    first.ready()
+    more = first.page.evaluate(
+        """async () => {
+          window.sockets = [];
+          for (let k = 0; k < 11; k++) {
+            const token = new URLSearchParams(location.search).get('token');
+            const one = new WebSocket(`ws://${location.host}/api/socket?token=${token}`);
+            await new Promise((then) => (one.onopen = then));
+            window.sockets.push(one);
+          }
+          return window.sockets.length;
+        }"""
+    )
+    assert more == 11
+    last = tab(served.link, context)
+    last.page.wait_for_selector(".status:has-text('as many pages open as it takes')")
+    first.page.evaluate("window.sockets.pop().close()")
+    last.until("$.result && !$.busy")
+    last.faults.clear()  # the browser reports the refused connection, too
+    context.close()

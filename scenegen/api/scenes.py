@@ -272,6 +272,8 @@ def _picked(index: object, count: int) -> Picked:
         if isinstance(index, slice):
             range(count)[index]
             return index
+        if hasattr(index, "__array__"):  # a mask of pandas or torch
+            index = np.asarray(index)
         if isinstance(index, list | np.ndarray):
             chosen = np.asarray(index) if len(index) else np.empty(0, dtype=np.intp)  # [] would be one of floats
             mask = chosen.dtype == np.bool_ and len(chosen) == count

@@ -81,7 +81,7 @@ def settle(
 
         folder = Path(folder_for(out, len(sources)))
         named = zip(names_of(sources), sources, strict=True)
-        jobs = [(name, (source, folder / source.name)) for name, source in named]
+        jobs = [(name, (source, folder / _result(source))) for name, source in named]
         ensure_folder(folder)
         job = _Settling(simulator, seconds, *limits, meshes, spec)
         return shared_work(job, jobs, engine, workers, address, "settling")
@@ -118,6 +118,13 @@ class _Settling:
             meshes=self.meshes, workers=1, spec=None if self.spec is None else load(self.spec),
         )  # fmt: skip
         return Said((f"{summary.last_line} in {paths[1]}",))
+
+
+def _result(source: Path) -> str:
+    """The name of the results of one file among several."""
+    from scenegen.formats.registry import FORMATS
+
+    return source.name if source.suffix.lower() in FORMATS else f"{source.stem}.json"
 
 
 def _quantity(name: str, text: str, wanted: str) -> float:

@@ -269,8 +269,8 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
     """The manifest of a new set, or that of the same request as the run before left it. A run that had completed no
     shard is begun again, whatever its request was.
 
-    Raises what `refuse_taken` raises, RequestError for a set of another request, DataError for shards that are missing,
-    OutputError for a folder that cannot be written to.
+    Raises what `refuse_taken` raises, RequestError for a set of another request, DataError for shards that are missing
+    or are other files, OutputError for a folder that cannot be written to.
     """
     found = refuse_taken(store, resume=resume)
     if found is None or not (found.shards or found.complete):
@@ -284,6 +284,10 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
         if there.get(shard.file) != shard.bytes:
             reason = "it is missing" if shard.file not in there else "its size is not that of the manifest"
             raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
+    if store.local:  # elsewhere each costs a request or two
+        header = set_header(store, found)
+        for shard in found.shards:
+            check_shard(store, header, found.labels, shard)
     store.delete(*filter(_is_unfinished, there))
     return found
 
@@ -353,6 +357,12 @@ def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], sha
     path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
     return next(parquet.read_groups(path, [index], _opened(store, shard), check))
+
+
+def check_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> None:
+    """Raises DataError as `read_shard` does; no scene is read."""
+    check = functools.partial(_check, store, header, labels, shard)
+    next(parquet.read_groups(Path(store.root, shard.file), [], _opened(store, shard), check), None)
 
 
 def check_bytes(store: Store, shard: Shard) -> None:

@@ -119,6 +119,21 @@ def test_a_set_cannot_say_another_phi(spec):
             array[0] = 9
 
 
+def test_masks_of_other_libraries(spec):
+    torch, pandas = map(pytest.importorskip, ("torch", "pandas"))
+    scenes = spec.scenes(POSES)
+    for mask in (
+        scenes.to_pandas()["phi.left"] > 0,
+        torch.tensor([True, False]),
+        torch.tensor([0]),
+        pandas.Series([0]),
+    ):
+        assert len(scenes[mask]) == 1 and scenes[mask].phi["left"][0] == scenes.phi["left"][0]
+    for odd in (torch.tensor([True]), pandas.Series([0.5]), torch.tensor([[0]])):
+        with pytest.raises(RequestError, match=r"cannot pick|not-an-index"):
+            scenes[odd]
+
+
 def files(spec, folder: Path):
     pytest.importorskip("pandas")
     polars = pytest.importorskip("polars")

@@ -18,7 +18,7 @@ from scenegen.engine.local import Local
 from scenegen.engine.packing import Packing, Room
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.formats.blocks import Block
-from scenegen.formats.registry import read_scenes
+from scenegen.formats.registry import read_scenes, write_scenes
 from scenegen.formats.sets import MANIFEST, read_manifest, read_set
 from scenegen.formats.stores import store_at
 
@@ -229,6 +229,22 @@ def test_a_bit_of_an_unfinished_run_is_never_believed(what, tmp_path):
         assert changed != text
         (tmp_path / MANIFEST).write_text(changed)
     with pytest.raises(DataError, match="what an unfinished run has to go on from has another checksum"):
+        run(tmp_path, resume=True)
+
+
+def test_a_run_does_not_go_on_from_a_shard_that_is_another(tmp_path):
+    import json
+
+    asked = iter([False, False, False, True])
+    _, manifest = run(tmp_path, spent=lambda: next(asked))
+    scenes = read_scenes(tmp_path / manifest.shards[0].file).whole()
+    other = Block(scenes.rows, scenes.phi[:, ::-1] * 0.5)
+    header = read_scenes(tmp_path / manifest.shards[0].file).header
+    write_scenes(tmp_path / "part-000000.parquet", header, manifest.labels, [other])
+    said = json.loads((tmp_path / MANIFEST).read_text())
+    said["shards"][0]["bytes"] = (tmp_path / "part-000000.parquet").stat().st_size
+    (tmp_path / MANIFEST).write_text(json.dumps(said))
+    with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its r"):
         run(tmp_path, resume=True)
 
 

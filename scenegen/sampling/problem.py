@@ -257,11 +257,12 @@ def _possible(
     likely = alive
     choices = worlds(core, lowest, highest)
     if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
-        likely = alive = alive & _alive(tape, wanted, *choices, effort, rounds)
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
         thin = THIN * size_of(lowest, highest)
-        if alive.any() and narrowest > 100.0 * thin:
-            likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin)
+        likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
+        doubtful = np.flatnonzero(alive & ~likely)
+        if len(doubtful):
+            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *choices, effort, rounds)
     found, improbable = (frozenset(map(int, np.flatnonzero(each))) for each in (likely, alive & ~likely))
     return found, improbable
 

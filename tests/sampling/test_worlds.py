@@ -168,7 +168,7 @@ def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: py
 @pytest.mark.parametrize(
     "text",
     [
-        "region shelf = rect(0, 0, 0.5, 0.5) at 0.4 m\nobject a = block on any of [workspace, shelf]\ngoal: z(a) >= 0.4",
+        "region top = rect(0, 0, 0.5, 0.5) at 0.4 m\nobject a = block on any of [workspace, top]\ngoal: z(a) >= 0.4",
         "object a, b\ngoal: min(x(a), 0.2) >= 0.2",
     ],
 )

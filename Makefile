@@ -50,8 +50,8 @@ fuzz: $(STAMP)   ## attack the language with random and damaged specs: FUZZ_MINU
 
 COUNT ?= 100
 SEED  ?= 0
-fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED)
+fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0 WIDE=--wide (up to 60, of all kinds)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED) $(WIDE)
 
 page:            ## build the page of `scenegen view` into scenegen/view/static; needs node and npm
 	cd page && npm ci --silent && npm run --silent types && npm run --silent build

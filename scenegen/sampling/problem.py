@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenegen.bounds import label_bounds
 from scenegen.bounds.clash import clash, explain
 from scenegen.bounds.contract import ROUNDS, SLACK, contract, contract_box, size_of, start
-from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
+from scenegen.bounds.effort import Effort, StoppedError, TooMuchError, scoring
 from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
 from scenegen.bounds.tape import Tape, make_tape
 from scenegen.bounds.worlds import improbable, worlds
@@ -37,6 +37,7 @@ PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
 
 LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
 THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
+SHARED = 4096  # scenes that tell whether many have phi at its bound
 GRACE = 0.25  # seconds
 
 
@@ -146,7 +147,8 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int
     bounds = {name: (float(a), float(b)) for name, a, b in zip(spec.core.labels, low, high, strict=True)}
     tape = make_tape(core, lowest, highest, effort)
     _refuse_points(core, lowest, highest, request.phi, effort)
-    checked, warnings = check_request(dataclasses.replace(request, fix=fixed), bounds)
+    phi, bounds = _at_shared_bounds(core, lowest, highest, request.phi, bounds, effort)
+    checked, warnings = check_request(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
     cells = cut(checked, tuple(core.labels), most)
     if core is not spec.core:
         cells.low[-1] = 0.0
@@ -232,6 +234,38 @@ def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, 
         raise RequestError(_impossible(core, lowest, highest, phi, wanted, effort))
 
 
+def _at_shared_bounds(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    phi: Mapping[str, Range],
+    bounds: dict[str, tuple[float, float]],
+    effort: Effort,
+) -> tuple[Mapping[str, Range], dict[str, tuple[float, float]]]:
+    """The ranges and the bounds of phi, where a range only touches a bound that many scenes share, as where phi is a
+    matter of which surface a thing is on: the bound moves by a hair, for it has not probability 0, and a range of that
+    value alone has its other end open."""
+    ends = {name: wanted for name, wanted in phi.items() if name in bounds}
+    if not any(one.low == bounds[name][1] or one.high == bounds[name][0] for name, one in ends.items()):
+        return phi, bounds
+    count = max(64, min(SHARED, LARGE // len(core.nodes)))
+    effort.spend(scoring(core.nodes, count))
+    width = (highest - lowest)[:, None]
+    rows = lowest[:, None] + width * np.random.default_rng(0).random((len(lowest), count))
+    with np.errstate(all="ignore"):
+        values = evaluate(core, list(rows), NUMPY)
+    phi, bounds = dict(phi), dict(bounds)
+    for name, one in ends.items():
+        low, high = bounds[name]
+        if one.low == high and (values[name] == high).any():
+            bounds[name] = low, float(np.nextafter(high, math.inf))
+            phi[name] = dataclasses.replace(one, high=None) if one.high == high else one
+        elif one.high == low and (values[name] == low).any():
+            bounds[name] = float(np.nextafter(low, -math.inf)), high
+            phi[name] = dataclasses.replace(one, low=None) if one.low == low else one
+    return phi, bounds
+
+
 def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
     wanted: dict[int, Ends] = {}
     for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
@@ -257,11 +291,12 @@ def _possible(
     likely = alive
     choices = worlds(core, lowest, highest)
     if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
-        likely = alive = alive & _alive(tape, wanted, *choices, effort, rounds)
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
         thin = THIN * size_of(lowest, highest)
-        if alive.any() and narrowest > 100.0 * thin:
-            likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin)
+        likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
+        doubtful = np.flatnonzero(alive & ~likely)
+        if len(doubtful):
+            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *choices, effort, rounds)
     found, improbable = (frozenset(map(int, np.flatnonzero(each))) for each in (likely, alive & ~likely))
     return found, improbable
 

@@ -23,6 +23,11 @@ class Table:
     ranges: dict[str, tuple[float | None, float | None]]
 
     @property
+    def plain(self) -> bool:
+        """Whether it asks for scenes of one number of things."""
+        return "\ntime " not in f"\n{self.text}" and ".." not in self.text.split("require")[0]
+
+    @property
     def options(self) -> list[str]:
         """The options of `scenegen sample`."""
         out = []

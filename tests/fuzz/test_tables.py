@@ -21,9 +21,9 @@ def test_quick_tables_are_answered_with_scenes(number):
 
 
 def test_tables_are_valid_and_do_not_change():
-    for number in range(8):
-        case = table(0, number)
-        assert case == table(0, number)
+    for number in range(16):
+        case = table(0, number, number > 7)
+        assert case == table(0, number, number > 7)
         spec = scenegen.parse(case.text)
         assert set(spec.labels) == set(case.ranges)
         assert len(spec.objects) >= FEWEST
@@ -51,11 +51,11 @@ def test_answers_are_told_apart(monkeypatch):
     """A proof is an answer; an error that nobody knows is a fault."""
     monkeypatch.setattr(tables_run, "PLAIN", 0.1)
     hopeless = Table(EASY + "safe: x(a[1]) >= 2\n", {"safe": (0.0, None)})
-    monkeypatch.setattr(tables_run, "table", lambda seed, number: hopeless)
+    monkeypatch.setattr(tables_run, "table", lambda *_: hopeless)
     one = run(0, 0, 60.0)
     assert (one.kind, one.fault) == (PROOF, "")
     broken = Table("object a\ntask: leftOf(a, \n", {"task": (0.0, None)})
-    monkeypatch.setattr(tables_run, "table", lambda seed, number: broken)
+    monkeypatch.setattr(tables_run, "table", lambda *_: broken)
     assert run(0, 0, 60.0).fault == "an unknown answer"
     lines = summary([one, Run(1, FULL, "-", 1.0, 1.0, 1, "")])
     assert "1 of 2 proof" in lines

@@ -162,3 +162,22 @@ def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: py
     assert len(plan.reachable) == 16 and not made
     monkeypatch.setattr(sieve, "WORTH", np.inf)
     assert sampler.make_plan(problem, Budget()).reachable == plan.reachable and made
+
+
+@pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.0), (0.0, 0.1)])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "region top = rect(0, 0, 0.5, 0.5) at 0.4 m\nobject a = block on any of [workspace, top]\ngoal: z(a) >= 0.4",
+        "object a, b\ngoal: min(x(a), 0.2) >= 0.2",
+    ],
+)
+def test_a_bound_that_many_scenes_reach_is_not_called_improbable(text: str, ends: tuple[float, float | None]) -> None:
+    scenes = scenegen.sample(scenegen.parse(text), ends, n=20)
+    assert (scenes.phi["goal"] == 0.0).all()
+    assert "only-at-bound" not in [one.code for one in scenes.warnings]
+
+
+def test_a_bound_that_single_scenes_reach_is_called_improbable() -> None:
+    scenes = scenegen.sample(scenegen.parse("object a, b\ngoal: closeTo(a, b, 0)"), (0.0, None), n=20)
+    assert "only-at-bound" in [one.code for one in scenes.warnings]

@@ -218,6 +218,7 @@ def _shape_data(shape: Shape) -> ShapeData:
         height=shape.height,
         path=shape.path,
         open=list(shape.open),
+        color=shape.color,
     )
 
 

@@ -60,13 +60,14 @@ class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
     `prism`, `urdf`, `mesh` and `asset` with sizes of its own. Footprint and height in metres; `path` is the file of a
     `urdf` or `mesh`, and the name of an `asset` after its folder's; `open` the shares by which the drawers of a
-    `cabinet(...)` are open, the lowest first."""
+    `cabinet(...)` are open, the lowest first; `color` is that of a plain shape where the spec says it, as "#rrggbb"."""
 
     asset: str
     footprint: Footprint
     height: float
     path: str = ""
     open: tuple[float, ...] = ()
+    color: str = ""
 
 
 UNKNOWN = "block"

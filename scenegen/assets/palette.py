@@ -4,9 +4,32 @@ from __future__ import annotations
 
 import colorsys
 import hashlib
+import re
 from collections.abc import Sequence
 
 RGB = tuple[float, float, float]
+
+NAMED = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "white", "grey", "black")  # some names
+
+
+def hex_of(written: str) -> str | None:
+    """A colour as people write it, `red` or `#ffdd33`, as "#rrggbb"; None where it is none."""
+    from PIL import ImageColor
+
+    if not re.fullmatch(r"#[0-9a-fA-F]{3}([0-9a-fA-F]{3})?|[A-Za-z]+", written):
+        return None
+    try:
+        red, green, blue = ImageColor.getrgb(written.lower())[:3]
+    except ValueError:
+        return None
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def rgb_of(color: str) -> RGB:
+    """The channels, 0 to 1, of "#rrggbb"."""
+    red, green, blue = (int(color[at : at + 2], 16) / 255.0 for at in (1, 3, 5))
+    return red, green, blue
+
 
 CHOCOLATE: RGB = (0.47, 0.30, 0.20)
 LINEN: RGB = (0.97, 0.95, 0.90)

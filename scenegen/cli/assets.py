@@ -89,8 +89,8 @@ def _table(found: list[Asset]) -> str:
     for asset in found:
         length, width = asset.footprint.extent
         size = f"radius {length / 2:g}" if isinstance(asset.footprint, Circle) else f"{length:g} x {width:g}"
-        row = _row(asset)
-        hollow = _inner(*next(iter(row["surfaces"].items()))) if row["hollow"] else ""
+        facts = _row(asset)
+        hollow = _inner(*next(iter(facts["surfaces"].items()))) if facts["hollow"] else ""
         rows.append((asset.name, size, f"{asset.height:g}", f"{asset.mass:g}", f"{asset.friction:g}", hollow))
     widths = [max(len(row[column]) for row in rows) for column in range(6)]
     lines = []

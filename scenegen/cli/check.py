@@ -138,8 +138,8 @@ def _shape(shape: Shape) -> dict[str, Any]:
     """What an object looks like, and how large it is: length along the heading, width across it, height; metres."""
     length, width = shape.footprint.extent
     kind = type(shape.footprint).__name__.lower()
-    path = {"path": shape.path} if shape.path else {}
-    return {"asset": shape.asset, **path, "footprint": kind, "length": length, "width": width, "height": shape.height}
+    more = {name: text for name, text in (("path", shape.path), ("color", shape.color)) if text}
+    return {"asset": shape.asset, **more, "footprint": kind, "length": length, "width": width, "height": shape.height}
 
 
 def _time(spec: Spec) -> dict[str, Any]:

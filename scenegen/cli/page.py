@@ -147,7 +147,8 @@ def size_text(shape: Shape) -> str:
     size = f"{length:.4g} x {width:.4g} x {shape.height:.4g} m"
     if isinstance(shape.footprint, Circle):
         size = f"radius {length / 2.0:.4g}, height {shape.height:.4g} m"
-    return f"{shape.asset}{of_file}, {size}"
+    color = f", {shape.color}" if shape.color else ""
+    return f"{shape.asset}{of_file}, {size}{color}"
 
 
 def _wrapped(names: Sequence[str], width: int) -> list[str]:

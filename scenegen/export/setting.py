@@ -11,7 +11,7 @@ import numpy as np
 
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
 from scenegen.assets.mesh import Floats, Mesh
-from scenegen.assets.palette import LINEN, RGB, of_regions
+from scenegen.assets.palette import LINEN, RGB, of_regions, rgb_of
 from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
@@ -109,7 +109,9 @@ def bodies_of(
 ) -> tuple[Body, ...]:
     """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their skins or,
     without these, as their convex pieces. Raises DataError for one without a volume."""
-    colors = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    usual = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    colors = [rgb_of(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
+    shapes = [replace(shape, color="") for shape in shapes]  # those of one size share a mesh, whatever their colours
     forms = _forms(names, shapes, own)
     return tuple(
         Body(
@@ -143,7 +145,7 @@ def _friction(shape: Shape, own: OwnBody | None) -> float:
 
 def _shape(data: ShapeData) -> Shape:
     asset = data.asset if data.asset in ASSETS or data.asset in PLAIN else UNKNOWN
-    return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open))
+    return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open), color=data.color)
 
 
 def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tuple[Shape, OwnBody | None], Form]:

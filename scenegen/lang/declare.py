@@ -27,7 +27,7 @@ from scenegen.errors.language import EMPTY_RANGE, NOT_AN_ANGLE, NOT_CONSTANT
 from scenegen.lang import ast
 from scenegen.lang.cabinets import cabinet
 from scenegen.lang.category import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
-from scenegen.lang.measure import SIGNATURES, Arguments, arguments, corners, number, point, size
+from scenegen.lang.measure import SIGNATURES, Arguments, arguments, color, corners, number, point, size
 from scenegen.lang.places import Point
 from scenegen.lang.print import print_expr
 from scenegen.lang.provenance import Frame
@@ -180,7 +180,7 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
     if kind in BUILT:
         return cabinet(lowering, given, source)
     sizes = Sizes(lowering, source, kind, given)
-    return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"))
+    return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"), color=color(given, source))
 
 
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
@@ -201,7 +201,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
         )
     if "shape" in given:
         stated: Shape = yield _shape(lowering, given["shape"], source, project)
-        if stated.path or stated.asset not in PLAIN:
+        if stated.path or stated.color or stated.asset not in PLAIN:
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     if kind == "asset":

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scenegen.assets.palette import NAMED, hex_of
 from scenegen.errors import Diagnostic, Source, SpecError
-from scenegen.errors.declarations import NOT_CONVEX, SIZE_OUT_OF_RANGE, TOO_FAR_OUT, TOO_FEW_CORNERS
+from scenegen.errors.declarations import (
+    FILE_WITHOUT_QUOTES,
+    NOT_CONVEX,
+    SIZE_OUT_OF_RANGE,
+    TOO_FAR_OUT,
+    TOO_FEW_CORNERS,
+)
 from scenegen.errors.language import MISPLACED_VALUE, NOT_A_LENGTH, NOT_CONSTANT
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.lang import ast
 from scenegen.lang.places import Point
 from scenegen.lang.provenance import Frame
 from scenegen.lang.resolve import SHAPES, bind
 from scenegen.lang.scope import Signature
 from scenegen.lang.trampoline import Call
-from scenegen.lang.values import ListValue, PointValue, Value
+from scenegen.lang.values import AnyValue, ListValue, PointValue, Value
 from scenegen.primitives.hull import convex_hull, is_convex
 from scenegen.primitives.units import BARE, LENGTH
 from scenegen.scene.limits import FARTHEST, LARGEST, SMALLEST
@@ -22,9 +30,9 @@ if TYPE_CHECKING:
     from scenegen.lang.context import Context
 
 SIGNATURES = {
-    "box": Signature("box", ("length", "width", "height"), 3, usage="box(length, width, height)"),
-    "cylinder": Signature("cylinder", ("radius", "height"), 2, usage="cylinder(radius, height)"),
-    "prism": Signature("prism", ("corners", "height"), 2, usage="prism([(x, y), ...], height)"),
+    "box": Signature("box", ("length", "width", "height", "color"), 3, usage="box(length, width, height)"),
+    "cylinder": Signature("cylinder", ("radius", "height", "color"), 2, usage="cylinder(radius, height)"),
+    "prism": Signature("prism", ("corners", "height", "color"), 2, usage="prism([(x, y), ...], height)"),
     "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
     "mesh": Signature("mesh", ("path", "shape"), 1, usage='mesh("file.obj")'),
     "asset": Signature("asset", ("name", "shape"), 1, usage='asset("025_mug")'),
@@ -79,6 +87,9 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
         raise SpecError(given)
     values: Arguments = {}
     for name, expr in given.items():
+        if name == "color":
+            values[name] = (AnyValue(origin=expr.span(source)), expr)
+            continue
         if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPES):
             what = "a text" if isinstance(expr, ast.Text) else "a shape"
             usage = SIGNATURES[call.function.id].usage
@@ -86,6 +97,20 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
         value = yield lowering.lower(expr, {}, Frame(source))
         values[name] = (value, expr)
     return values
+
+
+def color(given: Arguments, source: Source) -> str:
+    """The colour of a shape as "#rrggbb"; "" where it has none. Raises SpecError."""
+    if "color" not in given:
+        return ""
+    expr = given["color"][1]
+    here = expr.span(source)
+    if not isinstance(expr, ast.Text):
+        raise SpecError(FILE_WITHOUT_QUOTES(here, what="a colour", usage='color = "red" or color = "#ffdd33"'))
+    found = hex_of(expr.value)
+    if found is None:
+        raise SpecError(UNKNOWN_CHOICE(here, what="colour", name=expr.value, known=(*NAMED, "#rrggbb")))
+    return found
 
 
 def corners(lowering: Context, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:

@@ -106,7 +106,9 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
 
 
 def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Iterator[Diagnostic]:
-    """Texts, and shapes inside a shape, are the declaration's own business."""
+    """Texts, colours, and shapes inside a shape, are the declaration's own business."""
+    if argument.name is not None and argument.name.id == "color":
+        return
     if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
         for inner in argument.value.arguments:
             yield from _shape_argument(inner, scope, source)

@@ -123,6 +123,7 @@ class ShapeData(_Strict):
     height: Annotated[FiniteFloat, Field(gt=0)]
     path: str = ""
     open: Annotated[list[Annotated[FiniteFloat, Field(ge=0, le=1)]], Field(max_length=6)] = Field(default_factory=list)
+    color: Annotated[str, Field(pattern="^(#[0-9a-f]{6})?$")] = ""  # of a plain shape, where the spec says it
 
     @model_validator(mode="after")
     def _drawers_of_a_cabinet(self) -> Self:
@@ -132,7 +133,7 @@ class ShapeData(_Strict):
 
     @model_serializer(mode="wrap")
     def _open_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_nothing(dump(self), "open")
+        return _without_nothing(dump(self), "open", "color")
 
 
 class RegionData(_Strict):

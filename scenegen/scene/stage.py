@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenegen.assets import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.assets.outline import simplified
 from scenegen.assets.overlap import overlapping
-from scenegen.assets.palette import RGB, of_regions
+from scenegen.assets.palette import RGB, of_regions, rgb_of
 from scenegen.assets.plain import DRAWN
 from scenegen.assets.support import base_heights
 from scenegen.errors import DataError
@@ -156,7 +156,10 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
         for item, asset in zip(file.objects, known, strict=True)
     ]
     named = [(item.name, asset) for item, asset in zip(file.objects, known, strict=True)]
-    colors = colors_of(named, distinct=distinct)
+    colors = [
+        rgb_of(item.shape.color) if item.shape.color else usual
+        for item, usual in zip(file.objects, colors_of(named, distinct=distinct), strict=True)
+    ]
     # A block that stands for something the library does not know says what.
     labels = [
         item.name if asset == UNKNOWN and not has_picture(item.name) else ""

@@ -21,6 +21,7 @@ GROWTH = 6  # random stream of growth: plan and pieces
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
+KEPT = 0.05  # of the scenes that are in their cell, at least, for scenes to be free to leave it
 NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
@@ -52,12 +53,12 @@ class First:
         machine = None
         with np.errstate(all="ignore"):
             try:
-                machine = make_machine(self.problem)
+                machine = make_machine(self.problem, loose=True)
                 proof = too_full(machine.graph, self.problem.core.objects)
                 if proof:
                     return Stalled(machine, None, 0.0, proof)
                 machine.deadline = self.budget.ends
-                made = make_population(machine, size, _of_plan(self.problem.request.seed, 0))
+                machine, made = _population(machine, size, 0)
             except StoppedError:
                 return Stalled(machine, None, 0.0 if machine is None else machine.work)
         return Stalled(machine, made, machine.work) if isinstance(made, Stuck) else (machine, made)
@@ -73,14 +74,14 @@ class Second:
 
     def __call__(self, size: Size) -> Taken:
         with np.errstate(all="ignore"):
-            machine = with_deadline(make_machine(self.problem), self.budget.ends)
+            machine = with_deadline(make_machine(self.problem, loose=True), self.budget.ends)
             try:
-                made = make_population(machine, replace(size, fewest=0.0), _of_plan(self.problem.request.seed, 1))
+                machine, made = _population(machine, replace(size, fewest=0.0), 1)
             except StoppedError:
                 raise StoppedError(placed_of(machine, size.count)) from None
         if isinstance(made, Stuck) or made.taken is None:
             none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
-            return Taken(*none, 0.0, 0.0, 0.0, machine.work)
+            return Taken(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
         return made.taken
 
 
@@ -151,6 +152,17 @@ def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
+
+
+def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    have left them."""
+    problem = machine.problem
+    made = make_population(machine, size, _of_plan(problem.request.seed, which))
+    if isinstance(made, Stuck) or machine.begin is None or made.share >= KEPT:
+        return machine, made
+    strict = replace(make_machine(problem), work=machine.work, deadline=machine.deadline)
+    return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
 
 
 def _of_plan(seed: int, which: int) -> np.random.Generator:

@@ -17,7 +17,7 @@ from scenegen.pose import TWO_PI, axis_of, is_angle, owner
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.implied import strengthened
 from scenegen.sampling.growth.order import insertion_order
-from scenegen.sampling.growth.outlook import outlooks
+from scenegen.sampling.growth.outlook import outlooks, without_easy_ends
 from scenegen.sampling.growth.room import Room, make_room
 from scenegen.sampling.growth.stand import Standing, make_standing
 from scenegen.sampling.growth.touch import Touch, touches
@@ -36,7 +36,8 @@ class Machine:
     outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
-    finds them out. `standing` are the places of what stands. `furthest` is how many objects have been placed at
+    finds them out. `standing` are the places of what stands. `begin` (C,) is how many
+    scenes each cell begins with, in proportion, where they may leave their cell; None where they stay: see outlook.py. `furthest` is how many objects have been placed at
     once."""
 
     problem: Problem
@@ -54,6 +55,7 @@ class Machine:
     rooms: dict[object, Room] = field(default_factory=dict)
     standing: Mapping[int, Standing] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
+    begin: Array | None = None
     work: float = 0.0
     deadline: float = math.inf
     most: float = math.inf
@@ -114,11 +116,13 @@ class Machine:
         return self.evaluators[key]
 
 
-def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS) -> Machine:
+def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS, *, loose: bool = False) -> Machine:
     """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
-    after all others. `rounds` are those of contraction."""
+    after all others. `rounds` are those of contraction. `loose`: upper ends that most scenes meet are left out."""
     problem = strengthened(problem)
-    graph = make_graph(problem, rounds)
+    graph, begin = make_graph(problem, rounds), None
+    if loose:
+        graph, begin = without_easy_ends(problem, graph)
     order, parent = insertion_order(graph, last)
     at = {thing: place for place, thing in enumerate(order)}
     groups: dict[int, list[int]] = {thing: [thing] for thing in order}
@@ -142,7 +146,7 @@ def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROU
         if thing in touch and (found := make_standing(one, touch[thing])) is not None
     }
     seen = outlooks(problem, graph, at)
-    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing)
+    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing, begin=begin)
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:

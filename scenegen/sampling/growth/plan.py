@@ -31,7 +31,7 @@ AGAIN = 2  # times that a population is made larger
 class Recipe:
     """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
     `thin` is taken. `effect` is the design effect of common ancestors that is left among these, `evaluations` the cost
-    of the plan, `piece` of a piece. The first pieces are `populations` of their own, of the given `size`; those that
+    of the plan, `piece` of a piece, of whose scenes `share` fill the cells evenly. The first pieces are `populations` of their own, of the given `size`; those that
     are known are in `taken`."""
 
     steps: tuple[Step, ...]
@@ -45,11 +45,12 @@ class Recipe:
     piece: float
     size: Size
     taken: tuple[Taken, ...] = ()
+    share: float = 1.0
 
     @property
     def brings(self) -> float:
         """About how many scenes a piece brings."""
-        return self.count / self.thin
+        return self.share * self.count / self.thin
 
     @property
     def populations(self) -> int:
@@ -57,7 +58,7 @@ class Recipe:
 
     def pieces(self, scenes: int) -> int:
         """About how many pieces bring so many scenes."""
-        each = self.taken[0].count if self.taken else self.brings
+        each = self.taken[0].even if self.taken else self.brings
         further = math.ceil(max(0, scenes - self.populations * each) / self.brings)
         return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
 
@@ -95,10 +96,10 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     if made.settled is None or made.taken is None:
         return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
     settled = made.settled
-    there = size.populations * made.taken.count
+    there = size.populations * made.taken.even
     spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
     left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
-    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left)))
+    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left / made.share)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
     moving = len(machine.graph.rows)
     if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN * WORTH:
@@ -117,4 +118,5 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         piece,
         size,
         (made.taken,),
+        made.share,
     )

@@ -130,7 +130,7 @@ class Growth(Plan):
 
     def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
         recipe = self.recipe
-        grown = grow(machine, *spread_over(recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
+        grown = grow(machine, *spread_over(machine, recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
         if isinstance(grown, Stuck):
             return self._nothing(machine.work)
         particles = grown.particles

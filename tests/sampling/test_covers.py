@@ -1,6 +1,7 @@
 """Covers of a cell each, made by several processes: the same plan, and it is given up at the same place."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -119,7 +120,7 @@ object mug, can, apple, book
         plan = make_plan(make_problem(check_text(text), asked), BUDGET, method="auto")
         assert plan.method == "rejection" and len(plan.reached) == 32
         each.append((plan.draws + plan.expected) / n)
-    assert all(later <= 1.02 * before for before, later in zip(each, each[1:], strict=False))
+    assert all(later <= 1.02 * before for before, later in pairwise(each))
 
 
 @pytest.mark.long

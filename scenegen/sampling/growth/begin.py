@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.bounds.effort import StoppedError
+from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.processes.beside import Beside
 from scenegen.processes.process import cores
 from scenegen.sampling.growth.full import too_full
@@ -28,13 +28,14 @@ WORTH = 8e4  # moving ones from which on a population costs about twice as much 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stalled:
-    """No plan: time was up (`stuck` is None), there was no room for an object, or a `proof` says that there is none for
-    all of them."""
+    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` says that there is none for
+    all of them, or it is `dear`: it takes longer than was allowed."""
 
     machine: Machine | None
     stuck: Stuck | None
     evaluations: float
     proof: str = ""
+    dear: bool = False
 
     @property
     def crowded(self) -> bool:
@@ -44,10 +45,12 @@ class Stalled:
 
 @dataclass(frozen=True, slots=True)
 class First:
-    """The machine and the first population of a problem, in any process."""
+    """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
+    counts them."""
 
     problem: Problem
     budget: Budget
+    longest: float = math.inf
 
     def __call__(self, size: Size) -> tuple[Machine, Population] | Stalled:
         machine = None
@@ -57,10 +60,12 @@ class First:
                 proof = too_full(machine.graph, self.problem.core.objects)
                 if proof:
                     return Stalled(machine, None, 0.0, proof)
-                machine.deadline = self.budget.ends
+                machine.deadline, machine.longest = self.budget.ends, self.longest
                 machine, made = _population(machine, size, 0)
             except StoppedError:
                 return Stalled(machine, None, 0.0 if machine is None else machine.work)
+            except TooMuchError:
+                return Stalled(machine, None, 0.0 if machine is None else machine.work, dear=True)
         return Stalled(machine, made, machine.work) if isinstance(made, Stuck) else (machine, made)
 
 
@@ -161,7 +166,10 @@ def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Popu
     made = make_population(machine, size, _of_plan(problem.request.seed, which))
     if isinstance(made, Stuck) or machine.begin is None or made.share >= KEPT:
         return machine, made
-    strict = replace(make_machine(problem), work=machine.work, deadline=machine.deadline)
+    strict = replace(
+        make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,
+        longest=machine.longest,
+    )  # fmt: skip
     return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
 
 
@@ -196,4 +204,4 @@ def size_of(problem: Problem, again: int = 0) -> Size:
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:
     """The same with another deadline, and with its counts of work and of placed objects begun again."""
-    return replace(machine, work=0.0, deadline=deadline, furthest=0)
+    return replace(machine, work=0.0, steps_done=0, deadline=deadline, furthest=0)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS
-from scenegen.bounds.effort import StoppedError, TooMuchError
+from scenegen.bounds.effort import GROWN, STEPPED, StoppedError, TooMuchError, per_scene
 from scenegen.pose import TWO_PI, axis_of, is_angle, owner
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.implied import strengthened
@@ -36,8 +36,9 @@ class Machine:
     outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
-    finds them out. `standing` are the places of what stands. `begin` (C,) is how many
-    scenes each cell begins with, in proportion, where they may leave their cell; None where they stay: see outlook.py. `furthest` is how many objects have been placed at
+    finds them out. `standing` are the places of what stands. `begin` (C,) is how many scenes each cell begins with, in
+    proportion, where they may leave their cell; None where they stay: see outlook.py. `each` is the work of scoring a
+    scene, `steps_done` how often all scenes were evaluated. `furthest` is how many objects have been placed at
     once."""
 
     problem: Problem
@@ -57,9 +58,17 @@ class Machine:
     whole: set[int] = field(default_factory=set)
     begin: Array | None = None
     work: float = 0.0
+    steps_done: int = 0
+    each: float = 0.0
     deadline: float = math.inf
     most: float = math.inf
+    longest: float = math.inf
     furthest: int = 0
+
+    @property
+    def seconds(self) -> float:
+        """What was done so far, in seconds of CPU by the constants of bounds.effort."""
+        return GROWN * self.each * self.work + STEPPED * self.steps_done
 
     @property
     def cells(self) -> int:
@@ -90,9 +99,10 @@ class Machine:
         """Note that so many nodes were evaluated over so many columns, in evaluations of the whole formula.
 
         Raises StoppedError once the deadline has passed: whatever runs asks here, often. Raises TooMuchError beyond
-        `most`."""
+        `most` evaluations and beyond `longest`, which is of `seconds`."""
         self.work += nodes * columns / max(1, len(self.problem.core.nodes))
-        if self.work > self.most:
+        self.steps_done += 1
+        if self.work > self.most or self.seconds > self.longest:
             raise TooMuchError
         if time.monotonic() > self.deadline:
             raise StoppedError
@@ -146,7 +156,21 @@ def make_machine(problem: Problem, last: Collection[int] = (), rounds: int = ROU
         if thing in touch and (found := make_standing(one, touch[thing])) is not None
     }
     seen = outlooks(problem, graph, at)
-    return Machine(problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing, begin=begin)
+    return Machine(
+        problem,
+        graph,
+        order,
+        at,
+        hanging,
+        touch,
+        begins,
+        kin,
+        mixed,
+        seen,
+        standing=standing,
+        begin=begin,
+        each=per_scene(problem.core.nodes)[0],
+    )
 
 
 def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:

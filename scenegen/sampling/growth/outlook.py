@@ -54,7 +54,8 @@ def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | No
     A scene that is better than its cell falls into one above, so all but the lowest cells lose as many as they get.
     """
     ends = [choice for choice in graph.choices if not np.isfinite(choice.whole.low).any()]
-    scenes, lower = _random(problem, graph), {one.node: one.low for one in (*graph.clauses, *graph.pairs)}
+    scenes, lower = _random(problem, graph), {one.node: one.low for one in graph.clauses}
+    lower |= {one.node: one.low for one in graph.pairs}
     begin, easy = np.ones(graph.low.shape[1]), set[int]()
     for choice in ends:
         met = _met_anyway(problem, choice, lower, scenes, len(begin))

@@ -130,7 +130,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
 
 
 def _enough(begin: Array, size: Size) -> int:
-    """How many scenes of a loose machine leave enough in each cell, whatever chance does; 0 if that is beyond `most`."""
+    """How many scenes of a loose machine leave enough in each cell, by all odds; 0 if that is beyond `most`."""
     each = size.wanted / size.populations / len(begin)
     count = math.ceil(float(begin.sum()) * (each + LUCK * math.sqrt(each)))
     return count if count <= size.most else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -93,6 +94,13 @@ class Growth(Plan):
         recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
         grown = min(pieces, recipe.populations)
         return recipe.evaluations * grown + recipe.piece * (pieces - grown)
+
+    @property
+    def seconds(self) -> float:
+        recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
+        grown = min(pieces, recipe.populations)
+        population, piece = recipe.seconds
+        return population * (grown - 1) + piece * (pieces - grown)  # the first population is there
 
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
@@ -200,14 +208,19 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, started: Started | None = None
+    problem: Problem,
+    budget: Budget,
+    *,
+    patient: bool = True,
+    started: Started | None = None,
+    longest: float = math.inf,
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
     spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may begin to
     draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the same
-    without."""
+    without. It takes at most `longest` seconds, as a machine counts them, unless other processes have begun."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, started=started)
+        made = make_recipe(problem, budget, patient=patient, started=started, longest=longest)
     if isinstance(made, Stalled):
         return made
     machine, recipe, started = made

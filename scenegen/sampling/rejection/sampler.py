@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
+from scenegen.bounds.effort import CALLED, DRAWN, NEVER, SCORED, Stop, StoppedError, TooMuchError, per_scene
 from scenegen.bounds.prune import GOOD, Cover, box_cover
 from scenegen.bounds.standing import stands_of
 from scenegen.bounds.worlds import chooses
@@ -116,6 +116,12 @@ class Rejection(Plan):
     @property
     def evaluations(self) -> float:
         return self.draws + self.expected
+
+    @property
+    def seconds(self) -> float:
+        work, calls = work_of(self)
+        moving = np.count_nonzero(self.problem.lowest < self.problem.highest)
+        return self.expected * (SCORED * work + CALLED * calls + DRAWN * moving)
 
     def draw(self, k: int) -> Piece:
         """Piece k, the same in any process. Its facts are the hits of each source: in the whole range for the common
@@ -267,13 +273,13 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     return _alone(problem, trial, problem.possible, frozenset(), budget)
 
 
-def work_of(plan: Rejection) -> float:
-    """The work of what the request will need; see scenegen.bounds.effort. Most candidates may fail in the first stage,
-    but some of every chunk are scored in full."""
+def work_of(plan: Rejection) -> tuple[float, float]:
+    """The work of a candidate, and of its part of the calls; see scenegen.bounds.effort. Most candidates may fail in
+    the first stage, but some of every chunk are scored in full."""
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
     _, calls = per_scene(plan.problem.core.nodes)
-    return plan.expected * (stages.work + calls / chunk_size(plan.problem))
+    return stages.work, calls / chunk_size(plan.problem)
 
 
 def _alone(

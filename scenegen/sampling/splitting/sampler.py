@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import NEVER, Stop
+from scenegen.bounds.effort import MOVED, NEVER, Stop, per_scene
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.core import REQUIRE
@@ -97,6 +97,11 @@ class Splitting(Plan):
         pieces = max(FEWEST, -(-self.wanted // (plan.chains * plan.takes)))
         return float(plan.evaluations + pieces * plan.chains * (1 + moves))
 
+    @property
+    def seconds(self) -> float:
+        each, _ = per_scene(self.problem.core.nodes)
+        return MOVED * each * (self.evaluations - self.schedule.evaluations)
+
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
         made = run_piece(self.problem, self.schedule, k, self.stop)
@@ -144,11 +149,15 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
-def plan_splitting(problem: Problem, budget: Budget, *, ahead: bool = True) -> Splitting | Stalled:
+def plan_splitting(
+    problem: Problem, budget: Budget, *, ahead: bool = True, longest: float = math.inf
+) -> Splitting | Stalled:
     """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`.
-    `ahead`: it will probably be taken, so another process may begin to draw meanwhile."""
+    `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take `longest`
+    seconds, by the constants of bounds.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        plan = make_schedule(problem, budget, ahead=ahead)
+        most = longest / (MOVED * per_scene(problem.core.nodes)[0])
+        plan = make_schedule(problem, budget, ahead=ahead, most=most)
     return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
 
 

@@ -389,8 +389,8 @@ def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:
     hits = plan.explored.hits + rates[0].hits
     if hits:
         kept = hits / (plan.explored.candidates + rates[0].candidates)
-        log10 = math.log10(math.e)
-        facts["log10_probability"] = round(plan.sources[0].cover.log_share * log10 + math.log10(kept), 6) + 0.0
+        log10, log_share = math.log10(math.e), plan.sources[0].cover.log_share + plan.problem.log_excess
+        facts["log10_probability"] = round(log_share * log10 + math.log10(kept), 6) + 0.0
         facts["log10_error"] = round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6)
         if REQUIRE in plan.problem.core.labels:
             facts["probability_of"] = "range and requirement"

@@ -201,11 +201,15 @@ def _measure(
         except RequestError as error:
             raise _clash(spec, budget) or error from None
     found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
+    excess = checked.workspace.log_excess(lowest, highest, len(checked.objects))
     if isinstance(found, OutOfReach):
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError:
             raise _clash(spec, budget) or _out_of_reach(found) from None
+    if found.requirement is not None and excess:
+        mine = replace(found.requirement, log10=found.requirement.log10 + excess / math.log(10.0))
+        found = replace(found, requirement=mine)
     known = [name for name in labels if name in found.reaches]
     untold = [name for name in known if bounds[name][1] > 0.0 and found.reaches[name].up(0.0) is None]
     if not untold:

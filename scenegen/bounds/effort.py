@@ -1,7 +1,11 @@
 """What bounds and planning may take: until someone says stop, and at most so much work, which is counted.
 
-A unit of work is about what bounding a sum over one box takes, some 20 ns; calls of numpy and of Python are counted in
-the same units. Counts do not depend on the machine: what gives up for having counted too much does so everywhere.
+A unit of work is about what bounding a sum over one box takes; calls of numpy and of Python are counted in the same
+units. Counts do not depend on the machine: what gives up for having counted too much does so everywhere.
+
+What is counted of one kind takes another time than what is counted of another. Where methods are compared, counts
+become seconds of CPU by the constants below, which `python benchmarks/units.py` measures. They are those of one
+machine, so that the same request gets the same method on all.
 """
 
 from __future__ import annotations
@@ -15,6 +19,10 @@ from typing import Protocol
 from scenegen.lang.core import Apply, Node, children
 from scenegen.primitives.footprint import Circle
 
+BOUNDED = 8.6e-9  # seconds of a unit of bounds and planning
+SCORED, CALLED, DRAWN = 4.2e-9, 2e-8, 1.2e-8  # of one of scoring candidates, of calls, and of drawing a coordinate
+STEPPED, GROWN = 4e-4, 1.7e-9  # of a step of growth over all its scenes, and of a unit of scoring one of them
+MOVED = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
 CORNERED = 10  # times as much as a sum: what a footprint with corners takes
 QUARTER = 0.25  # of the work that is allowed

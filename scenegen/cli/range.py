@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
     from scenegen.sampling.interval import Estimate
 
+NEARLY = 0.005  # share of scenes that are not there, at most, for digits to say less than words
 TOO_RARE = "too rare to tell"
 FLOOR = -1  # the axis of a plot extends at least down to this log10
 
@@ -117,9 +119,9 @@ def _lines(spec: Path, one: LabelRarity, what: str, counts: list[str]) -> list[s
             else one_in(at_zero.above.log10, what)
         )
         lines.append(f"  satisfied (phi >= 0) by {share}")
-    lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>17}  {'log10 P(>= phi)':>17}"]
+    lines += ["", f"  {'phi':>9}  {'log10 P(<= phi)':>20}  {'log10 P(>= phi)':>20}"]
     lines += [
-        f"  {level.phi:>9.4g}  {_estimate(level.below):>17}  {_estimate(level.above):>17}" for level in one.levels
+        f"  {level.phi:>9.4g}  {_estimate(level.below):>20}  {_estimate(level.above):>20}" for level in one.levels
     ]
     if not all(one.whole):
         where = " and ".join(end for end, whole in zip(("lower", "upper"), one.whole, strict=True) if not whole)
@@ -137,7 +139,6 @@ def _lines(spec: Path, one: LabelRarity, what: str, counts: list[str]) -> list[s
 
 def _plot(one: LabelRarity) -> list[str]:
     """Both curves, as wide as the terminal."""
-    import math
     import shutil
     import sys
 
@@ -178,6 +179,12 @@ def one_in(log10: float, what: str = "scene") -> str:
 def _estimate(estimate: Estimate | None) -> str:
     if estimate is None:
         return TOO_RARE
+    missing = 1.0 - 10.0 ** (estimate.log10 - estimate.error)  # at most, at 95 %
+    if missing < NEARLY:
+        if missing <= 0.0:
+            return "all"
+        size = 10.0 ** math.floor(-math.log10(missing))
+        return f"all but < 1 in {size * math.floor(1.0 / missing / size):,.0f}"
     digits = 3 if estimate.error < 0.01 else 2
     return f"{estimate.log10 + 0.0:.{digits}f} +- {estimate.error:.{digits}f}"
 

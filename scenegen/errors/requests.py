@@ -254,11 +254,13 @@ NO_TIME_TO_TELL = Kind(
     "time was up after {tried}, too early to tell which parts of the range can be reached"
     "[[ with {counted}]][[; {kept}]]",
     help=(
-        "{partial:?}give it more time with <timeout>, ask for `<spread=base>`, "
+        "{partial:?}{cells:?}give it more time with <timeout>, ask for `<spread=base>`, "
         "or save what there is with <keep_partial>",
-        "give it more time with <timeout>, or ask for `<spread=base>`",
+        "{cells:?}give it more time with <timeout>, or ask for `<spread=base>`",
+        "{partial:?}give it more time with <timeout>, or save what there is with <keep_partial>",
+        "give it more time with <timeout>, or ask for fewer scenes",
     ),
-    note="nothing was found yet in {undecided} of {count} cells[[; {refused}]][[; {folder} keeps what is done: "
+    note="[[nothing was found yet in {undecided} of {cells} cells]][[; {refused}]][[; {folder} keeps what is done: "
     "go on with <resume>]]",
 )
 _FOUND = (
@@ -279,8 +281,10 @@ TOO_FEW_IN_CELL = Kind(
     "too-few-in-cell",
     _FOUND,
     help=(
-        f"{{found:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}{_KEEP}",
-        f"ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}",
+        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}{_KEEP}",
+        f"{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}",
+        f"{{found:?}}{_TIME}, ask for fewer scenes{_KEEP}",
+        f"{_TIME}, or ask for fewer scenes",
     ),
     note="[[{rarest} is the rarest part of the range]]" + _MORE,
 )

@@ -55,7 +55,9 @@ def sample(
             plan = make_plan(problem, budget, method, watch)
         except StoppedError:
             raise RequestError(
-                NO_TIME_TO_TELL(tried="levels of motions", undecided=cells.count, count=cells.count)
+                NO_TIME_TO_TELL(
+                    tried="levels of motions", undecided=cells.count, cells=cells.count if cells.count > 1 else None
+                )
             ) from None
         columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
         if plan is not None:

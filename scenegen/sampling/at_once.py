@@ -9,17 +9,17 @@ from typing import TypeVar
 from scenegen.bounds.effort import TooMuchError
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection.sampler import SPARE, Rejection, work_of
+from scenegen.sampling.rejection.sampler import SPARE, Rejection
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import MOST, Trial, make_trial
 
 P = TypeVar("P", bound=Plan)
 
 CELLS = 2.4e8  # work that covers of a cell each may take together before another method is tried: 3 s
-TRIED = 2e8  # work of rejection with pruning that is done without looking at another method
+TRIED = 2.0  # seconds of rejection with pruning that are spent without looking at another method
 FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
 MANY = 24  # with more moving rows, other methods than growth are not tried if pruning takes much work
-GROWN = 350.0  # work of growth for a scene and each of its moving rows, at least
+GROWN = 5e-6  # seconds of growth for a scene and each of its moving rows, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def look(
         plan = plan_rejection(problem, budget, trial, MOST, CELLS)
     except TooMuchError:
         return Look(trial)
-    cheap = work_of(plan) <= max(TRIED, GROWN * moving(problem) * problem.request.n)
+    cheap = plan.seconds <= max(TRIED, GROWN * moving(problem) * problem.request.n)
     return Look(trial, plan, cheap and open_cells(problem, plan) <= len(plan.reached))
 
 

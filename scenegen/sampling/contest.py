@@ -12,7 +12,9 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 
-from scenegen.bounds.effort import TooMuchError
+import numpy as np
+
+from scenegen.bounds.effort import BOUNDED, TooMuchError
 from scenegen.errors import RequestError
 from scenegen.processes.beside import Beside
 from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, at_once, because, in_range, look, moving, open_cells
@@ -23,18 +25,20 @@ from scenegen.sampling.paired import Paired, pair
 from scenegen.sampling.parts import Part, independent_parts
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection.sampler import Rejection, first_look, work_of
+from scenegen.sampling.rejection.sampler import Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, nothing_found, search
 from scenegen.sampling.report import too_early
 from scenegen.sampling.splitting.levels import Stalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
 
-EASY = 1e8  # work of rejection without pruning that is done without looking at another method
-PRUNED = 4.0  # share of the work without pruning, its inverse, that pruning may take
+EASY = 1.0  # seconds of rejection without pruning that are spent without looking at another method
+PRUNED = 4.0  # share of the time without pruning, its inverse, that pruning may take
 POOR = 3.0  # design effect that growth may leave before splitting is tried
 SLOW = 0.1  # correlation that splitting's chains may leave to take its place
-ADVANTAGE = 2.0  # splitting must be this much cheaper, because its scenes are only nearly independent
+ADVANTAGE = 2.0  # growth and splitting must be this much cheaper, because their scenes are only nearly independent
+LOOKED = 2.0  # share of what a plan at hand takes, its inverse, that another method may take to get a plan
+LONG, GLANCE = 8.0, 8.0  # seconds of growth from which on splitting is looked at, too, and the same share for that
 
 Seen = tuple[Look, Rejection | None] | RequestError
 """What rejection came to, and rejection without pruning, if pruning takes much work; or that there is no plan."""
@@ -108,11 +112,19 @@ class Contest:
         a while. `longer` is what pruning came to, if it was affordable."""
         problem, budget = self.problem, self.budget
         simple = self._cheapest(longer)
-        if simple is not None:
+        if simple is not None and simple.seconds <= _cheap(problem):
             return because(simple, in_range(simple))
-        grown = plan_growth(problem, budget, patient=False, started=self.started)
-        if isinstance(grown, Growth) and grown.recipe.effect <= POOR:
-            return because(grown, "pruning takes much work, growth does not")
+        longest = np.inf if simple is None else simple.seconds / LOOKED
+        grown = plan_growth(problem, budget, patient=False, started=self.started, longest=longest)
+        good = isinstance(grown, Growth) and grown.recipe.effect <= POOR
+        if isinstance(grown, Growth) and good and (simple is None or _better(grown, simple)):
+            best = self._or_splitting(grown)
+            why = "growth does not" if best is grown else "and splitting less than growth"
+            return because(best, f"pruning takes much work, {why}")
+        if simple is not None and (good or (not isinstance(grown, Growth) and grown.dear)):
+            if isinstance(grown, Growth):
+                grown.close()
+            return because(simple, in_range(simple))
         if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
             raise no_growth(problem, grown)
         if moving(problem) > MANY:  # neither boxes nor chains get anywhere
@@ -126,16 +138,16 @@ class Contest:
         return replace(self, parts=())._after_trial(found, found.trial, quick=grown)
 
     def _cheapest(self, longer: Trial | None) -> Rejection | None:
-        """Rejection from the contracted box, or pruned, if either is cheaper than growth."""
+        """Rejection from the contracted box, or pruned; None if neither has a plan."""
         plan = self.box
         if plan is None:
             return None
         if longer is not None:
             with suppress(TooMuchError):  # the box remains
                 pruned = plan_rejection(self.problem, self.budget, longer, self.affordable)
-                if len(pruned.reached) == len(plan.reached) and work_of(pruned) < work_of(plan):
+                if len(pruned.reached) == len(plan.reached) and pruned.seconds < plan.seconds:
                     plan = pruned
-        return plan if work_of(plan) <= _cheap(self.problem) else None
+        return plan
 
     def _after_trial(self, found: Look, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
         """`quick` is a plan of growth on which little was spent, where it has been made."""
@@ -150,14 +162,15 @@ class Contest:
             return self._without_rejection(why, trial, quick)
         if mine is None:
             return self._after_cells(trial, quick)
-        if apart is not None and ADVANTAGE * apart.evaluations < mine.evaluations:
+        if apart is not None and ADVANTAGE * apart.seconds < mine.seconds:
             return apart
         return self._against(mine, quick)
 
     def _against(self, mine: Rejection, quick: Growth | NoGrowth | None) -> Plan:
         """Rejection, or another method that reaches more or costs much less."""
         problem = self.problem
-        rival = self.other(quick, ahead=False)
+        longest = np.inf if open_cells(problem, mine) else mine.seconds / LOOKED
+        rival = self.other(quick, ahead=False, longest=longest)
         if not isinstance(rival, Growth | Splitting):
             if _time_is_up(rival):
                 tried = f"{int(rival.evaluations):,} evaluations"
@@ -166,9 +179,8 @@ class Contest:
         if len(rival.reached) > len(mine.reached):
             count = problem.cells.count
             why = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
-        elif len(rival.reached) == len(mine.reached) and ADVANTAGE * rival.evaluations < mine.evaluations:
-            costs = _short(rival.evaluations), _short(mine.evaluations)
-            why = f"about {costs[0]} evaluations against {costs[1]} of rejection"
+        elif _better(rival, mine):
+            why = f"about {_short(rival.seconds)} s against {_short(mine.seconds)} s of rejection"
         else:
             rival.close()
             return because(mine, in_range(mine))
@@ -203,32 +215,45 @@ class Contest:
         return because(plan_rejection(problem, budget, longer), "no other method got there")
 
     def other(
-        self, quick: Growth | NoGrowth | None = None, *, ahead: bool = True
+        self, quick: Growth | NoGrowth | None = None, *, ahead: bool = True, longest: float = np.inf
     ) -> Growth | Splitting | NoGrowth | Stalled:
-        """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken."""
+        """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken. Each may
+        take `longest` seconds to get a plan."""
         problem, budget = self.problem, self.budget
         if quick is None:
-            quick = plan_growth(problem, budget, patient=False, started=self.started)
+            quick = plan_growth(problem, budget, patient=False, started=self.started, longest=longest)
         if isinstance(quick, Growth) and quick.recipe.effect <= POOR:
-            return quick
+            return self._or_splitting(quick)
         if not isinstance(quick, Growth) and (_time_is_up(quick) or quick.proof):
             return quick
         if isinstance(quick, Growth):
             quick.close()  # it will not be taken
         if moving(problem) > MANY:  # more patience first: chains of so much take long to get anywhere
-            quick = plan_growth(problem, budget)
+            quick = plan_growth(problem, budget, longest=longest)
             if isinstance(quick, Growth) or _time_is_up(quick) or quick.proof or quick.crowded:
                 return quick
         crowded = not isinstance(quick, Growth) and quick.crowded
-        split = None if crowded else plan_splitting(problem, budget, ahead=ahead)
+        split = None if crowded else plan_splitting(problem, budget, ahead=ahead, longest=longest)
         if isinstance(split, Splitting) and split.schedule.left < SLOW:
             return split
         if isinstance(split, Stalled) and _time_is_up(split):  # not that it came to nothing: who can tell?
             return split
-        grown = plan_growth(problem, budget) if crowded or isinstance(quick, Growth) else quick
+        grown = plan_growth(problem, budget, longest=longest) if crowded or isinstance(quick, Growth) else quick
         if isinstance(grown, Growth):
             return grown
         return split if isinstance(split, Splitting) else grown
+
+    def _or_splitting(self, grown: Growth) -> Growth | Splitting:
+        """Growth; or splitting, where growth takes long and a glance shows that splitting takes far less."""
+        if grown.seconds < LONG:
+            return grown
+        split = plan_splitting(self.problem, self.budget, ahead=False, longest=grown.seconds / GLANCE)
+        if not isinstance(split, Splitting) or split.schedule.left >= SLOW or len(split.reached) < len(grown.reached):
+            return grown
+        if ADVANTAGE * split.seconds >= grown.seconds:
+            return grown
+        grown.close()
+        return split
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,16 +279,22 @@ class LookAtParts:
             return error
 
 
+def _better(rival: Growth | Splitting, mine: Rejection) -> bool:
+    """Whether another method reaches more cells than rejection, or as many at much less cost."""
+    more = len(rival.reached) - len(mine.reached)
+    return more > 0 or (more == 0 and ADVANTAGE * rival.seconds < mine.seconds)
+
+
 def _cheap(problem: Problem) -> float:
-    """The work of rejection up to which no other method is looked at."""
+    """The seconds of rejection up to which no other method is looked at."""
     return max(EASY, GROWN * moving(problem) * problem.request.n)
 
 
 def _affordable(problem: Problem, box: Rejection | None) -> float:
     """The work that pruning may take: a fraction of what it can save. 0 if it has taken so much already, or would save
     too little."""
-    work = 0.0 if box is None else work_of(box)
-    return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * _cheap(problem) else 0.0
+    work = 0.0 if box is None else box.seconds / BOUNDED
+    return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * _cheap(problem) / BOUNDED else 0.0
 
 
 def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:
@@ -271,12 +302,9 @@ def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:
 
 
 def _time_is_up(end: NoGrowth | Stalled) -> bool:
-    return end.stuck is None and not end.proof if isinstance(end, NoGrowth) else end.why == "time"
+    return end.stuck is None and not end.proof and not end.dear if isinstance(end, NoGrowth) else end.why == "time"
 
 
-def _short(count: float) -> str:
-    """1,234,567 -> 1.2 million."""
-    for size, name in ((1e9, "billion"), (1e6, "million"), (1e3, "thousand")):
-        if count >= size:
-            return f"{count / size:.2g} {name}"
-    return f"{count:.0f}"
+def _short(seconds: float) -> str:
+    """1234.5 -> 1,200; 0.0123 -> 0.012."""
+    return f"{float(f'{seconds:.2g}'):,.10g}"

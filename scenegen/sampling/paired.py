@@ -76,6 +76,10 @@ class Paired(Plan):
         return sum(plan.evaluations for plan in self.plans)
 
     @property
+    def seconds(self) -> float:
+        return sum(plan.seconds for plan in self.plans)
+
+    @property
     def fact_count(self) -> int:
         return sum(self.facts)
 

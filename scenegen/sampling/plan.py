@@ -8,6 +8,7 @@ more than this.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -118,6 +119,12 @@ class Plan(ABC):
     @abstractmethod
     def account(self, tally: Tally) -> Account:
         """The account of a run."""
+
+    @property
+    def seconds(self) -> float:
+        """What is left to do for the whole request, in seconds of CPU by the constants of bounds.effort; infinite where
+        nothing is chosen by it."""
+        return math.inf
 
     @property
     def wanted(self) -> int:

@@ -117,6 +117,12 @@ class Problem:
         return np.stack([np.broadcast_to(value, rows.shape[1]) for value in values.values()])
 
     @property
+    def log_excess(self) -> float:
+        """What to add to the natural logarithm of a share of the box of poses for the probability under the base
+        distribution, in which every centre is uniform over the workspace, whatever the object stands on."""
+        return self.spec.workspace.log_excess(self.lowest, self.highest, len(self.spec.objects))
+
+    @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
         return piece_size(len(self.spec.objects))

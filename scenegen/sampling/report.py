@@ -91,7 +91,12 @@ def _percent(share: float) -> str:
 
 def too_early(problem: Problem, tried: str, undecided: int) -> Diagnostic:
     """The error if time is up before it is known which cells get scenes; `undecided` of them are open."""
-    return NO_TIME_TO_TELL(tried=tried, undecided=undecided, count=problem.cells.count)
+    return NO_TIME_TO_TELL(tried=tried, undecided=undecided, cells=_several(problem))
+
+
+def _several(problem: Problem) -> int | None:
+    """How many cells the scenes are spread over; None if there is nothing to spread them over."""
+    return problem.cells.count if problem.cells.count > 1 else None
 
 
 def _shown(problem: Problem) -> int:
@@ -111,7 +116,9 @@ def shortfall(
     low, high = problem.cells.low[:, None], problem.cells.high[:, None]
     out = (phi < low) | (phi > high)
     if not out.any():
-        return TOO_FEW_IN_CELL(**facts, rarest=None if rarest is None else problem.cells.describe(rarest))
+        several = _several(problem)
+        named = None if rarest is None or several is None else problem.cells.describe(rarest)
+        return TOO_FEW_IN_CELL(**facts, cells=several, rarest=named)
     label = int(out.mean(axis=1).argmax())
     name, share = tuple(problem.core.labels)[label], out[label].mean()
     wanted = Range(0.0) if name == REQUIRE else problem.request.phi[name]

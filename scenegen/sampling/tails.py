@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -21,6 +22,7 @@ NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched:
 LEVELS, SEARCH = 400, 30  # maximum number of counted levels, and of levels in the search for the end after them
 COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
 ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
+NONE = 3.0  # scenes that may be missed at 95 % where none of a large number was
 FEW = 8  # minimum number of scenes behind an estimate
 
 
@@ -64,6 +66,9 @@ class Tail:
         hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
         if hits.sum() < FEW:
             return None
+        if stage == 0 and hits.sum() == values.size and values.shape[1] > 1:
+            # Of all that are not there, the share is at most 3 / n at 95 % (the rule of three). Copies tell nothing.
+            return Estimate(0.0, -math.log10(1.0 - NONE / max(2.0 * NONE, len(np.unique(values)))))
         return ratio(self.weights[stage] * hits / values.shape[1], self.weights[0])
 
     def quantile(self, share: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,17 @@ class Workspace:
         for which, x, y in self.own:
             (low[row_of(which, X)], high[row_of(which, X)]), (low[row_of(which, Y)], high[row_of(which, Y)]) = x, y
         return low, high
+
+    def log_excess(self, lowest: npt.NDArray[np.float64], highest: npt.NDArray[np.float64], things: int) -> float:
+        """How much more room the first `things` objects have than the workspace, as the natural logarithm of a share of
+        volumes: what stands on something has a rectangle of its own. Rows whose ends, (3N,) each, are equal are held
+        and do not count."""
+        total = 0.0
+        for which, *_ in (one for one in self.own if one[0] < things):
+            for axis, whole in ((X, self.width), (Y, self.height)):
+                low, high = lowest[row_of(which, axis)], highest[row_of(which, axis)]
+                total += math.log((high - low) / whole) if low < high else 0.0
+        return total
 
     def ends(self, axis: int, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Lowest and highest value along an axis for each object, each of shape (N,)."""

@@ -1,11 +1,13 @@
 """Covers of a cell each, made by several processes: the same plan, and it is given up at the same place."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
 from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.lang.check import check_text
+from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection import covers, sampler
 from scenegen.sampling.rejection.trial import make_trial
@@ -70,15 +72,55 @@ def test_too_much_work_is_found_at_the_same_limit(pools):
 @pytest.mark.long
 def test_what_is_left_is_what_covers_before_did_not_take(pools, monkeypatch):
     """To the last unit, and though processes begin covers when more is left."""
-    monkeypatch.setattr(sampler, "_hopeless", lambda *_: False)
-    problem = posed(1)
     plan = planned(1)
-    rare = [cell for cell in sorted(problem.possible) if not plan.sources[0].cells[cell]]
-    used = sum(own.work for own in covers.own_covers(problem, rare, BUDGET, lambda: 1e18))
-    for workers in (1, 2):
-        assert planned(workers, math.inf, used).plan_digest == plan.plan_digest
-        with pytest.raises(TooMuchError):
-            planned(workers, math.inf, used - 1.0)
+    works = []
+
+    def noted(*asked, honest=sampler.own_covers):
+        for own in honest(*asked):
+            works.append(own.work)
+            yield own
+
+    monkeypatch.setattr(sampler, "own_covers", noted)
+    planned(1)
+    used = sum(works) + 0.5  # rounding apart
+    less = planned(1, math.inf, used - 1.0)
+    assert less.plan_digest != plan.plan_digest and less.reached == plan.reached
+    assert [planned(w, math.inf, used).plan_digest for w in (1, 2)] == [plan.plan_digest] * 2
+    assert planned(2, math.inf, used - 1.0).plan_digest == less.plan_digest
+
+
+@pytest.mark.long
+def test_a_cell_that_no_candidate_hit_must_have_its_cover():
+    """The others can do without: the common cover reaches them."""
+    problem = make_problem(check_text(TEXT), SampleRequest({"task": Range(0.0, 0.1)}, n=1_000_000))
+    trial = make_trial(problem, BUDGET)
+    assert trial.hits[sorted(problem.possible)].all()
+    assert len(sampler.make_plan(problem, BUDGET, trial, math.inf, 0.0).sources) == 1
+    trial.hits[sorted(problem.possible)[-1]] = 0
+    with pytest.raises(TooMuchError):
+        sampler.make_plan(problem, BUDGET, trial, math.inf, 0.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("spec", ["flat", "choices"])
+def test_more_scenes_never_cost_more_each(spec):
+    """Covers of rare cells were made for large requests, though they were hit more seldom than the common one."""
+    text = """workspace [0, 0.9] x [0, 0.6]
+object coaster = cylinder(5.5 cm, 0.5 cm)
+object mug, can, apple, book
+"""
+    if spec == "choices":
+        text = text.replace("object mug", "object mug on any of [coaster, workspace]\nobject").replace(
+            "object,", "object"
+        )
+    text += "require noCollision() & insideWorkspace()\ntask: on(mug, coaster)"
+    each = []
+    for n in (10_000, 100_000, 1_000_000, 10_000_000):
+        asked = SampleRequest({"task": Range(-0.6, -0.0625)}, n=n, workers=1)
+        plan = make_plan(make_problem(check_text(text), asked), BUDGET, method="auto")
+        assert plan.method == "rejection" and len(plan.reached) == 32
+        each.append((plan.draws + plan.expected) / n)
+    assert all(later <= 1.02 * before for before, later in pairwise(each))
 
 
 @pytest.mark.long

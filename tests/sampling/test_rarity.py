@@ -7,6 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from scenegen.api.rarity import rarity
+from scenegen.api.spec import parse
 from scenegen.engine.run import draw
 from scenegen.lang.check import check_text
 from scenegen.resources import shipped_specs
@@ -52,9 +54,63 @@ def test_the_ends_are_reached_and_nothing_lies_beyond(difference):
     assert reach.up(1.0) is None and reach.up(1.5) is None and reach.down(-1.0) is None
 
 
-def test_what_all_scenes_meet_is_certain(difference):
-    estimate = difference.reaches["task"].up(-2.0)
-    assert (estimate.log10, estimate.error) == (0.0, 0.0)
+def test_what_all_scenes_meet_is_as_certain_as_their_number_tells(difference):
+    """Of n scenes none is below: at 95 % at most 3 in n are (the rule of three)."""
+    tail = difference.reaches["task"].up
+    count = tail.values[0].size
+    estimate = tail(-2.0)
+    assert estimate.log10 == 0.0 and estimate.error == pytest.approx(-math.log10(1.0 - 3.0 / count))
+
+
+@pytest.mark.long
+def test_the_interval_holds_where_nearly_all_scenes_are():
+    """P(phi <= t) of a difference is 1 - (1 - t)^2 / 2: at the end no scene of a run misses it, and `0 +- 0` would be
+    wrong."""
+    spec = check_text("leftOf(a, b)")
+    tails = [
+        measure(spec.core, *spec.box(), spec.labels, seed, work=400_000).reaches["task"].down for seed in range(25)
+    ]
+    for t in (0.9, 0.95, 0.98, 0.99):
+        truth = math.log10(1.0 - (1.0 - t) ** 2 / 2.0)
+        found = [tail(t) for tail in tails]
+        assert min(one.error for one in found) > 0.0
+        assert np.mean([abs(one.log10 - truth) <= one.error for one in found]) >= 0.84
+
+
+# A board of 20 x 20 cm inside of the workspace with something on it. Of uniform places of its centre, 1 - 4 E h + 4 E h^2
+# are inside, h = 0.1 (|cos| + |sin|) of a uniform heading; of the other's places, 0.2 * 0.2 are on it.
+BOARD = """object board = box(20 cm, 20 cm, 2 cm)
+object cup = cylinder(2 cm, 8 cm) on board
+require insideWorkspace([board])
+task: leftOf(board, cup)
+"""
+ON_BOARD = 0.04 * (1.0 - 1.6 / math.pi + 0.04 * (1.0 + 2.0 / math.pi))
+
+
+def test_what_stands_counts_over_the_workspace():
+    """Its own box reaches as far around the workspace as what carries it."""
+    found = rarity(parse(BOARD))
+    assert abs(found.requirement.log10 - math.log10(ON_BOARD)) < SURE * found.requirement.error < 0.2
+    (task,) = found.labels
+    at_zero = next(level for level in task.levels if level.phi == 0.0)
+    assert abs(at_zero.above.log10 - math.log10(0.5)) < SURE * at_zero.above.error
+
+
+@pytest.mark.parametrize("method", ["rejection", "growth", "splitting"])
+def test_so_it_does_in_the_probability_of_a_request(method):
+    found = draw(make_problem(check_text(BOARD), SampleRequest({"task": Range(0.0)}, n=4000)), method=method)
+    truth = math.log10(0.5 * ON_BOARD)
+    assert abs(found.info["log10_probability"] - truth) < SURE * found.info["log10_error"] < 0.3
+
+
+def test_what_stands_and_is_held_counts_for_nothing():
+    """Its place is given, and so is no part of the probability."""
+    request = SampleRequest({"task": Range(0.0)}, n=400, fix={"cup": (0.5, 0.5)})
+    found = draw(make_problem(check_text(BOARD), request), method="rejection")
+    free = draw(make_problem(check_text(BOARD), replace(request, fix={})), method="rejection")
+    # the board is as likely round the cup as the cup on the board, but for where it would reach over the edge
+    assert found.info["log10_probability"] == pytest.approx(math.log10(0.5 * 0.04), abs=0.05)
+    assert free.info["log10_probability"] == pytest.approx(math.log10(0.5 * ON_BOARD), abs=0.05)
 
 
 def test_rarer_is_never_more_probable(difference):

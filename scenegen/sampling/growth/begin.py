@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.bounds.effort import StoppedError
+from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.processes.beside import Beside
 from scenegen.processes.process import cores
 from scenegen.sampling.growth.full import too_full
@@ -21,19 +21,21 @@ GROWTH = 6  # random stream of growth: plan and pieces
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
+KEPT = 0.05  # of the scenes that are in their cell, at least, for scenes to be free to leave it
 NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stalled:
-    """No plan: time was up (`stuck` is None), there was no room for an object, or a `proof` says that there is none for
-    all of them."""
+    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` says that there is none for
+    all of them, or it is `dear`: it takes longer than was allowed."""
 
     machine: Machine | None
     stuck: Stuck | None
     evaluations: float
     proof: str = ""
+    dear: bool = False
 
     @property
     def crowded(self) -> bool:
@@ -43,22 +45,27 @@ class Stalled:
 
 @dataclass(frozen=True, slots=True)
 class First:
-    """The machine and the first population of a problem, in any process."""
+    """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
+    counts them."""
 
     problem: Problem
     budget: Budget
+    longest: float = math.inf
 
     def __call__(self, size: Size) -> tuple[Machine, Population] | Stalled:
         machine = None
         with np.errstate(all="ignore"):
             try:
-                machine = make_machine(self.problem, deadline=self.budget.ends)
+                machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
                 proof = too_full(machine.graph, self.problem.core.objects)
                 if proof:
                     return Stalled(machine, None, 0.0, proof)
-                made = make_population(machine, size, _of_plan(self.problem.request.seed, 0))
+                machine.longest = self.longest
+                machine, made = _population(machine, size, 0)
             except StoppedError:
                 return Stalled(machine, None, 0.0 if machine is None else machine.work)
+            except TooMuchError:
+                return Stalled(machine, None, 0.0 if machine is None else machine.work, dear=True)
         return Stalled(machine, made, machine.work) if isinstance(made, Stuck) else (machine, made)
 
 
@@ -72,14 +79,14 @@ class Second:
 
     def __call__(self, size: Size) -> Taken:
         with np.errstate(all="ignore"):
-            machine = make_machine(self.problem, deadline=self.budget.ends)
+            machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
             try:
-                made = make_population(machine, replace(size, fewest=0.0), _of_plan(self.problem.request.seed, 1))
+                machine, made = _population(machine, replace(size, fewest=0.0), 1)
             except StoppedError:
                 raise StoppedError(placed_of(machine, size.count)) from None
         if isinstance(made, Stuck) or made.taken is None:
             none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
-            return Taken(*none, 0.0, 0.0, 0.0, machine.work)
+            return Taken(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
         return made.taken
 
 
@@ -152,6 +159,20 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
 
 
+def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    have left them."""
+    problem = machine.problem
+    made = make_population(machine, size, _of_plan(problem.request.seed, which))
+    if isinstance(made, Stuck) or machine.begin is None or made.share >= KEPT:
+        return machine, made
+    strict = replace(
+        make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,
+        longest=machine.longest,
+    )  # fmt: skip
+    return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
+
+
 def _of_plan(seed: int, which: int) -> np.random.Generator:
     """Random numbers of the populations of a plan."""
     words = [seed, GROWTH, 0, *([which] if which else [])]
@@ -183,4 +204,4 @@ def size_of(problem: Problem, again: int = 0) -> Size:
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:
     """The same with another deadline, and with its counts of work and of placed objects begun again."""
-    return replace(machine, work=0.0, deadline=deadline, furthest=0)
+    return replace(machine, work=0.0, steps_done=0, deadline=deadline, furthest=0)

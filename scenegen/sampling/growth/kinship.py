@@ -26,7 +26,7 @@ class Kinship:
 
     Watched are all coordinates, signed and unsigned differences of pairs of objects, margins of clauses other than
     pairs, and means, variances and covariance of the places of all objects of one kind together, which stay when these
-    trade places.
+    trade places; all relative to the mean of the scene's cell.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -73,6 +73,13 @@ class Kinship:
         table = np.nan_to_num(np.array(found).reshape(len(found), particles.count))
         middle = table.mean(axis=1, keepdims=True)
         table -= middle
+        if self._machine.cells > 1:
+            # Scenes of one ancestor are of one cell. That cells differ is not kinship: each gets its share.
+            counts = np.bincount(particles.cell, minlength=self._machine.cells)
+            for row in table:
+                row -= (np.bincount(particles.cell, weights=row, minlength=len(counts)) / np.maximum(counts, 1))[
+                    particles.cell
+                ]
         spread = np.sqrt((table * table).mean(axis=1, keepdims=True))
         out: Array = table * np.where(spread > 1e-9 * (1.0 + np.abs(middle)), 1.0 / np.maximum(spread, 1e-300), 0.0)
         return out

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.contract import ROUNDS
-from scenegen.bounds.effort import Effort, StoppedError, TooMuchError, until
+from scenegen.bounds.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
 from scenegen.pose import TWO_PI, axis_of, is_angle, owner
 from scenegen.sampling.growth.graph import Graph, make_graph
 from scenegen.sampling.growth.implied import strengthened
 from scenegen.sampling.growth.order import insertion_order
-from scenegen.sampling.growth.outlook import outlooks
+from scenegen.sampling.growth.outlook import outlooks, without_easy_ends
 from scenegen.sampling.growth.room import Room, make_room
 from scenegen.sampling.growth.stand import Standing, make_standing
 from scenegen.sampling.growth.touch import Touch, touches
@@ -36,7 +36,9 @@ class Machine:
     outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
-    finds them out. `standing` are the places of what stands. `furthest` is how many objects have been placed at
+    finds them out. `standing` are the places of what stands. `begin` (C,) is how many scenes each cell begins with, in
+    proportion, where they may leave their cell; None where they stay: see outlook.py. `each` is the work of scoring a
+    scene, `steps_done` how often all scenes were evaluated. `furthest` is how many objects have been placed at
     once."""
 
     problem: Problem
@@ -54,10 +56,19 @@ class Machine:
     rooms: dict[object, Room] = field(default_factory=dict)
     standing: Mapping[int, Standing] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
+    begin: Array | None = None
     work: float = 0.0
+    steps_done: int = 0
+    each: float = 0.0
     deadline: float = math.inf
     most: float = math.inf
+    longest: float = math.inf
     furthest: int = 0
+
+    @property
+    def seconds(self) -> float:
+        """What was done so far, in seconds of CPU by the constants of bounds.effort."""
+        return GROWN * self.each * self.work + STEPPED * self.steps_done
 
     @property
     def cells(self) -> int:
@@ -93,9 +104,10 @@ class Machine:
         """Note that so many nodes were evaluated over so many columns, in evaluations of the whole formula.
 
         Raises StoppedError once the deadline has passed: whatever runs asks here, often. Raises TooMuchError beyond
-        `most`."""
+        `most` evaluations and beyond `longest`, which is of `seconds`."""
         self.work += nodes * columns / max(1, len(self.problem.core.nodes))
-        if self.work > self.most:
+        self.steps_done += 1
+        if self.work > self.most or self.seconds > self.longest:
             raise TooMuchError
         if time.monotonic() > self.deadline:
             raise StoppedError
@@ -120,14 +132,21 @@ class Machine:
 
 
 def make_machine(
-    problem: Problem, last: Collection[int] = (), rounds: int = ROUNDS, deadline: float = math.inf
+    problem: Problem,
+    last: Collection[int] = (),
+    rounds: int = ROUNDS,
+    deadline: float = math.inf,
+    *,
+    loose: bool = False,
 ) -> Machine:
     """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
-    after all others. `rounds` are those of contraction. Raises StoppedError after `deadline`, by the monotonic clock.
-    """
+    after all others. `rounds` are those of contraction. `loose`: upper ends that most scenes meet are left out. Raises
+    StoppedError after `deadline`, by the monotonic clock."""
     effort = until(deadline)
     problem = strengthened(problem, effort)
-    graph = make_graph(problem, rounds, effort)
+    graph, begin = make_graph(problem, rounds, effort), None
+    if loose:
+        graph, begin = without_easy_ends(problem, graph)
     order, parent = insertion_order(graph, last, effort)
     at = {thing: place for place, thing in enumerate(order)}
     groups: dict[int, list[int]] = {thing: [thing] for thing in order}
@@ -152,7 +171,20 @@ def make_machine(
     }
     seen = outlooks(problem, graph, at, effort)
     return Machine(
-        problem, graph, order, at, hanging, touch, begins, kin, mixed, seen, standing=standing, deadline=deadline
+        problem,
+        graph,
+        order,
+        at,
+        hanging,
+        touch,
+        begins,
+        kin,
+        mixed,
+        seen,
+        standing=standing,
+        begin=begin,
+        each=per_scene(problem.core.nodes)[0],
+        deadline=deadline,
     )
 
 

@@ -7,11 +7,16 @@ so far has ruled out, each with the share of random poses that meet the rest of 
 particle filters: Guarniero et al. 2017). Ways that hold once all their objects are there count 1, and a scene in which
 several hold counts no more than one in which one does. In the end the factor is 1 where the choice is met and 0
 elsewhere, so what the chances are worth decides how even the weights are, never what the scenes are like.
+
+The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are many,
+most scenes that meet the lower end meet it anyway. Such a choice is left out: scenes out of the range are dropped in
+the end, which costs less than to steer every move by it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +34,8 @@ Index = npt.NDArray[np.intp]
 RANDOM = 2048  # random scenes that tell how often a clause is met
 TRUST = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects
 LEAST = 0.25 / RANDOM  # share taken for clauses that none of them meets
+EASY = 0.15  # chance that a scene meets an upper end from which on growth does not mind it
+SEEN = 16  # random scenes that meet a lower end, at least, to tell how many of them meet the upper one
 SURE = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
 
 
@@ -37,12 +44,52 @@ def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effo
     that stage rules out; SURE once all its objects are placed. Raises what `effort` raises."""
     if not graph.choices:
         return ()
+    scenes = _random(problem, graph)
+    return tuple(_outlook(problem, choice, at, scenes, graph.low.shape[1], effort) for choice in graph.choices)
+
+
+def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | None]:
+    """The graph without the choices that are upper ends which most scenes of every cell meet by themselves; and how
+    many scenes each cell should begin with, (C,) in proportion, None where nothing is left out.
+
+    A scene that is better than its cell falls into one above, so all but the lowest cells lose as many as they get.
+    """
+    ends = [choice for choice in graph.choices if not np.isfinite(choice.whole.low).any()]
+    scenes, lower = _random(problem, graph), {one.node: one.low for one in graph.clauses}
+    lower |= {one.node: one.low for one in graph.pairs}
+    begin, easy = np.ones(graph.low.shape[1]), set[int]()
+    for choice in ends:
+        met = _met_anyway(problem, choice, lower, scenes, len(begin))
+        if met.min() >= EASY:
+            easy.add(choice.whole.node)
+            high = choice.whole.high
+            begin[high == high.min()] /= met[high == high.min()]
+    if not easy:
+        return graph, None
+    return replace(graph, choices=tuple(one for one in graph.choices if one.whole.node not in easy)), begin
+
+
+def _met_anyway(problem: Problem, choice: Choice, lower: Mapping[int, Array], scenes: Array, cells: int) -> Array:
+    """About which share of the scenes that meet the lower ends meet some way of an upper end, in each cell, (C,)."""
+    missed = np.ones(cells)
+    with np.errstate(all="ignore"):
+        found = make_values(problem.core, [way.whole.node for way in choice.ways])(list(scenes))
+    for way, value in zip(choice.ways, found, strict=True):
+        value, low = np.broadcast_to(value, RANDOM), np.broadcast_to(lower.get(way.whole.node, -np.inf), cells)
+        for cell in range(cells):
+            above = value >= low[cell]
+            if np.count_nonzero(above) >= SEEN:
+                missed[cell] *= np.mean(value[above] > way.whole.high[cell])
+    return 1.0 - missed
+
+
+def _random(problem: Problem, graph: Graph) -> Array:
+    """Scenes (3N, RANDOM) uniform over what contraction leaves of the box, of all cells in turn."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, len(graph.choices)]))
-    cells = graph.low.shape[1]
-    cell = np.arange(RANDOM) % cells
+    cell = np.arange(RANDOM) % graph.low.shape[1]
     low, high = graph.low[:, cell], graph.high[:, cell]
-    scenes = low + rng.random(low.shape) * (high - low)
-    return tuple(_outlook(problem, choice, at, scenes, cells, effort) for choice in graph.choices)
+    scenes: Array = low + rng.random(low.shape) * (high - low)
+    return scenes
 
 
 def _outlook(

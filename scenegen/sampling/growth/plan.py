@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenegen.bounds.effort import GROWN, STEPPED
 from scenegen.sampling.growth.begin import LEAST, OF_A_CELL, WORTH, First, Stalled, Started, size_of, start_growth
 from scenegen.sampling.growth.grow import Step
 from scenegen.sampling.growth.machine import Machine
@@ -30,9 +31,10 @@ AGAIN = 2  # times that a population is made larger
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
     """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
-    `thin` is taken. `effect` is the design effect of common ancestors that is left among these, `evaluations` the cost
-    of the plan, `piece` of a piece. The first pieces are `populations` of their own, of the given `size`; those that
-    are known are in `taken`."""
+    `thin` is taken; of these `share` fill the cells evenly. `effect` is the design effect of common ancestors that is
+    left among these, `evaluations` the cost of the plan, `piece` of a piece; `seconds` are those of CPU that a
+    population and a piece take, see bounds.effort. The first pieces are `populations` of their own, of the given
+    `size`; those that are known are in `taken`."""
 
     steps: tuple[Step, ...]
     settings: Settings
@@ -45,11 +47,13 @@ class Recipe:
     piece: float
     size: Size
     taken: tuple[Taken, ...] = ()
+    share: float = 1.0
+    seconds: tuple[float, float] = math.inf, math.inf
 
     @property
     def brings(self) -> float:
         """About how many scenes a piece brings."""
-        return self.count / self.thin
+        return self.share * self.count / self.thin
 
     @property
     def populations(self) -> int:
@@ -57,7 +61,7 @@ class Recipe:
 
     def pieces(self, scenes: int) -> int:
         """About how many pieces bring so many scenes."""
-        each = self.taken[0].count if self.taken else self.brings
+        each = self.taken[0].even if self.taken else self.brings
         further = math.ceil(max(0, scenes - self.populations * each) / self.brings)
         return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
 
@@ -68,6 +72,7 @@ def make_recipe(
     *,
     patient: bool,
     started: Started | None = None,
+    longest: float = math.inf,
 ) -> tuple[Machine, Recipe, Started | None] | Stalled:
     """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
     populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
@@ -80,11 +85,11 @@ def make_recipe(
                 stack.enter_context(started)
         if started is not None:
             started.begin_second()
-        found = First(problem, budget)(size) if started is None else started.first()
+        found = First(problem, budget, longest)(size) if started is None else started.first()
         if isinstance(found, Stalled):
             return found
         machine, made = found
-        machine.deadline = budget.ends  # by this process's clock
+        machine.deadline, machine.longest = budget.ends, math.inf  # by this process's clock
         stack.pop_all()  # `started` is the plan's
         return machine, _recipe(problem, machine, size, made), started
 
@@ -95,16 +100,17 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     if made.settled is None or made.taken is None:
         return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
     settled = made.settled
-    there = size.populations * made.taken.count
+    there = size.populations * made.taken.even
     spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
     left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
-    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left)))
+    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left / made.share)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
     moving = len(machine.graph.rows)
     if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN * WORTH:
         pieces += 1  # as many for each of two processes
     each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
-    piece = (made.cost + settled.cost * settled.sweeps) * each / count
+    whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
+    piece = whole * each / count
     return Recipe(
         made.steps,
         made.settings,
@@ -117,4 +123,6 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         piece,
         size,
         (made.taken,),
+        made.share,
+        (machine.seconds, GROWN * machine.each * piece + STEPPED * machine.steps_done * whole / machine.work),
     )

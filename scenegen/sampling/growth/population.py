@@ -26,6 +26,7 @@ Index = npt.NDArray[np.intp]
 
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
+LUCK = 2.5  # standard deviations by which a cell may get fewer scenes than on average
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
 MOST_TRIES = 32  # of a place for an object that is lifted
 CALLS = 2.0  # what such a move costs before the first try, in tries
@@ -56,7 +57,7 @@ class Size:
 class Taken:
     """What a population brings, a piece: `scenes` (3N, m), rows that no clause reads left open; `log_share` (islands,
     C) as in Grown, `accepted` the share of walks taken, `copies` that of scenes left out, `effect` the design effect,
-    `work` the evaluations that it took."""
+    `work` the evaluations that it took; `even` scenes fill the cells evenly."""
 
     scenes: Array
     log_share: Array
@@ -64,6 +65,7 @@ class Taken:
     copies: float
     effect: float
     work: float
+    even: float
 
     @property
     def count(self) -> int:
@@ -73,7 +75,8 @@ class Taken:
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
     """`cost` is what it took to grow `count` scenes, in evaluations, `settled` how long such scenes are best moved;
-    `taken` is None if it was left."""
+    `taken` is None if it was left. Of its scenes, `share` fill the cells evenly: less than 1 if they may leave their
+    cell."""
 
     count: int
     steps: tuple[Step, ...]
@@ -82,22 +85,30 @@ class Population:
     settings: Settings
     settled: Settled | None = None
     taken: Taken | None = None
+    share: float = 1.0
 
 
-def spread_over(cells: Sequence[int], count: int) -> tuple[Index, Index]:
-    """The cell and the island of each of `count` scenes, (count,) each: all equally often, as far as that goes."""
-    number = np.arange(count)
-    return np.array(cells, dtype=np.intp)[number // ISLANDS % len(cells)], number % ISLANDS
+def spread_over(machine: Machine, cells: Sequence[int], count: int) -> tuple[Index, Index]:
+    """The cell and the island of each of `count` scenes, (count,) each: all equally often, or as the machine says, as
+    far as that goes."""
+    number, which = np.arange(count), np.array(cells, dtype=np.intp)
+    if machine.begin is None:
+        return which[number // ISLANDS % len(cells)], number % ISLANDS
+    places = np.cumsum(machine.begin[which])
+    return which[
+        np.searchsorted(places, (number // ISLANDS + 0.5) * ISLANDS / count * places[-1]).clip(0, len(which) - 1)
+    ], number % ISLANDS
 
 
 def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | Stuck:
     """Grows it, as large as it has to be; Stuck where there is no room for some object. Raises StoppedError."""
-    possible, count = tuple(sorted(machine.problem.possible)), size.count
+    possible = tuple(sorted(machine.problem.possible))
+    count = size.count if machine.begin is None else max(size.count, _enough(machine.begin[list(possible)], size))
     for attempt in range(size.again + 1):
         tally = Tally()
         before = machine.work
         hits = HITS if attempt == 0 else MORE_HITS
-        grown, steps = explore(machine, *spread_over(possible, count), rng, tally, hits=hits)
+        grown, steps = explore(machine, *spread_over(machine, possible, count), rng, tally, hits=hits)
         last = attempt == size.again or count >= size.most
         if isinstance(grown, Stuck):
             if last or not grown.placed.attracted:
@@ -107,13 +118,22 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
         count = min(size.most, max(2 * count, LARGER))
     assert isinstance(grown, Grown)
     cost = machine.work - before
-    reached = tuple(map(int, np.unique(grown.particles.cell)))
-    if _ancestors(grown.particles) < size.fewest:
-        return Population(count, tuple(steps), reached, cost, Settings({}))
-    scenes = wanted_scenes(reached, size.wanted) / size.populations
+    found = _cells(grown.particles)
+    reached = tuple(map(int, np.unique(found[found >= 0])))
+    share = 1.0 if machine.begin is None else _even(found) / len(found)
+    if _ancestors(grown.particles) < size.fewest or not reached:
+        return Population(count, tuple(steps), reached, cost, Settings({}), share=share)
+    scenes = wanted_scenes(reached, size.wanted) / size.populations / share
     settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
     taken = take(grown, max(now.thin, count / scenes), now.effect, accepted, rng)
-    return Population(count, tuple(steps), reached, cost, settings, settled, taken)
+    return Population(count, tuple(steps), reached, cost, settings, settled, taken, share)
+
+
+def _enough(begin: Array, size: Size) -> int:
+    """How many scenes of a loose machine leave enough in each cell, by all odds; 0 if that is beyond `most`."""
+    each = size.wanted / size.populations / len(begin)
+    count = math.ceil(float(begin.sum()) * (each + LUCK * math.sqrt(each)))
+    return count if count <= size.most else 0
 
 
 def wanted_scenes(reached: Sequence[int], wanted: int, spare: float = SPARE) -> float:
@@ -142,6 +162,21 @@ def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> t
     return settings, best, now, float(np.mean(taken))
 
 
+def _cells(particles: Particles) -> Index:
+    """The cell that each scene is in, (P,): its own, unless it may leave that; -1 out of the range."""
+    problem, read = particles.machine.problem, particles.machine.graph.rows
+    if particles.machine.begin is None:
+        return particles.cell
+    rows = [row if at in read else problem.lowest[at] for at, row in enumerate(particles.scenes)]
+    return problem.cells.find(problem.phi(np.stack(np.broadcast_arrays(*rows))))
+
+
+def _even(cells: Index) -> float:
+    """How many scenes are left of those in these cells if all that are reached get equally many."""
+    _, counts = np.unique(cells[cells >= 0], return_counts=True)
+    return float(len(counts) * counts.min(initial=len(cells)))
+
+
 def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> Taken:
     """One in `thin` of whole scenes, without copies. `effect` is the design effect of common ancestors among all."""
     particles = grown.particles
@@ -149,7 +184,17 @@ def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.rand
     taken = apart(particles, some)
     effect = 1.0 + (effect - 1.0) / thin
     copies = 1.0 - len(taken) / len(some)
-    return Taken(particles.scenes[:, taken], grown.log_share, accepted, copies, effect, particles.machine.work)
+    cells, log_share = _cells(particles), grown.log_share
+    if particles.machine.begin is not None:
+        group = particles.island, particles.cell
+        mine, all_ = np.zeros_like(log_share), np.zeros_like(log_share)
+        np.add.at(mine, group, cells == particles.cell)
+        np.add.at(all_, group, 1.0)
+        with np.errstate(divide="ignore"):
+            log_share = log_share + np.log(mine / np.maximum(all_, 1.0))
+        taken = taken[cells[taken] >= 0]
+    even = float(len(taken)) if particles.machine.begin is None else _even(cells[taken])
+    return Taken(particles.scenes[:, taken], log_share, accepted, copies, effect, particles.machine.work, even)
 
 
 def tuned(tally: Tally) -> Settings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -31,7 +32,7 @@ from scenegen.sampling.splitting.sampler import probability
 
 Array = npt.NDArray[np.float64]
 
-FACTS = 8  # of a piece
+FACTS = 11  # of a piece
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
 LOW = 0.3  # effective share below which the user is warned
 
@@ -39,8 +40,9 @@ LOW = 0.3  # effective share below which the user is warned
 @dataclass(frozen=True, slots=True, eq=False)
 class Growth(Plan):
     """A plan for one request. The facts of a piece are: its islands, the sum of their estimates of the probability and
-    of the squares of these, 1 if any lived, the share of walks taken, the share of scenes left out as copies, the
-    design effect of common ancestors, and its evaluations."""
+    of the squares of these, how many are not 0, the sums of their logarithms and of the squares of those, 1 if any
+    lived, the share of walks taken, the share of scenes left out as copies, the design effect of common ancestors, and
+    its evaluations."""
 
     machine: Machine
     recipe: Recipe
@@ -94,6 +96,13 @@ class Growth(Plan):
         grown = min(pieces, recipe.populations)
         return recipe.evaluations * grown + recipe.piece * (pieces - grown)
 
+    @property
+    def seconds(self) -> float:
+        recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
+        grown = min(pieces, recipe.populations)
+        population, piece = recipe.seconds
+        return population * (grown - 1) + piece * (pieces - grown)  # the first population is there
+
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
         with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
@@ -129,12 +138,12 @@ class Growth(Plan):
     def _nothing(self, work: float) -> Piece:
         """What a piece brings whose scenes have died out."""
         rows, phi = np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
-        facts = np.array([float(ISLANDS), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, work])
+        facts = np.array([float(ISLANDS), *np.zeros(FACTS - 2), work])
         return Piece(rows, phi, np.empty(0, dtype=np.intp), facts)
 
     def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
         recipe = self.recipe
-        grown = grow(machine, *spread_over(recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
+        grown = grow(machine, *spread_over(machine, recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
         if isinstance(grown, Stuck):
             return self._nothing(machine.work)
         particles = grown.particles
@@ -151,9 +160,11 @@ class Growth(Plan):
         np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
         phi = self.problem.phi(rows)
         share = np.exp(taken.log_share + log_base(self.machine)).sum(axis=1)
-        shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), 1.0
+        log = np.log(share[share > 0.0])
+        shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), float(len(log))
+        logs = float(log.sum()), float((log * log).sum()), 1.0
         facts = taken.accepted, taken.copies, taken.effect, taken.work
-        return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *facts]))
+        return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *logs, *facts]))
 
     def underway(self) -> Mapping[int, Beside[Any, Any]]:
         going = None if self.started is None else self.started.going()
@@ -177,7 +188,9 @@ class Growth(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
         recipe = self.recipe
-        islands, total, square, alive, accepted, copies, effect, made = tally.facts or (0.0,) * FACTS
+        islands, total, square, lived, log, log_square, alive, accepted, copies, effect, made = (
+            tally.facts or (0.0,) * FACTS
+        )
         each = max(alive, 1.0)
         evaluations = int(recipe.evaluations + made)
         share = min(1.0, each / effect) if effect else 0.0
@@ -194,7 +207,8 @@ class Growth(Plan):
             "copies": round(copies / each, 4),
             "effective_share": round(share, 4),
         }
-        info |= probability(int(islands), total, square)
+        logs = (log, log_square) if lived == islands else None
+        info |= probability(int(islands), total, square, logs)
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
@@ -204,14 +218,19 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, started: Started | None = None
+    problem: Problem,
+    budget: Budget,
+    *,
+    patient: bool = True,
+    started: Started | None = None,
+    longest: float = math.inf,
 ) -> Growth | Stalled:
     """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
     spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may begin to
     draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the same
-    without."""
+    without. It takes at most `longest` seconds, as a machine counts them, unless other processes have begun."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, started=started)
+        made = make_recipe(problem, budget, patient=patient, started=started, longest=longest)
     if isinstance(made, Stalled):
         return made
     machine, recipe, started = made
@@ -248,12 +267,13 @@ def no_growth(problem: Problem, end: Stalled) -> RequestError:
 
 
 def log_base(machine: Machine) -> Array:
-    """The natural logarithm of the share of the box of poses that contraction leaves to each cell, (C,)."""
+    """The natural logarithm of the probability of what contraction leaves to each cell, (C,), under the base
+    distribution."""
     graph, problem = machine.graph, machine.problem
     rows = sorted(graph.rows)
     width = (problem.highest - problem.lowest)[rows][:, None]
     with np.errstate(divide="ignore"):
-        out: Array = np.log((graph.high[rows] - graph.low[rows]) / width).sum(axis=0)
+        out: Array = np.log((graph.high[rows] - graph.low[rows]) / width).sum(axis=0) + problem.log_excess
     return out
 
 

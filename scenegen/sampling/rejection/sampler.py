@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
-from scenegen.bounds.effort import NEVER, Stop, StoppedError, TooMuchError, per_scene
-from scenegen.bounds.prune import Cover, box_cover
+from scenegen.bounds.effort import CALLED, DRAWN, NEVER, SCORED, Stop, StoppedError, TooMuchError, per_scene
+from scenegen.bounds.prune import GOOD, Cover, box_cover
 from scenegen.bounds.standing import stands_of
 from scenegen.bounds.worlds import chooses
 from scenegen.errors import RequestError
@@ -117,6 +117,12 @@ class Rejection(Plan):
     def evaluations(self) -> float:
         return self.draws + self.expected
 
+    @property
+    def seconds(self) -> float:
+        work, calls = work_of(self)
+        moving = np.count_nonzero(self.problem.lowest < self.problem.highest)
+        return self.expected * (SCORED * work + CALLED * calls + DRAWN * moving)
+
     def draw(self, k: int) -> Piece:
         """Piece k, the same in any process. Its facts are the hits of each source: in the whole range for the common
         cover, in its cell for the others. Raises StoppedError if time is up meanwhile."""
@@ -175,38 +181,46 @@ def make_plan(
     if problem.cells.count == 1:
         return _alone(problem, trial, frozenset({0}), frozenset(), budget)
     possible = sorted(problem.possible)
-    rate = trial.hits / trial.tried
     each, _ = per_scene(problem.core.nodes)
-    price = max(OWN, trial.work / each)
-    common = _served(rate, possible, problem.request.n / len(possible), price if chooses(problem.core) else OWN)
+    price = max(OWN, trial.work / each) if chooses(problem.core) else OWN
+    rates = trial.hits / trial.tried
+    missed = [cell for cell in possible if not rates[cell]]
+    hit = sorted((cell for cell in possible if rates[cell]), key=lambda cell: (rates[cell], cell))
+    shares = _Shares(rates, hit, problem.request.n / len(possible), price)
     ruled_out: set[int] = set()
-    own: list[Served] = []
+    served: list[Served] = []
     draws = trial.tried
     try:
-        rare = [cell for cell in possible if cell not in common]
-        worth = price * len(possible) / problem.request.n
-        sieve = sift(problem, trial, rare, budget, min(most, SIFTED * together), worth)
+        worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
+        sieve = sift(problem, trial, missed, budget, min(most, SIFTED * together), worth)
     except StoppedError:
-        undecided = len(possible) - len(common)
+        undecided = len(possible) - len(hit)
         raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
     together -= sieve.work
     draws += sieve.tried
     ruled_out |= sieve.empty
-    own += sieve.served
-    rest = [cell for cell in rare if cell not in sieve.settled]
+    served += sieve.served
+    must = [cell for cell in missed if cell not in sieve.settled]
+    rest = must + hit
     allowed = together
+    own: list[Served] = []
     with closing(own_covers(problem, rest, budget, lambda: min(most, together))) as covers:
         for done, cell in enumerate(rest):
-            if _hopeless(allowed, together, done, len(rest)):
+            optional = done >= len(must)
+            if optional and not shares.worth_another():
+                break
+            if not optional and _hopeless(allowed, together, done, len(must)):
                 raise TooMuchError
             try:
                 if budget.spent:
                     raise StoppedError
                 mine = next(covers)
             except StoppedError:
-                undecided = len(possible) - len(common) - sum(len(one.cells) for one in own) - len(ruled_out)
-                raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+                undecided = len(possible) - len(hit) - sum(len(one.cells) for one in served) - len(ruled_out)
+                raise RequestError(too_early(problem, f"{draws:,} draws", max(1, undecided))) from None
             if mine.cover is None or mine.work > min(most, together):
+                if optional:  # the common cover reaches the cell
+                    break
                 raise TooMuchError
             together -= mine.work
             draws += mine.tried
@@ -214,6 +228,10 @@ def make_plan(
                 ruled_out.add(cell)
             elif mine.hits:
                 own.append(Served((cell,), mine.cover, mine.hits / mine.tried, mine.stages))
+            if optional:
+                shares.made.append(mine.hits / mine.tried)
+    common = frozenset(hit[shares.best :])
+    own = served + sorted((one for one in own if one.cells[0] not in common), key=lambda one: one.cells)
     found = common.union(*(one.cells for one in own))
     if not found:
         if len(ruled_out) == len(possible):
@@ -255,13 +273,13 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     return _alone(problem, trial, problem.possible, frozenset(), budget)
 
 
-def work_of(plan: Rejection) -> float:
-    """The work of what the request will need; see scenegen.bounds.effort. Most candidates may fail in the first stage,
-    but some of every chunk are scored in full."""
+def work_of(plan: Rejection) -> tuple[float, float]:
+    """The work of a candidate, and of its part of the calls; see scenegen.bounds.effort. Most candidates may fail in
+    the first stage, but some of every chunk are scored in full."""
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
     _, calls = per_scene(plan.problem.core.nodes)
-    return plan.expected * (stages.work + calls / chunk_size(plan.problem))
+    return stages.work, calls / chunk_size(plan.problem)
 
 
 def _alone(
@@ -275,20 +293,40 @@ def _alone(
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
-def _served(rate: Array, possible: list[int], share: float, price: float) -> frozenset[int]:
-    """The cells to take from the common cover: those for which that is cheaper than a cover each, of which one takes as
-    much work as `price` candidates."""
-    order = sorted(possible, key=lambda cell: -rate[cell])
-    own = price + 2.0 * share
-    best, cheapest = 0, own * len(order)
-    for count in range(1, len(order) + 1):
-        least = rate[order[count - 1]]
-        if least <= 0.0:
-            break
-        cost = share / least + own * (len(order) - count)
-        if cost < cheapest:
-            best, cheapest = count, cost
-    return frozenset(order[:best])
+@dataclass(slots=True)
+class _Shares:
+    """Which cells are taken from the common cover, whose candidates hit them at `rates` (C,), and which from covers of
+    their own. Each is to get `share` scenes; a cover takes as much work as `price` candidates. `hit` are the cells that
+    the common cover hits, rarest first; `made` are the rates at which covers of the first of these are hit."""
+
+    rates: Array
+    hit: Sequence[int]
+    share: float
+    price: float
+    made: list[float] = field(default_factory=list)
+
+    def _cost(self, count: int, hoped: float = 0.0) -> float:
+        """Candidates, if so many of the rarest get covers of their own; those yet to be made are hit as `hoped`."""
+        cost = self.share / float(self.rates[self.hit[count]]) if count < len(self.hit) else 0.0
+        known = self.made[:count]
+        more = count - len(known)
+        cost += sum(self.share / rate if rate else math.inf for rate in known)
+        return cost + more * (self.price + self.share / hoped) if more else cost
+
+    @property
+    def best(self) -> int:
+        """How many of the rarest cells are cheaper to serve from the covers that have been made."""
+        return min(range(len(self.made) + 1), key=self._cost)
+
+    def worth_another(self) -> bool:
+        """Whether it is likely that further covers save more than they cost: if they are about as good as those made,
+        or as `prune` wants them."""
+        done = len(self.made)
+        hoped = done / sum(1.0 / rate if rate else math.inf for rate in self.made) if done else GOOD
+        if not hoped:
+            return False
+        ahead = (self._cost(count, hoped) for count in range(done + 1, len(self.hit) + 1))
+        return min(ahead, default=math.inf) < self._cost(self.best)
 
 
 def _balance(
@@ -351,8 +389,8 @@ def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:
     hits = plan.explored.hits + rates[0].hits
     if hits:
         kept = hits / (plan.explored.candidates + rates[0].candidates)
-        log10 = math.log10(math.e)
-        facts["log10_probability"] = round(plan.sources[0].cover.log_share * log10 + math.log10(kept), 6) + 0.0
+        log10, log_share = math.log10(math.e), plan.sources[0].cover.log_share + plan.problem.log_excess
+        facts["log10_probability"] = round(log_share * log10 + math.log10(kept), 6) + 0.0
         facts["log10_error"] = round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6)
         if REQUIRE in plan.problem.core.labels:
             facts["probability_of"] = "range and requirement"

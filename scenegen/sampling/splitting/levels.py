@@ -75,11 +75,11 @@ class Stalled:
     levels: int
 
 
-def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False) -> Schedule | Stalled:
+def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False, most: float = np.inf) -> Schedule | Stalled:
     """The plan for a problem; Stalled if the range cannot be reached, or time is up. `ahead`: another process may begin
-    to draw meanwhile, if the request is large."""
+    to draw meanwhile, if the request is large. The descent may take `most` evaluations."""
     try:
-        planner = _Planner(problem, budget)
+        planner = _Planner(problem, budget, most)
     except StoppedError:
         return Stalled("time", (), (), 0, 0)
     return planner.plan(ahead=ahead)
@@ -88,8 +88,8 @@ def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False) -> S
 class _Planner:
     """One descent of one ensemble of chains, which records its stages."""
 
-    def __init__(self, problem: Problem, budget: Budget) -> None:
-        self._problem, self._budget = problem, budget
+    def __init__(self, problem: Problem, budget: Budget, most: float) -> None:
+        self._problem, self._budget, self._most = problem, budget, most
         chain_state, cells = frame_of(problem), problem.cells
         most = max(256, NUMBERS // chain_state.dimension)
         least, n = max(FEWEST, 8 * cells.count), problem.request.n * 51 // 50  # a few come out of the range by rounding
@@ -163,7 +163,7 @@ class _Planner:
         state = self._state
         scale = self._scales(low, high)
         history: list[float] = []
-        while not self._budget.spent:
+        while not self._budget.spent and state.evaluations <= self._most:
             distance = self._distance(low, high, scale)
             level = float(np.quantile(distance, KEPT, method="lower"))
             if level <= 0.0 or (distance <= 0.0).mean() >= KEPT:

@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import NEVER, Stop
+from scenegen.bounds.effort import MOVED, NEVER, Stop, per_scene
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.core import REQUIRE
@@ -34,7 +34,7 @@ from scenegen.sampling.splitting.stages import SPLIT, begin, go_on
 
 Array = npt.NDArray[np.float64]
 
-FACTS = 7  # of a piece, and two for each statistic
+FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
 FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
@@ -61,7 +61,8 @@ class Population:
 @dataclass(frozen=True, slots=True, eq=False)
 class Splitting(Plan):
     """A plan for one request; `stop` can interrupt its pieces and does not change their results. The facts of a piece
-    are: 1 if it survived, its estimate of the probability and the square of that, the acceptance rate and the share
+    are: 1 if it survived, its estimate of the probability, the square and the logarithm of that and the square of this
+    (0 if it did not survive), the acceptance rate and the share
     stuck, its scenes, its evaluations, then the design effects and their squares."""
 
     schedule: Schedule
@@ -97,15 +98,23 @@ class Splitting(Plan):
         pieces = max(FEWEST, -(-self.wanted // (plan.chains * plan.takes)))
         return float(plan.evaluations + pieces * plan.chains * (1 + moves))
 
+    @property
+    def seconds(self) -> float:
+        each, _ = per_scene(self.problem.core.nodes)
+        return MOVED * each * (self.evaluations - self.schedule.evaluations)
+
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
         made = run_piece(self.problem, self.schedule, k, self.stop)
         order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
         rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
+        log = math.log(made.probability) if made.probability else 0.0
         facts = [
             float(len(made.effect) > 0),
             made.probability,
             made.probability**2,
+            log,
+            log**2,
             made.accepted,
             made.stuck,
             float(len(order)),
@@ -118,7 +127,7 @@ class Splitting(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and the warnings for the user."""
         plan = self.schedule
-        alive, total, square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * FACTS
+        alive, total, square, log, log_square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * FACTS
         effect = _worst(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)
@@ -135,7 +144,8 @@ class Splitting(Plan):
             "correlation": round(float(plan.left), 4),
             "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
         }
-        info |= probability(tally.pieces, total, square)
+        logs = (log, log_square) if alive == tally.pieces else None
+        info |= probability(tally.pieces, total, square, logs, self.problem.log_excess)
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
@@ -144,11 +154,15 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
-def plan_splitting(problem: Problem, budget: Budget, *, ahead: bool = True) -> Splitting | Stalled:
+def plan_splitting(
+    problem: Problem, budget: Budget, *, ahead: bool = True, longest: float = math.inf
+) -> Splitting | Stalled:
     """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`.
-    `ahead`: it will probably be taken, so another process may begin to draw meanwhile."""
+    `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take `longest`
+    seconds, by the constants of bounds.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        plan = make_schedule(problem, budget, ahead=ahead)
+        most = longest / (MOVED * per_scene(problem.core.nodes)[0])
+        plan = make_schedule(problem, budget, ahead=ahead, most=most)
     return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
 
 
@@ -223,16 +237,25 @@ def _worst(count: float, effects: Array) -> float:
     return float((mean - 2.0 * error).max(initial=1.0))
 
 
-def probability(count: int, total: float, square: float) -> dict[str, object]:
+def probability(
+    count: int, total: float, square: float, logs: tuple[float, float] | None = None, excess: float = 0.0
+) -> dict[str, object]:
     """log10 of the mean of independent unbiased estimates, given their number, sum and sum of squares, and the
-    half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown."""
+    half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown.
+
+    `logs` are the sum of the natural logarithms and that of their squares, where no estimate is 0: the interval is then
+    that of nearly lognormal estimates, see `interval.ratio`. `excess` is added to the logarithm of the mean.
+    """
     if not total > 0.0:
         return {"log10_probability": None, "log10_error": None}
     mean = total / count
-    out: dict[str, object] = {"log10_probability": round(math.log10(mean), 5), "log10_error": None}
+    log10 = math.log10(mean) + excess / math.log(10.0)
+    out: dict[str, object] = {"log10_probability": round(log10, 5) + 0.0, "log10_error": None}
     if count > 1:
-        variance = max(0.0, square - count * mean * mean) / (count - 1)
-        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / (mean * math.log(10.0)), 5)
+        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
+        if logs is not None:
+            variance = max(variance, math.expm1(max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)))
+        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
     return out
 
 

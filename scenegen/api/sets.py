@@ -135,9 +135,8 @@ def card(manifest: Manifest) -> str:
         f"| `{label}` | {one.lowest:+.4f} | {one.mean:+.4f} | {one.highest:+.4f} |" for label, one in phi.items()
     )
     wanted = ", ".join(f"{label} = {_range(*ends)}" for label, ends in request["phi"].items()) or "any phi"
-    asked = (
-        f"Wanted: {wanted}; spread {request['spread']}; seed {request['seed']}; method {header['sampler']['method']}."
-    )
+    method = header["sampler"].get("method", "unknown")
+    asked = f"Wanted: {wanted}; spread {request['spread']}; seed {request['seed']}; method {method}."
     if manifest.rarity is not None and "parts" in request:
         parts = ", ".join(f"{one['label']} = {_range(*one['phi'])}" for one in request["parts"])
         asked = f"""Parts of equal size: {parts}; spread {request["spread"]} within each.

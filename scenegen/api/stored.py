@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.api.batches import Batches, Group
 from scenegen.api.scenes import SceneSet, scene_set
@@ -26,7 +27,18 @@ from scenegen.validation import as_int
 
 Array = npt.NDArray[np.float64]
 
-REQUESTED = {"phi", "n", "seed", "spread", "scenegen", "numpy"}  # what cards and reports say of a request
+
+class _Asked(BaseModel):
+    """What cards and reports say of a set's request."""
+
+    model_config = ConfigDict(defer_build=True)
+
+    phi: dict[str, tuple[float | None, float | None]]
+    n: int
+    seed: int
+    spread: str
+    scenegen: str
+    numpy: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,9 +148,12 @@ def open_set(location: str | Path) -> StoredSet:
 
     store = open_store(as_location(location))
     manifest = read_manifest(store)
-    for lacking in sorted(REQUESTED - manifest.request.keys()):
-        reason = f"the request in {MANIFEST} has no `{lacking}`"
-        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?"))
+    try:
+        _Asked.model_validate(manifest.request)
+    except ValidationError as error:
+        wrong = error.errors(include_url=False)[0]
+        reason = f"`request.{'.'.join(map(str, wrong['loc']))}` in {MANIFEST}: {wrong['msg'].lower()}"
+        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?")) from None
     return StoredSet(store.location, manifest, set_header(store, manifest), store)
 
 

@@ -62,6 +62,12 @@ class PhiOf(_Strict):
     mean: float
     highest: float
 
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if not self.lowest <= self.highest:
+            raise ValueError("the lowest is above the highest")
+        return self
+
 
 class Shard(_Strict):
     """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,

@@ -257,7 +257,8 @@ def test_a_new_set_is_made_of_the_bytes_that_its_source_had(tmp_path):
         (lambda m: m["labels"].append("c"), "phi of part-000000.parquet is not that of the labels"),
         (lambda m: m["shards"][0]["phi"].pop("a"), "phi of part-000000.parquet is not that of the labels"),
         (lambda m: m["shards"][0].update(scenes=0), "greater than or equal to 1"),
-        (lambda m: m["request"].pop("n"), "has no `n`"),
+        (lambda m: m["request"].pop("n"), "`request.n` in manifest.json: field required"),
+        (lambda m: m["request"].update(phi="x"), "`request.phi` in manifest.json"),
     ],
 )
 def test_a_manifest_that_does_not_fit_its_shards(change, said, tmp_path):

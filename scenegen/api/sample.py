@@ -46,7 +46,7 @@ def sample(
     spec's only label the range itself will do. With two ends the range is cut into cells that get equal shares of the
     scenes; `spread="base"` switches that off. From a Spec the scenes are drawn by pruned rejection (`rejection`:
     independent, and exactly distributed within a cell) or by multilevel splitting (`splitting`: Markov chains that
-    reach rare ranges, exact in the limit of long chains); `auto` takes what needs fewer evaluations of phi and tells
+    reach rare ranges, exact in the limit of long chains); `auto` takes what needs less time and tells
     `on_note`, and the header, what it took and why. From a Model they are its proposals, moved onto their target:
     approximately distributed. `raw` returns a model's own output instead, neither moved nor filtered. `fix` holds
     objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given scene. `settle` drops

@@ -48,13 +48,13 @@ def sample(
     scenes; `spread="base"` switches that off. From a Spec the scenes are drawn by pruned rejection (`rejection`:
     independent, and exactly distributed within a cell), by sequential Monte Carlo over objects (`growth`: for crowded
     tables) or by multilevel splitting (`splitting`: Markov chains that reach rare ranges, exact in the limit of long
-    chains); `auto` takes what it expects to be cheapest and tells `on_note`, and the header, what it took and why. From
-    a Model they are its proposals, moved onto their target: approximately distributed. `raw` returns a model's own output instead, neither moved nor filtered. `fix` holds
-    objects where they are, (x, y) or (x, y, theta) by name, so that the others complete a given scene. Of many scenes,
-    as arrays (n, 2) or (n, 3) by name, an array (n, N, 3) with NaN for what is free, or a SceneSet, each is completed
-    once, in their order, at a small part of the cost of n calls; `n` is then theirs. `settle` drops every scene in
-    PyBullet for one simulated second and hands out those in which no object moves more than 1 cm or turns more than 5
-    degrees.
+    chains); `auto` takes what needs the least time by its estimate and tells `on_note`, and the header, what it took
+    and why. From a Model they are its proposals, moved onto their target: approximately distributed. `raw` returns a
+    model's own output instead, neither moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta)
+    by name, so that the others complete a given scene. Of many scenes, as arrays (n, 2) or (n, 3) by name, an array
+    (n, N, 3) with NaN for what is free, or a SceneSet, each is completed once, in their order, at a small part of the
+    cost of n calls; `n` is then theirs. `settle` drops every scene in PyBullet for one simulated second and returns
+    those in which no object moves more than 1 cm or turns more than 5 degrees.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises

@@ -1,8 +1,8 @@
-"""Chooses the exact sampler for a request: the one that needs the fewest evaluations of phi.
+"""Chooses the exact sampler for a request: the one that needs least time.
 
 Pruned rejection is tried first: its scenes are independent, and most requests take a fraction of a second. Where it
-takes much work or misses a part of the range, `contest.py` looks at the other methods. Work is counted, never timed, so
-the same request and seed always get the same method.
+takes much work or misses a part of the range, `contest.py` looks at the other methods. Work is counted, never timed:
+its kinds have prices in seconds, which are constants. So the same request and seed always get the same method.
 """
 
 from __future__ import annotations

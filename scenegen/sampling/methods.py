@@ -24,7 +24,7 @@ class Method:
 
 
 METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.auto:choose", "takes the method below that needs the fewest evaluations of phi"),
+    "auto": Method("scenegen.sampling.auto:choose", "takes the method below that needs least time"),
     "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests"),
     "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
     "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets"),

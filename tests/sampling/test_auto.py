@@ -246,6 +246,41 @@ clutter: forall c in can: exists d in can: dist(c, d) >= 1 cm & abs(x(c) - x(d))
     assert choice.method == "growth"
 
 
+COUNTER = """workspace [0, 1.2] x [0, 0.6]
+object cutting_board, knife, bowl
+object tomato[3] = cylinder(3.5 cm, 6 cm) on cutting_board
+object sponge = box(11 cm, 7 cm, 3 cm)
+require noCollision() & insideWorkspace()
+task: fullyLeftOf(knife, cutting_board) & angle(knife, NORTH, 20 deg)
+    & (forall t in tomato: inside(t, cutting_board)) & (forall a, b in tomato: clearOf(a, b, 1 cm))
+    & closeTo(bowl, cutting_board, 25 cm) & (forall t in tomato: farFrom(sponge, t, 30 cm))
+"""
+
+
+@pytest.mark.long
+def test_methods_are_compared_by_seconds():
+    """Growth needs a sixth of the evaluations of rejection, but each takes longer; so the times are told."""
+    asked = SampleRequest({"task": Range(0.0, 0.02)}, n=4000, spread="base", workers=1)
+    problem = make_problem(check_text(COUNTER), asked)
+    choice, rejection = (make_plan(problem, Budget(), method=method) for method in ("auto", "rejection"))
+    assert choice.method == "growth" and 2.0 * choice.seconds < rejection.seconds
+    mine, other = (float(one) for one in re.fullmatch(r"about (.+) s against (.+) s of rejection", choice.why).groups())
+    assert mine == pytest.approx(choice.seconds, rel=0.05) and other == pytest.approx(rejection.seconds, rel=0.2)
+    assert rejection.seconds / choice.seconds < rejection.evaluations / choice.evaluations
+
+
+@pytest.mark.long
+def test_a_look_at_another_method_takes_no_longer_than_it_can_save():
+    """A plan of growth is given up; rejection, which has one, is taken."""
+    problem = make_problem(check_text(COUNTER), SampleRequest({"task": Range(0.0)}, n=1000, workers=1))
+    looked = plan_growth(problem, Budget(), patient=False, longest=0.01)
+    assert isinstance(looked, begin.Stalled) and looked.dear and looked.evaluations < 1e5
+    mine = make_plan(problem, Budget(), method="rejection")
+    cheap = replace(mine, expected=mine.expected / 1000)
+    choice = contest.Contest(problem, Budget(), choose, parts=())._against(cheap, None)
+    assert choice.method == "rejection"
+
+
 @pytest.fixture
 def begun(monkeypatch):
     """What `start_growth` returned, where pruning soon takes a quarter of what it may."""

@@ -77,8 +77,8 @@ def test_the_interval_holds_where_nearly_all_scenes_are():
         assert np.mean([abs(one.log10 - truth) <= one.error for one in found]) >= 0.84
 
 
-# A board of 20 x 20 cm inside of the workspace with something on it. Of uniform places of its centre, 1 - 4 E h + 4 E h^2
-# are inside, h = 0.1 (|cos| + |sin|) of a uniform heading; of the other's places, 0.2 * 0.2 are on it.
+# A board of 20 x 20 cm inside of the workspace with something on it. Of uniform places of its centre, 1 - 4 E h +
+# 4 E h^2 are inside, h = 0.1 (|cos| + |sin|) of a uniform heading; of the other's places, 0.2 * 0.2 are on it.
 BOARD = """object board = box(20 cm, 20 cm, 2 cm)
 object cup = cylinder(2 cm, 8 cm) on board
 require insideWorkspace([board])

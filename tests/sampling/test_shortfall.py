@@ -10,7 +10,9 @@ from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
 from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
+from scenegen.lang.check import check_text
 from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.request import Range, SampleRequest
 
 rejection = partial(run, method="rejection")
@@ -111,3 +113,19 @@ def test_too_early_to_tell_is_not_called_a_lack_of_scenes():
     with pytest.raises(RequestError, match="too early to tell which parts of the range can be reached"):
         sample(contrary, {"task": (-1.0, 1.0)}, n=1, timeout=1e-6)
     assert len(sample(contrary, {"task": (-1.0, 1.0)}, n=1)) == 1
+
+
+ADVICE = "object a, b, c\nrequire noOverlap()\ntask: leftOf(a, b) & sin(40 * theta(c)) >= 0.99"
+
+
+@pytest.mark.parametrize(
+    ("spread", "phi", "spreads"),
+    [("base", (0.0, 0.2), False), ("flat", (0.0, None), False), ("flat", (0.0, 0.2), True)],
+)
+def test_advice_names_what_was_not_asked_for_yet(spread, phi, spreads):
+    """`spread="base"` is no help where there is one cell only."""
+    problem = make_problem(check_text(ADVICE), SampleRequest({"task": Range(*phi)}, n=100, spread=spread))
+    none = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+    for told in (too_early(problem, "2 draws", problem.cells.count), shortfall(problem, 3, "2 draws", *none, rarest=0)):
+        assert ("spread=" in told.help) == spreads == ("cells" in told.note or "rarest" in told.note)
+        assert "time" in told.help

@@ -14,14 +14,13 @@ from scenegen.processes.process import cores
 from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.grow import Stuck
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.population import FAMILIES, ISLANDS, SPARE, Population, Size, Taken, make_population
+from scenegen.sampling.growth.population import FAMILIES, ISLANDS, KEPT, SPARE, Population, Size, Taken, make_population
 from scenegen.sampling.problem import Budget, Problem
 
 GROWTH = 6  # random stream of growth: plan and pieces
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
-KEPT = 0.05  # of the scenes that are in their cell, at least, for scenes to be free to leave it
 NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 

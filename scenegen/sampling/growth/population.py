@@ -26,6 +26,7 @@ Index = npt.NDArray[np.intp]
 
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
+KEPT = 0.5  # share of scenes that fill the cells evenly, at least, for scenes to be free to leave their cell
 LUCK = 2.5  # standard deviations by which a cell may get fewer scenes than on average
 USELESS = 0.002  # share of scenes that take a kind of move below which it is not made
 MOST_TRIES = 32  # of a place for an object that is lifted
@@ -121,7 +122,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
     found = _cells(grown.particles)
     reached = tuple(map(int, np.unique(found[found >= 0])))
     share = 1.0 if machine.begin is None else _even(found) / len(found)
-    if _ancestors(grown.particles) < size.fewest or not reached:
+    if _ancestors(grown.particles) < size.fewest or share < KEPT:
         return Population(count, tuple(steps), reached, cost, Settings({}), share=share)
     scenes = wanted_scenes(reached, size.wanted) / size.populations / share
     settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)

@@ -162,7 +162,7 @@ class _Compiler:
 
 def _unknown(node: Group, count: int) -> Diagnostic:
     close = nearest(plain(node.head), {*LIBERO, *COMMON})
-    near = [close] if close else []
+    near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
 
@@ -219,7 +219,8 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
         advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
     reading = Reading(problem, setting, own.formulas, own.known)
-    return Imported(text, tuple(own.lost), (*own.told.values(), *unused), reading)
+    lost = (*own.lost, *(f"not read, {own.line(one)}" for one in problem.other))
+    return Imported(text, lost, (*own.told.values(), *unused), reading)
 
 
 def _no_places(own: _Compiler, goal: Node) -> Diagnostic:

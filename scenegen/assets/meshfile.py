@@ -6,6 +6,7 @@ import re
 import struct
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.assets.filenames import ending_of
 from scenegen.assets.mesh import Floats, Indices
@@ -39,36 +40,50 @@ def vertices(name: str, data: bytes) -> Floats:
 
 
 def corners(name: str, data: bytes) -> Floats:
-    """(V, 3): the vertices that a triangle with an area has, in the unit of the file; all, where an .obj file has no
-    faces. Raises MeshError."""
+    """(V, 3): the vertices that triangles use, in the unit of the file, but for triangles whose corners coincide; all,
+    where an .obj file has no faces. Raises MeshError."""
     points = vertices(name, data)
-    faces = (
-        _obj_faces(data, len(points)) if ending_of(name) == ".obj" else np.arange(len(points) // 3 * 3).reshape(-1, 3)
-    )
-    return points if not len(faces) else points[used(points, faces)]
+    if ending_of(name) != ".obj":
+        whole = points[: len(points) // 3 * 3].reshape(-1, 3, 3)
+        kept = whole[_open(whole)].reshape(-1, 3)
+        return kept if len(kept) else points
+    faces = _obj_faces(data, len(points))
+    return points[used(points, faces)] if len(faces) else points
 
 
 def used(points: Floats, faces: Indices) -> Indices:
-    """Which of some points (P, 3) are corners of triangles (F, 3) with an area, in their order; all corners, where
-    none has."""
-    a, b, c = points[faces].transpose(1, 0, 2)
-    solid = faces[np.cross(b - a, c - a).any(axis=1)]
-    return np.unique(solid if len(solid) else faces)
+    """Which of some points (P, 3) triangles (F, 3) use, in their order, but for triangles whose corners coincide; all
+    corners, where each is one."""
+    open_ = faces[_open(points[faces])]
+    found = np.zeros(len(points), dtype=np.bool_)
+    found[open_ if len(open_) else faces] = True
+    return np.flatnonzero(found)
+
+
+def _open(triangles: Floats) -> npt.NDArray[np.bool_]:
+    """Whether no two corners of triangles (F, 3, 3) coincide."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+    return np.asarray(~same, dtype=np.bool_)
 
 
 def _obj_faces(data: bytes, count: int) -> Indices:
     """The triangles (F, 3) of an .obj file of `count` vertices; polygons are cut from their first corner. Raises
     MeshError."""
     data = _plain(data)
-    rows = [row.split() for row in re.findall(rb"^[ \t]*f[ \t]+([^\r\n#]*)", data, re.MULTILINE)]
-    words = [word.partition(b"/")[0] for row in rows for word in row]
-    sizes = np.array([len(row) for row in rows], dtype=np.int64)
+    rows = re.findall(rb"^[ \t]*f[ \t]+([^\r\n#]*)", data, re.MULTILINE)
+    if not rows:
+        return np.empty((0, 3), dtype=np.int64)
+    sizes = np.array([len(row.split()) for row in rows], dtype=np.int64)
+    text = re.sub(rb"/\S*", b"", b" ".join(rows))
     try:
-        flat = np.array(words, dtype=np.bytes_).astype(np.int64)
+        if b"_" in text:
+            raise ValueError  # as in `_numbers`
+        flat = np.array(text.split(), dtype=np.int64)
     except (ValueError, OverflowError):
         raise MeshError("a face in it names no vertex by its number") from None
-    if not len(rows):
-        return np.empty((0, 3), dtype=np.int64)
+    if len(flat) != sizes.sum():
+        raise MeshError("a face in it names no vertex by its number")
     if sizes.min() < 3:
         raise MeshError("a face in it has fewer than 3 corners")
     if (flat < 0).any():  # which counts back from the face

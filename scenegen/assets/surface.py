@@ -40,7 +40,7 @@ class Surface:
 
 
 def tidy(surface: Surface) -> Surface:
-    """The surface without vertices that no triangle with an area has: they count for nothing."""
+    """The surface without vertices that no triangle uses, or only one whose corners coincide."""
     kept = used(surface.vertices, surface.faces)
     if len(kept) == len(surface.vertices):
         return surface

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 from scenegen.errors import DataError, Diagnostic, Source, SpecError
 from scenegen.errors.names import nearest
@@ -28,7 +29,7 @@ from scenegen.pddl.goal import NO_PLACE, Goal, Meaning
 from scenegen.pddl.mapping import Map, key
 from scenegen.pddl.problem import Problem
 from scenegen.pddl.read import Atom, Group, Node
-from scenegen.pddl.setting import Ref, Setting, shape_from, supports_of
+from scenegen.pddl.setting import Ref, Setting, category, shape_from, supports_of
 from scenegen.pddl.tables import COMMON, LIBERO, Relation, plain, relation
 from scenegen.primitives import Circle
 
@@ -39,6 +40,7 @@ ADVICE = {  # where a spec fails for another reason than sizes, by code
     "too-many-cases": "leave out some of the things, or of what the goal puts them on",
 }
 PROPOSED = {1: "reachableFromAbove($1)", 2: "restsOn($1, $2)", 3: "between($1, $2, $3)"}  # by number of arguments
+ALIKE = 0.81  # of difflib: a name of a map for others is seldom so like one of this problem
 TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
 
 
@@ -162,7 +164,7 @@ class _Compiler:
 
 def _unknown(node: Group, count: int) -> Diagnostic:
     close = nearest(plain(node.head), {*LIBERO, *COMMON})
-    near = [close] if close else []
+    near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
 
@@ -219,7 +221,8 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
         advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
     reading = Reading(problem, setting, own.formulas, own.known)
-    return Imported(text, tuple(own.lost), (*own.told.values(), *unused), reading)
+    lost = (*own.lost, *(f"not read, {own.line(one)}" for one in problem.other))
+    return Imported(text, lost, (*own.told.values(), *unused), reading)
 
 
 def _no_places(own: _Compiler, goal: Node) -> Diagnostic:
@@ -247,23 +250,21 @@ def _refuse_formulas(own: _Compiler) -> None:
 def _unused(own: _Compiler) -> list[Diagnostic]:
     """Notes on what a map has and this problem has not: it may serve several problems, or be misspelt."""
     words = {one for name, thing in own.problem.things.items() for one in (name, *thing.kinds)}
-    words |= {one.partition(".")[0] for one in words}
+    words |= {one.partition(".")[0] for one in words} | {category(one) for one in words}
     predicates = {*own.met, *own.problem.domain.predicates}
     notes, others = [], []
-    for names, known, alike in (
-        (own.table.objects, words, str.lower),
-        (own.table.predicates, predicates, plain),
+    for names, known, alike, bare in (
+        (own.table.objects, words, str.lower, category),
+        (own.table.predicates, predicates, plain, plain),
     ):
         had, mapped = {alike(one) for one in known}, {alike(one) for one in names}
-        for name in names:
-            if alike(name) not in had:
-                note = MAP_NAMES_NOTHING(
-                    file="the map", name=name, names=[name], known={one for one in known if alike(one) not in mapped}
-                )
-                if note.facts["nearest"]:
-                    notes.append(note)
-                else:
-                    others.append(name)
+        free = {bare(one): one for one in sorted(known) if alike(one) not in mapped}
+        for name in (one for one in names if alike(one) not in had):
+            close = get_close_matches(bare(name), free, 1, cutoff=ALIKE)
+            if close:
+                notes.append(MAP_NAMES_NOTHING(file="the map", names=[name], nearest=free[close[0]]))
+            else:
+                others.append(name)
     return notes + ([MAP_NAMES_NOTHING(file="the map", names=others)] if others else [])
 
 

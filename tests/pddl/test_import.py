@@ -341,3 +341,12 @@ def test_two_floors_are_one_ground(tmp_path: Path) -> None:
 def test_files_may_begin_with_a_byte_order_mark(tmp_path: Path, mark: str) -> None:
     made = goal_of(tmp_path, "a b - gadget", "(on a b)", table=f'{mark}[objects]\ngadget = "block"\n')
     assert written(made) == "restsOn(a, b)"
+
+
+def test_what_else_a_problem_has_is_told(tmp_path: Path) -> None:
+    """Sections that are not read, and a predicate of the domain that is called as one of ours."""
+    text = "(define (problem p) (:objects a b - block) (:constraints (always (clear a))) (:goal (on a b)))"
+    assert imported(tmp_path, text).lost == ("not read, line 1: (:constraints (always (clear a)))",)
+    made = goal_of(tmp_path, "a b - block", "(and (on a) (nextto a b))", domain="(:predicates (on ?x) (nextto ?a ?b))")
+    assert [one.code for one in made.warnings] == ["unknown-predicate"] and "nearest" not in made.warnings[0].help
+    assert made.lost == ("without geometry, line 1: (on a)",)

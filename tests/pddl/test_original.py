@@ -14,7 +14,7 @@ from scenegen.pddl.problem import Domain, problem_of
 from scenegen.pddl.read import expressions
 from tests.pddl.test_import import HOUSE, KITCHEN
 
-DOMAIN = """(define (domain blocks) (:requirements :typing :action-costs :adl) (:types block)
+DOMAIN = """(define (domain blocks) (:requirements :typing :action-costs :adl) (:types block bowl)
   (:predicates (on ?x ?y - block) (clear ?x - block) (on-table ?x - block) (handempty) (left-of ?x ?y - block))
   (:functions (total-cost) - number)
   (:action lift :parameters (?x - block) :precondition (and (clear ?x) (on-table ?x)) :effect (not (on-table ?x))))
@@ -91,7 +91,14 @@ def test_a_libero_problem_is_written_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("formula", FORMULAS)
+@pytest.mark.parametrize(
+    "formula",
+    [
+        *FORMULAS,
+        "(and (ON A b) (forall (?X - BLOCK) (imply (= ?x C) (on-table ?X))))",
+        "(exists (?x - (either block bowl)) (and (on ?x b) (not (= ?x c))))",
+    ],
+)
 def test_every_kind_of_goal(tmp_path: Path, formula: str) -> None:
     agree(tmp_path, BLOCKS.replace("FORMULA", formula), DOMAIN)
 
@@ -103,6 +110,8 @@ def test_every_kind_of_goal(tmp_path: Path, formula: str) -> None:
         "(forall (?c - cup.n.01) (ontop ?c ?table.n.02_1))",
         "(forn (1) (?c - cup.n.01) (ontop ?c table.n.02_1))",
         "(and (nextto cup.n.01_1 cup.n.01_2) (not (touching cup.n.01_1 cup.n.01_2)))",
+        "(forpairs (?c - cup.n.01) (?d - cup.n.01) (nextto ?c ?d))",
+        "(forall (?c - cup.n.01) (or (ontop ?c table.n.02_1) (nextto ?c cup.n.01_2)))",
     ],
 )
 def test_houses(tmp_path: Path, formula: str) -> None:
@@ -158,3 +167,13 @@ def test_scenes_of_another_problem_are_refused(tmp_path: Path) -> None:
         with pytest.raises(ScenegenError) as raised:
             scenegen.export_problems(scenes, tmp_path / "out", problem=tmp_path / "p.pddl", **options)  # type: ignore[arg-type]
         assert [one.code for one in raised.value.diagnostics] == [code]
+
+
+@pytest.mark.long
+def test_what_of_a_goal_is_no_fact_stays_and_is_told(tmp_path: Path) -> None:
+    formula = "(and (on a b) (<= (weight a) 10) (preference p1 (on b c)))"
+    scenes, files = scenes_of(tmp_path, BLOCKS.replace("FORMULA", formula), DOMAIN, 1)
+    made = scenegen.export_problems(scenes, tmp_path / "out", **files)
+    assert formula in made.problems[0].read_text()
+    (note,) = made.warnings
+    assert note.code == "facts-without-place" and "(preference p1 (on b c))" in note.title

@@ -25,6 +25,7 @@ from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_nu
 from scenegen.formats.columns import COUNT, PHI, RARITY, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, load_header, not_scenes
+from scenegen.processes.process import cannot_start
 from scenegen.scene.data import SceneFile
 
 KEY = b"scenegen"  # of the header in the file's metadata
@@ -239,4 +240,6 @@ def _damage(path: Path) -> Iterator[None]:
         yield
     except (pa.ArrowException, OSError, ValueError) as error:
         said = (str(error).splitlines() or [""])[0].rstrip(".")
+        if "launch worker thread" in said:
+            raise cannot_start("a thread", error) from error
         raise DataError(DAMAGED_PARQUET(path=path, reason=said)) from error

@@ -27,6 +27,7 @@ from scenegen.errors.files import CANNOT_WRITE_OUTPUT
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
 from scenegen.processes.interrupt import exit_status
+from scenegen.processes.process import cannot_start, is_limit
 
 # click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -196,6 +197,9 @@ def run(words: list[str]) -> int:
     except Exception as error:
         if debug:
             raise
+        if is_limit(error):
+            complain(*cannot_start("a process or thread", error).diagnostics)
+            return 1
         if isinstance(error, OSError) and error.errno and error.filename is None:  # others are no system's
             give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()

@@ -16,7 +16,11 @@ INTERNAL_ERROR = Kind(
     "scenegen itself failed: {error}",
     help="this is a bug; please report it with the traceback that `--debug` shows",
 )
-CANNOT_START_PROCESS = Kind("cannot-start-process", "cannot start {what}: {reason}")
+CANNOT_START_PROCESS = Kind(
+    "cannot-start-process",
+    "cannot start {what}: {reason}",
+    help="end other programs, or ask for fewer <workers>; `ulimit -a` shows how much you may have at a time",
+)
 PROCESS_DIED = Kind(
     "process-died",
     ("{what} {how} at {unit} {item}, and so did another one before", "{what} {how} before it began"),

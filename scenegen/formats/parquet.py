@@ -34,6 +34,7 @@ from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading, check_nu
 from scenegen.formats.columns import COUNT, PHI, RARITY, columns
 from scenegen.formats.files import opened
 from scenegen.formats.header import dump_header, load_header
+from scenegen.processes.process import cannot_start
 from scenegen.scene.data import SceneFile
 
 Check = Callable[["Footer"], None]
@@ -303,4 +304,7 @@ def refused(wrong: Callable[[str], Diagnostic]) -> Iterator[None]:
     except ScenegenError:
         raise
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise DataError(wrong((str(error).splitlines() or [""])[0].rstrip(".")[:200])) from error
+        said = (str(error).splitlines() or [""])[0].rstrip(".")
+        if "launch worker thread" in said:
+            raise cannot_start("a thread", error) from error
+        raise DataError(wrong(said[:200])) from error

@@ -8,6 +8,7 @@ also keeps pybullet, its banner and its memory out of the caller.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import pickle
 import queue
@@ -55,6 +56,19 @@ def environment() -> dict[str, str]:
     arrays. Pythons that libraries start, as MuJoCo's windows do, get -P from it."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", SAFE_PATH)
     return {**VARIABLES, **os.environ, **dict.fromkeys(names, "1")}
+
+
+def is_limit(error: Exception) -> bool:
+    """Whether an error says that the system lets no more processes, threads or files begin."""
+    if isinstance(error, OSError):
+        return error.errno in (errno.EAGAIN, errno.EMFILE, errno.ENFILE)
+    return isinstance(error, RuntimeError) and "can't start new thread" in str(error)
+
+
+def cannot_start(what: str, error: Exception) -> ScenegenError:
+    """The error for a process or thread that the system does not let start."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return ScenegenError(CANNOT_START_PROCESS(what=what, reason=reason.lower()))
 
 
 def cores() -> int:
@@ -109,11 +123,10 @@ class Process:
                 undo.callback(self.process.kill)
                 assert self.process.stdin is not None and self.process.stdout is not None
                 self.input, self.output = self.process.stdin, self.process.stdout
-                self._threads = [threading.Thread(target=self._converse, daemon=True)]
-                self._threads[0].start()
+                self._threads: list[threading.Thread] = []
+                self._begin(self._converse)
             except (OSError, RuntimeError) as error:  # no more files, processes or threads
-                reason = getattr(error, "strerror", None) or str(error)
-                raise ScenegenError(CANNOT_START_PROCESS(what=what, reason=reason)) from error
+                raise cannot_start(what, error) from error
             undo.pop_all()  # what stays open is closed in `end`
 
     def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message], order: tuple[int, Any] | None = None) -> None:
@@ -130,8 +143,16 @@ class Process:
                 inbox.put(Message(self, GONE))
                 return
         # It may still be starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
-        self._threads.append(threading.Thread(target=self._give, args=(messages,), daemon=True))
-        self._threads[-1].start()
+        self._begin(self._give, messages)
+
+    def _begin(self, work: Callable[..., None], *given: object) -> None:
+        """A thread of this process's own. Raises ScenegenError where none can start."""
+        thread = threading.Thread(target=work, args=given, daemon=True)
+        try:
+            thread.start()
+        except RuntimeError as error:
+            raise cannot_start("a thread", error) from error
+        self._threads.append(thread)
 
     @property
     def idle(self) -> bool:

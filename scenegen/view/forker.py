@@ -33,7 +33,8 @@ def main() -> None:
     os.dup2(null, 0)
     os.dup2(2, 1)
     warm()
-    control.sendall(b"r")  # ready
+    with contextlib.suppress(BrokenPipeError):  # the server has ended: so do we
+        control.sendall(b"r")  # ready
     workers: dict[int, int] = {}  # number -> process
     while True:
         ready, _, _ = select.select([control], [], [], PAUSE)
@@ -49,10 +50,11 @@ def main() -> None:
         kind, number = ORDER.unpack(data)
         if kind == FORK:
             sys.stdout.flush()
-            process = os.fork()
-            if process == 0:
-                live(control, fds[0])
-            workers[number] = process
+            with contextlib.suppress(OSError):  # no more processes: the server sees its socket closed
+                process = os.fork()
+                if process == 0:
+                    live(control, fds[0])
+                workers[number] = process
             os.close(fds[0])
         elif number in workers:
             with contextlib.suppress(ProcessLookupError):

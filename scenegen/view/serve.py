@@ -8,7 +8,7 @@ import secrets
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 import uvicorn
@@ -91,13 +91,14 @@ def config_of(app: Gate) -> uvicorn.Config:
 
 
 def serve(opened: Opened, host: str, port: int | None, told: Callable[[str], None], token: str | None = None) -> int:
-    """Serve the page until an interrupt; `told` is given the link once it works. Returns the exit status."""
+    """Serve the page until an interrupt; `told` is given the link once it works. Returns the exit status. Raises
+    ScenegenError if its processes cannot start."""
     token = token or secrets.token_urlsafe(24)
     listener = bind(host, port)
     shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     link = f"http://{shown}:{listener.getsockname()[1]}/?token={token}"
-    config = config_of(make_app(opened, token, hosts_of(listener, host)))
-    server = _Server(config, lambda: told(link))
+    app = make_app(opened, token, hosts_of(listener, host))
+    server = _Server(config_of(app), app.shared.workers.start, lambda: told(link))
     try:
         server.run(sockets=[listener])
     except KeyboardInterrupt as error:
@@ -108,9 +109,11 @@ def serve(opened: Opened, host: str, port: int | None, told: Callable[[str], Non
 
 
 class _Server(uvicorn.Server):
-    def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
+    def __init__(
+        self, config: uvicorn.Config, before: Callable[[], Awaitable[None]], ready: Callable[[], None]
+    ) -> None:
         super().__init__(config)
-        self._ready = ready
+        self._before, self._ready = before, ready
         self.began = False
 
     @contextlib.contextmanager
@@ -129,6 +132,7 @@ class _Server(uvicorn.Server):
                 signal.signal(number, before)  # uvicorn raises it again
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await self._before()
         await super().startup(sockets)
         if self.started:
             self.began = True

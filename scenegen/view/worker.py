@@ -13,6 +13,7 @@ from typing import Any
 
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import OUT_OF_MEMORY
+from scenegen.processes.process import cannot_start, is_limit
 from scenegen.view.jobs import JOBS
 from scenegen.view.jobs.source import refusal
 from scenegen.view.wire import SIZE, packed
@@ -48,6 +49,9 @@ def do(line: socket.socket, message: dict[str, Any]) -> None:
     except (BrokenPipeError, ConnectionResetError):
         raise
     except Exception as error:  # nothing that a page sends may end the worker
+        if is_limit(error):
+            line.sendall(packed({"refused": refusal(cannot_start("a thread", error))}))
+            return
         LOG.exception("the job %s failed", message.get("job"))
         line.sendall(packed({"failed": f"scenegen itself failed: {type(error).__name__}: {error}"}))
 

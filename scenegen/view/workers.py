@@ -12,7 +12,7 @@ import socket
 from collections.abc import AsyncIterator
 from typing import Any
 
-from scenegen.processes.process import command, environment
+from scenegen.processes.process import cannot_start, command, environment
 from scenegen.view.forker import END, FORK, ORDER
 from scenegen.view.limits import MAX_WORKERS
 from scenegen.view.wire import LARGEST, SIZE, packed
@@ -37,15 +37,21 @@ class Workers:
         self.alive: set[Worker] = set()
 
     async def start(self) -> None:
-        """Start the program that workers are forked from, unless it runs. Takes about a second."""
+        """Start the program that workers are forked from, unless it runs. Takes about a second. Raises
+        ScenegenError if it cannot start."""
         async with self._starting:
             if self._process is not None and self._process.returncode is None:
                 return
             ours, theirs = socket.socketpair()
-            self._process = await asyncio.create_subprocess_exec(
-                *command("scenegen.view.forker"), stdin=theirs.fileno(), env=environment()
-            )
-            theirs.close()
+            try:
+                self._process = await asyncio.create_subprocess_exec(
+                    *command("scenegen.view.forker"), stdin=theirs.fileno(), env=environment()
+                )
+            except (OSError, RuntimeError) as error:  # no more files, processes or threads
+                ours.close()
+                raise cannot_start("a worker process", error) from error
+            finally:
+                theirs.close()
             ours.setblocking(False)
             if not await asyncio.get_running_loop().sock_recv(ours, 1):
                 raise Gone("the program that workers are forked from ended")

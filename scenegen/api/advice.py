@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from scenegen.api.model import Model
 from scenegen.errors import Diagnostic
-from scenegen.errors.models import BEYOND_TRAINING, RAW_BREAKS_REQUIREMENT
-from scenegen.evaluation.faults import concerned, faults
+from scenegen.errors.models import BEYOND_TRAINING, NO_TABLE_OF_PHI, NOT_MEASURED, RAW_BREAKS_REQUIREMENT
+from scenegen.evaluation.faults import concerned, faults, measured, overlapping
 from scenegen.lang.core import REQUIRE, gated
 from scenegen.lang.counts import written
 from scenegen.lang.interpret import phi as score
@@ -27,7 +27,13 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
     found = dict[Diagnostic, None]()
     scenes = [None] * len(model.each) if rows is None or not raw else _scenes_of(model, rows)
     for (numbers, one), made in zip(model.each, scenes, strict=True):
-        mine = faults(concerned(one.trained.card.quality, ends))
+        card = one.trained.card
+        mine = faults(concerned(card.quality, ends), () if raw else overlapping(card, ends))
+        if ends and card.ranges is not None and not measured(card, ends):
+            where = [f"{label}={wanted}" for label, wanted in ranges.items()]
+            mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
+        if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):
+            mine.append(NO_TABLE_OF_PHI(version=card.scenegen))
         if raw:
             mine += _beyond(one, ends)
             mine += [] if made is None else _unmet(one, made)

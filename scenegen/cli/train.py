@@ -89,6 +89,15 @@ def train(
             metavar="NAME|FILE",
         ),
     ] = None,
+    phi: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--phi",
+            help="Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
+            metavar="[NAME=]LO:HI",
+            show_default=False,
+        ),
+    ] = None,
     hyper: Annotated[
         list[str] | None,
         typer.Option(
@@ -142,6 +151,7 @@ def train(
       scenegen train first --out m.safetensors
       scenegen train first --out m.safetensors --resume
       scenegen train my.spec --model flow --epochs 8 --out flow.safetensors
+      scenegen train my.spec --phi task=-0.05:0.05 --out near.safetensors
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
       scenegen train specs/*.spec --out models/
 
@@ -149,9 +159,10 @@ def train(
     result as an uninterrupted run (it reads FILE.train beside the model, which you can delete afterwards). With more
     --epochs than at first, the learning rate follows the new schedule from there on.
 
-    First the training scenes are drawn, which takes long if they are rare; their number is shown. If --timeout ends
-    during this, nothing is written and the exit status is 1. Later, training stops as on Ctrl-C: the current model is
-    written, without a card.
+    First the training scenes are drawn; where they are rare, there are fewer, and a note says so: this takes two
+    minutes of CPU time at most. Those that are there when Ctrl-C, a signal or --timeout ends it are kept for --resume;
+    after --timeout the exit status is 1. Later, training stops as on Ctrl-C: the current model is written, without a
+    card.
 
     Some scenes are held out from training; after each epoch the model generates scenes for their phi, and the error is
     shown. The card, FILE.md, describes the model and compares it with new exact scenes.
@@ -189,7 +200,7 @@ def train(
         need("torch", "to train a model")
         ensure_folder(folder)
         jobs = [job for name, spec in named for job in trainings(name, spec, folder, root, counts)]
-        job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts)
+        job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts, tuple(phi or ()))
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.cli.output import complain, console, detail, flag, print_error
@@ -204,6 +215,7 @@ def train(
     from scenegen.api.train import train as run
     from scenegen.evaluation.card import check_card, write_card
     from scenegen.evaluation.faults import faults
+    from scenegen.sampling.request import parse_phi
     from scenegen.training.progress import TrainingProgress
 
     if card:
@@ -211,11 +223,12 @@ def train(
     checked = load(spec, root).with_counts(counts)
     if checked.counts:
         raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
+    wanted = parse_phi(phi or [], checked.labels)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
         train_on = partial(
-            run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, timeout=timeout
+            run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, timeout=timeout, phi=wanted
         )
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
@@ -229,7 +242,7 @@ def train(
                 print_error(f"wrote {written}")
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
-    complain(*faults(done.trained.card.quality))
+    complain(*faults(done.trained.card.quality, done.trained.card.ranges or ()))
     print_error(
         f"{clock}; wrote {out} ({path.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16"
     )

@@ -58,6 +58,7 @@ class Training:
     log_dir: Path | None
     root: Path | None
     counts: dict[str, str]
+    phi: tuple[str, ...] = ()
 
     def __call__(self, task: Task) -> Said:
         from scenegen.api.spec import load
@@ -65,7 +66,8 @@ class Training:
         from scenegen.evaluation.card import card_paths, check_card, write_card
         from scenegen.evaluation.faults import faults
         from scenegen.formats.files import check_writable
-        from scenegen.training.state import state_path
+        from scenegen.sampling.request import parse_phi
+        from scenegen.training.state import begun
 
         source, out, numbers = task
         began = time.monotonic()
@@ -73,11 +75,14 @@ class Training:
         check_writable(out, source)
         if self.card:
             check_card(out, source)
-        begun = self.resume and state_path(out).exists()
-        if begun and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
+        going = self.resume and begun(out)
+        wanted = parse_phi(self.phi, spec.labels)
+        if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
             return Said((f"complete already: {out}",))
         notes: list[Diagnostic] = []
-        run = partial(train, spec, self.model, recipe=self.recipe, out=out, resume=begun, on_note=notes.append)
+        run = partial(
+            train, spec, self.model, recipe=self.recipe, out=out, resume=going, on_note=notes.append, phi=wanted
+        )
         log_dir = (
             None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
         )
@@ -88,16 +93,24 @@ class Training:
             write_card(done, out, left)
         took = f"{time.monotonic() - began:.0f} s"
         size = out.stat().st_size / 1e6
-        return Said((f"wrote {out} ({size:.2f} MB) in {took}",), (*notes, *faults(done.trained.card.quality)))
+        return Said(
+            (f"wrote {out} ({size:.2f} MB) in {took}",),
+            (*notes, *faults(done.trained.card.quality, done.trained.card.ranges or ())),
+        )
 
     def _complete(self, spec: Spec, out: Path) -> bool:
         """Whether a file is the model of this training after all its epochs."""
+        from scenegen.api.train import trained_on
         from scenegen.errors import DataError
         from scenegen.models.checkpoint import load_model
+        from scenegen.sampling.request import parse_phi
         from scenegen.training.config import make_config
         from scenegen.training.state import load_state, state_path
 
-        config = make_config(self.model, self.recipe, **self.options)
+        if not state_path(out).exists():
+            return False
+        asked = trained_on(spec, parse_phi(self.phi, spec.labels))
+        config = make_config(self.model, self.recipe, phi=asked, **self.options)
         if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
             return False
         try:

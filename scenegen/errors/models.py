@@ -17,7 +17,7 @@ NOTHING_TO_LEARN = Kind(
 )
 RARE_SCENES = Kind(
     "rare-scenes",
-    "scenes of this range of phi of {labels} are rare: {fewer:,} of {count:,} are drawn, which saves time",
+    "scenes with {what} are rare: {fewer:,} of {count:,} are drawn, which saves time",
     severity="note",
 )
 NO_POSITIVES = Kind(
@@ -32,8 +32,14 @@ REQUIREMENT_TOO_RARE = Kind(
 )
 NO_TIME_TO_GATHER = Kind(
     "no-time-to-gather",
-    "time was up after {seconds:g} s of {account}; nothing was written",
-    help="give it more time with <timeout>, ask for fewer <scenes>, or train on `<data=uniform>`",
+    (
+        "time was up after {seconds:g} s of {account}; {kept:,} scenes are kept in {path}",
+        "time was up after {seconds:g} s of {account}; nothing was written",
+    ),
+    help=(
+        "[[{kept:?}go on with `<resume=True>`, or ]]give it more time with <timeout>, ask for fewer <scenes>, "
+        "or train on `<data=uniform>`"
+    ),
 )
 TOO_MANY_TO_TRAIN = Kind(
     "too-many-to-train",
@@ -126,6 +132,25 @@ PHI_MISSED = Kind(
     "phi-missed",
     "[[with {counted}: ]]raw scenes miss their phi by {places} on average",
     help="the model card has the figures; sample the spec itself for exact scenes",
+    severity="warning",
+)
+UNLIKE_EXACT = Kind(
+    "unlike-exact",
+    "[[with {counted}: ]]the model's scenes are not distributed as exact ones: {places} (exact scenes: 0.97, 0.05)",
+    help="the model card has the figures; sample the spec itself for exact scenes",
+    severity="warning",
+)
+NOT_MEASURED = Kind(
+    "not-measured",
+    "[[with {counted}: ]]how good the model is at {where} was not measured",
+    help="[[a model that is trained with `<phi={one}>` is measured there; ]]sample the spec itself for exact scenes",
+    severity="warning",
+)
+NO_TABLE_OF_PHI = Kind(
+    "no-table-of-phi",
+    "[[with {counted}: ]]the model file, of scenegen {version}, has no table of how phi is distributed: its scenes "
+    "may crowd at an end of the range",
+    help="train it again; or give the range two ends",
     severity="warning",
 )
 BEYOND_TRAINING = Kind(

@@ -10,7 +10,7 @@ from scenegen.evaluation.faults import faults
 from scenegen.evaluation.measure import ALL, LABELS, SCENES, Measured, measure
 from scenegen.evaluation.model import Model
 from scenegen.formats.files import check_writable, write_whole
-from scenegen.models.card import QualityData
+from scenegen.models.card import QualityData, RangeData
 from scenegen.models.checkpoint import save_model
 
 
@@ -31,7 +31,7 @@ def write_card(model: Model, path: Path, seconds: float = ALL) -> list[Path]:
     that rare targets may be left out on a slow machine or with little time (`seconds`). Raises OutputError."""
     text, picture = card_paths(path)
     measured = measure(model, seconds)
-    record(model, path, quality(measured))
+    record(model, path, quality(measured), ranges(measured))
     written = [text]
     if measured.curves:
         from scenegen.figures.calibration import Panel, calibration
@@ -60,10 +60,23 @@ def quality(measured: Measured) -> list[QualityData]:
     ]
 
 
-def record(model: Model, path: Path, found: list[QualityData]) -> None:
+def ranges(measured: Measured) -> list[RangeData]:
+    """What the model file keeps of the scenes that `sample` returns."""
+    return [
+        RangeData(
+            wanted={label: (ends.low, ends.high) for label, ends in one.wanted.items()},
+            phi=one.phi,
+            truth=one.truth.coverage,
+            **asdict(one.made),
+        )
+        for one in measured.ranges
+    ]
+
+
+def record(model: Model, path: Path, found: list[QualityData], returned: list[RangeData]) -> None:
     """Write the figures into the model file, where `sample` finds them. Raises OutputError."""
-    card = model.trained.card.model_copy(update={"quality": found})
-    save_model(path, model.trained.model, card)
+    card = model.trained.card.model_copy(update={"quality": found, "ranges": returned})
+    save_model(path, model.trained.model, card, model.trained.regions)
     model.trained = replace(model.trained, card=card)
 
 
@@ -104,12 +117,47 @@ def card_text(model: Model, path: Path, measured: Measured) -> str:
 
 
 def _figures(measured: Measured, labels: int) -> list[str]:
-    if not measured.levels:
-        return ["No exact scenes were found to compare with."]
-    lines = [f"**Warning:** {fault.title}." for fault in faults(quality(measured))]
+    if not measured.levels and not measured.ranges:
+        return ["No exact scenes were found to compare with.", *_missing(measured)]
+    lines = [f"**Warning:** {fault.title}." for fault in faults(quality(measured), ranges(measured))]
+    lines += [*([""] if lines else []), *_returned(measured)]
+    if measured.levels:
+        lines += [*([""] if lines else []), *_raw(measured)]
+    if labels > LABELS:
+        lines += ["", f"The first {LABELS} of {labels} labels were measured."]
+    return [*lines, *_missing(measured)]
+
+
+def _missing(measured: Measured) -> list[str]:
+    if not measured.missing:
+        return []
+    missing = "; ".join(measured.missing)
+    return ["", f"Not measured, since the exact samplers found too few scenes there in seconds: {missing}."]
+
+
+def _returned(measured: Measured) -> list[str]:
+    if not measured.ranges:
+        return []
+    lines = [
+        f"What `scenegen sample` returns for ranges of phi, as it occurs there, against up to {SCENES:,} exact scenes:",
+        "the KS distance of phi, the share of the exact scenes that are covered, the KS distance of the worst",
+        "coordinate and of the worst direction, and the energy distance; in brackets what other exact scenes score.",
+        "",
+        "| range of phi | phi: KS | covered | KS | sliced KS | energy |",
+        "|---|---|---|---|---|---|",
+    ]
+    for one in measured.ranges:
+        made, truth = one.made, one.truth
+        lines.append(
+            f"| {_cell(str(one))} | {one.phi:.3f} | {made.coverage:.3f} ({truth.coverage:.3f}) | {made.ks:.3f} "
+            f"({truth.ks:.3f}) | {made.sliced:.3f} ({truth.sliced:.3f}) | {made.energy:.4f} ({truth.energy:.4f}) |"
+        )
+    return lines
+
+
+def _raw(measured: Measured) -> list[str]:
     corrected = measured.levels[0].alone is not None
-    lines += [
-        *([""] if lines else []),
+    lines = [
         f"The model's raw scenes against {SCENES:,} fresh exact scenes around each value of phi, in the coordinates",
         "that phi depends on: the mean of |phi - target phi|, the share of the exact scenes that are covered, the KS",
         "distance of the worst coordinate, and of the worst direction, sum, difference or product of coordinates",
@@ -129,13 +177,6 @@ def _figures(measured: Measured, labels: int) -> list[str]:
             f"({truth.ks:.3f}) | {made.sliced:.3f} ({truth.sliced:.3f}) | {made.energy:.4f} ({truth.energy:.4f}) | "
             f"{one.required:.3f} |{alone}"
         )
-    if labels > LABELS:
-        lines += ["", f"The first {LABELS} of {labels} labels were measured."]
-    if measured.missing:
-        lines += [
-            "",
-            f"Not measured, since exact scenes are too rare there to be had in seconds: {'; '.join(measured.missing)}.",
-        ]
     return lines
 
 

@@ -11,7 +11,7 @@ from scenegen.evaluation.model import Model
 SHOWN = 12  # maximum number of objects and labels that are listed
 TRIED = 8192  # scenes for measuring the speed
 DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "boosted": "uniform scenes, boosted"}
-TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper")  # training settings that are shown elsewhere
+TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
 
 
 def describe(model: Model, path: Path) -> list[tuple[str, str]]:
@@ -33,6 +33,9 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     held = f", {card.data.held_out:,} more held out (SHA-256 {card.data.sha256[:12]})" if card.data is not None else ""
     count = f"{scenes:,}" if isinstance(scenes, int) else "an unknown number of"
     facts.append(("data", f"{count} {DATA.get(name, f'scenes of {name}')}{held}"))
+    where = training.get("phi")
+    if isinstance(where, dict) and where:
+        facts.append(("trained at", "most scenes at " + ", ".join(f"{label}={one}" for label, one in where.items())))
     rest = {key: value for key, value in training.items() if key not in TOLD and value is not None}
     kept = "" if card.kept_epoch is None else f", epoch {card.kept_epoch} kept"
     facts.append(("training", f"{card.epochs_done} of {training.get('epochs')} epochs{kept}{_settings(rest)}"))

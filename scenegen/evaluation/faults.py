@@ -5,19 +5,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from scenegen.errors import Diagnostic
-from scenegen.errors.models import PHI_MISSED, SCENES_LEFT_OUT
-from scenegen.models.card import QualityData
+from scenegen.errors.models import PHI_MISSED, SCENES_LEFT_OUT, UNLIKE_EXACT
+from scenegen.models.card import ModelCard, QualityData, RangeData
+from scenegen.sampling.request import Range
 
 LEAST_COVERAGE = 0.85
 MOST_ERROR = 0.02
+MOST_DISTANCE = 0.2  # KS, of a thousand scenes: exact ones have up to 0.09
+GOOD_PART = 0.2
 SHOWN = 3
 
 Ends = Mapping[str, tuple[float | None, float | None]]
 
 
-def faults(found: Sequence[QualityData]) -> list[Diagnostic]:
-    """A warning for each kind of fault; none where the model is as good as it should be."""
+def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> list[Diagnostic]:
+    """A warning for each kind of fault, of raw scenes and of those that `sample` returns; none where the model is as
+    good as it should be."""
     lines = []
+    poor = [one for one in returned if one.coverage < LEAST_COVERAGE or max(one.phi, one.ks) > MOST_DISTANCE]
+    if poor:
+        worst = sorted(poor, key=lambda one: one.coverage - max(one.phi, one.ks))[:SHOWN]
+        places = "; ".join(f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {told(one)}" for one in worst)
+        lines.append(UNLIKE_EXACT(places=places + _more(poor)))
     left_out = sorted((one for one in found if one.coverage < LEAST_COVERAGE), key=lambda one: one.coverage)
     if left_out:
         places = "; ".join(f"{one.coverage:.2f} at {_where(one)}" for one in left_out[:SHOWN])
@@ -38,6 +47,38 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
     return inside or sorted(same, key=lambda one: _distance(one, ranges))[:1]
 
 
+def measured(card: ModelCard, ranges: Ends) -> bool:
+    """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
+    which it is a good part."""
+    if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
+        return True
+    return any(_overlap(card, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))
+
+
+def overlapping(card: ModelCard, ranges: Ends) -> list[RangeData]:
+    """The measured ranges of the same labels that have values in common with a request."""
+    same = [one for one in card.ranges or () if set(one.wanted) == set(ranges)]
+    return [one for one in same if _overlap(card, one, ranges) > 0.0]
+
+
+def _overlap(card: ModelCard, one: RangeData, ranges: Ends) -> float:
+    """How much of a measured range a request has, as a share of its width, of the label where that is least."""
+    shares = []
+    for label in card.labels:
+        if label.name in ranges:
+            (low, high), (least, most) = (
+                (label.lowest if a is None else a, label.highest if b is None else b)
+                for a, b in (one.wanted[label.name], ranges[label.name])
+            )
+            shares.append((min(high, most) - max(low, least)) / (high - low) if high > low else 0.0)
+    return min(shares, default=0.0)
+
+
+def told(one: RangeData) -> str:
+    """The ranges in words: `task 0:`."""
+    return ", ".join(f"{label} {Range(*ends)}" for label, ends in one.wanted.items())
+
+
 def _distance(one: QualityData, ranges: Ends) -> float:
     far = [0.0]
     for label, value in one.wanted.items():
@@ -51,5 +92,5 @@ def _where(one: QualityData) -> str:
     return ", ".join(f"{label} {value:.3g}" for label, value in one.wanted.items())
 
 
-def _more(found: Sequence[QualityData]) -> str:
+def _more(found: Sequence[object]) -> str:
     return f"; {len(found) - SHOWN} more" if len(found) > SHOWN else ""

@@ -80,11 +80,25 @@ class QualityData(_Strict):
     required: FiniteFloat
 
 
+class RangeData(_Strict):
+    """The scenes that `sample` returns for ranges of phi, low and high, None where there is no end, against exact ones:
+    coverage, and that of other exact scenes (`truth`); KS of the phi that is furthest off, and of the worst coordinate;
+    sliced KS and energy distance."""
+
+    wanted: dict[Name, tuple[FiniteFloat | None, FiniteFloat | None]]
+    phi: FiniteFloat
+    coverage: FiniteFloat
+    truth: FiniteFloat
+    ks: FiniteFloat
+    sliced: FiniteFloat
+    energy: FiniteFloat
+
+
 class ModelCard(_Strict):
     """What a model file says about itself. `hyper` are the model's own settings, `training` the training's. Where
     training was told to keep the best epoch, `kept_epoch` is the one whose weights these are; else it was the last.
     `corrected`: the last step of a scene is the spec's (scenegen.models.correction). `quality` is
-    empty until the model has been measured.
+    empty until the model has been measured, and `ranges` is None; files of earlier versions have no `ranges`.
 
     Files of version 0.1 name no recipe, no layout, no data and no validation: their networks are the published ones.
     """
@@ -106,6 +120,7 @@ class ModelCard(_Strict):
     kept_epoch: Annotated[int, Field(ge=1)] | None = None
     corrected: bool = False
     quality: list[QualityData] = Field(default=[], max_length=1000)
+    ranges: list[RangeData] | None = Field(default=None, max_length=1000)
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

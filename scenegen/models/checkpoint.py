@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
 from pydantic import ValidationError
+from torch import Tensor
 
 from scenegen.errors import DataError, ScenegenError
-from scenegen.errors.models import MODEL_OF_ANOTHER_SPEC, MODEL_SETTING
+from scenegen.errors.models import MODEL_OF_ANOTHER_SPEC, MODEL_SETTING, WEIGHTS_MISFIT
 from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
@@ -21,14 +23,22 @@ from scenegen.models.trained import TrainedModel
 WHAT = "a model file"
 
 
-def save_model(path: Path, model: SceneModel, card: ModelCard) -> None:
+REGION = "region."  # begins the names of tensors that are no weights: how phi is distributed
+NUMBERS, SCENES = 1 << 16, 4096  # numbers of these in a file, and scenes of one region, at most
+
+
+def save_model(path: Path, model: SceneModel, card: ModelCard, regions: Sequence[Tensor] = ()) -> None:
     """Write a model file, whole or not at all. The same model and card give the same bytes. Raises OutputError."""
-    write_whole(path, packed(model, card))
+    write_whole(path, packed(model, card, regions))
 
 
-def packed(model: SceneModel, card: ModelCard) -> bytes:
-    """The bytes of a model file."""
-    return pack(FORMAT, card.model_dump_json(), model.sampler_state())
+def packed(
+    model: SceneModel, card: ModelCard, regions: Sequence[Tensor] = (), weights: Mapping[str, Tensor] | None = None
+) -> bytes:
+    """The bytes of a model file; with `weights` instead of the model's own. See TrainedModel for `regions`."""
+    most = max(1, min(SCENES, NUMBERS // max(1, sum(len(one) for one in regions))))
+    kept = {f"{REGION}{number:04}": one[:, : 2 + most] for number, one in enumerate(regions)}
+    return pack(FORMAT, card.model_dump_json(), {**(weights or model.sampler_state()), **kept})
 
 
 def load_model(
@@ -49,6 +59,9 @@ def load_model(
         hyper = card.hyper if card.corrected else {**kind.before, **card.hyper}
         model = kind(card.sizes, kind.hyper_class.model_validate(hyper))
         model.drop_training_parts()
+        regions = [tensors.pop(name) for name in sorted(tensors) if name.startswith(REGION)]
+        if not all(_is_region(one, len(card.labels)) for one in regions):
+            raise DataError(WEIGHTS_MISFIT(name=REGION, reason="are no table of phi"))
         model.load_weights(tensors)
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
@@ -57,7 +70,12 @@ def load_model(
         first = error.diagnostics[0].but(path=path)
         raise DataError(first) from error
     model.to(torch.device(device)).eval()
-    return TrainedModel(model, Codec(card.area, card.sizes.objects), card)
+    return TrainedModel(model, Codec(card.area, card.sizes.objects), card, regions=tuple(regions))
+
+
+def _is_region(found: Tensor, labels: int) -> bool:
+    fits = found.ndim == 2 and len(found) == labels and found.shape[1] > 2 and found.dtype == torch.float32
+    return fits and not bool(found.isnan().any())
 
 
 def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:

@@ -30,6 +30,7 @@ SPARE = 4  # scenes for one that is missing, at most
 MOST = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
 TOLERANCE = 1e-3  # of a label's range: what counts as arrived
+NEAR = 10.0  # times TOLERANCE: the same near 0, of the range from 0 to the top
 LONGEST = 0.15  # of the workspace, or radians, that one coordinate may move in a step
 STEP = 65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
 STIRRED = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
@@ -42,19 +43,23 @@ the branches that they were made in, where the model has any."""
 
 
 class Correction:
-    """Of the models of one spec. `spans` are the widths of the labels' ranges in the training data, (L,)."""
+    """Of the models of one spec. `spans` are the widths of the labels' ranges in the training data, (L,), and `tops`
+    the highest phi there, 0 where phi does not change its sign: near 0 scenes arrive as exactly as a range of that
+    height would have it, since a satisfied part may be a hundredth of the whole."""
 
-    def __init__(self, spec: CheckedSpec, spans: Tensor) -> None:
+    def __init__(self, spec: CheckedSpec, spans: Tensor, tops: Tensor | None = None) -> None:
+        self.spec = spec
         core = gated(spec.core)
         self._labels = Slopes(spec.core)
         self._required = Robustness(part(core, [REQUIRE])) if REQUIRE in core.labels else None
         self._both = Slopes(core)
-        self._tolerance = (TOLERANCE * spans)[:, None]
+        self._most = (TOLERANCE * spans)[:, None]
+        self._tops = (torch.zeros_like(spans) if tops is None else tops)[:, None]
         low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
         self._low, self._high = low, high
         self._scale = high - low
         self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
-        self._stir = Stir(spec, self._tolerance)
+        self._stir = Stir(spec, self._most)
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""
@@ -82,8 +87,14 @@ class Correction:
         random = _on_cpu(generator)
         for start in range(0, count if self._stir.count else 0, STIRRED):
             some = slice(start, start + STIRRED)
-            rows[:, some] = self._stir(rows[:, some], wanted[:, some], random, ~off[some])
+            near = wanted[:, some], self._tolerance(wanted[:, some])
+            rows[:, some] = self._stir(rows[:, some], near[0], random, ~off[some], near[1])
         return rows
+
+    def _tolerance(self, wanted: Tensor) -> Tensor:
+        """How far phi may be from where it is wanted, (L, B)."""
+        near = NEAR * TOLERANCE * torch.maximum(self._tops, wanted.abs())
+        return torch.where((self._tops > 0.0) & ~torch.isnan(near), torch.minimum(near, self._most), self._most)
 
     def _corrected(self, rows: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
         """Scenes (3N, B) moved, and which of them are not where they ought to be, (B,)."""
@@ -113,11 +124,12 @@ class Correction:
         labels = [head for head in heads if head < len(wanted)]
         off = torch.ones(rows.shape[1], dtype=torch.bool)
         active, here, target = torch.arange(rows.shape[1]), rows, wanted[labels]
+        tolerance = self._tolerance(wanted)[labels]
         rows = rows.clone()
         for step in range(steps + 1):
             values, atoms = phi(here)
             gap = torch.where(torch.isnan(target), torch.zeros(()), target - values[labels])
-            far = gap.abs() > self._tolerance[labels]
+            far = gap.abs() > tolerance
             if len(heads) > len(labels):
                 margin = values[heads[-1:]]
                 gap, far = torch.cat([gap, -2.0 * margin]), torch.cat([far, margin < 0.0])
@@ -131,8 +143,8 @@ class Correction:
                 there = (~moving).nonzero()[:, 0]
                 _put(rows, active[there], here.index_select(1, there))
             kept = [place for place in range(len(heads)) if bool(far[place].any())]
-            active, here, target, atoms, gap, far = (
-                some.index_select(-1, on) for some in (active, here, target, atoms, gap[kept], far[kept])
+            active, here, target, tolerance, atoms, gap, far = (
+                some.index_select(-1, on) for some in (active, here, target, tolerance, atoms, gap[kept], far[kept])
             )
             slopes = [phi.gradient(here, atoms[heads[place]], far[k]) for k, place in enumerate(kept)]
             shift = newton(torch.stack(slopes) * self._scale, gap, far)

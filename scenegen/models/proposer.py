@@ -12,11 +12,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
     from scenegen.models.trained import TrainedModel
+
+LEAST, MOST, EACH = 24, 256, 2  # moves within the range that was asked for: so many for each node of the formula
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +46,24 @@ class ModelProposer:
     def info(self) -> Mapping[str, object]:
         return {} if self.steps is None else {"steps": self.steps}
 
+    @property
+    def regions(self) -> tuple[Array, ...]:
+        return tuple(one.double().numpy() for one in _network(self).regions)
+
+    def stirred(self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int) -> Tensor:
+        import torch
+
+        from scenegen.models.stirring import Stir
+
+        network = _network(self)
+        if network.correction is None or len(ends[0]) != self.labels:  # labels that were added are not known here
+            return rows
+        stir = Stir(network.correction.spec, torch.zeros(self.labels, 1), box)
+        old, low, high = (one.to(torch.float32) for one in (rows, *ends))
+        moves = max(LEAST, min(MOST, EACH * len(network.correction.spec.core.nodes)))
+        new = stir.within(old, (low, high), torch.Generator().manual_seed(seed), moves if stir.moving else 0)
+        return torch.where(new == old, rows, new.to(rows.dtype))
+
     def __call__(self, phi: Tensor, generator: torch.Generator) -> Tensor:
         network = _network(self)
         return network.propose(network.asked(phi[: self.labels], self.asked), generator)
@@ -57,4 +82,5 @@ def _network(proposer: ModelProposer) -> TrainedModel:
 def make_proposer(trained: TrainedModel) -> ModelProposer:
     from scenegen.models.checkpoint import packed
 
-    return ModelProposer(trained.name, packed(trained.model, trained.card), len(trained.card.labels), trained.steps)
+    data = packed(trained.model, trained.card, trained.regions)
+    return ModelProposer(trained.name, data, len(trained.card.labels), trained.steps)

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -26,18 +28,20 @@ WORK = 2500  # visits of nodes that they may take for each scene
 PER_SHAPE = 30  # what a footprint costs, in plain nodes
 SHORTEST, LONGEST = 0.01, 0.5  # of the workspace, or of a turn
 
+Array = npt.NDArray[np.float64]
 Move = tuple[Tensor, Tensor]
 
 
 class Stir:
-    """Of one spec; `tolerance` (L, 1) is how far phi may be from where it is wanted. `count` moves are made."""
+    """Of one spec; `tolerance` (L, 1) or (L, B) is how far phi may be from where it is wanted, `box` (3N,) each where
+    poses may lie, if not all over the spec's. `count` moves are made, if there is anything `moving`."""
 
-    def __init__(self, spec: CheckedSpec, tolerance: Tensor) -> None:
+    def __init__(self, spec: CheckedSpec, tolerance: Tensor, box: tuple[Array, Array] | None = None) -> None:
         core = gated(spec.core)
         self._phi = Robustness(core)
         self._required = REQUIRE in core.labels
         self._tolerance = tolerance
-        low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
+        low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in box or spec.box())
         self._low, self._high, self._size = low[:, 0], high[:, 0], (high - low)[:, 0]
         self._turns = torch.zeros(len(low), dtype=torch.bool)
         self._turns[along(THETA)] = True
@@ -51,27 +55,53 @@ class Stir:
             self._moves = [self._one]
         shapes = sum(len(node.shapes) for node in core.nodes if isinstance(node, Apply))
         count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes))
-        self.count = count if len(self._rows) else 0
+        self.moving = len(self._rows) > 0
+        self.count = count if self.moving else 0
 
-    def __call__(self, rows: Tensor, wanted: Tensor, generator: torch.Generator, right: Tensor | None = None) -> Tensor:
+    def __call__(
+        self,
+        rows: Tensor,
+        wanted: Tensor,
+        generator: torch.Generator,
+        right: Tensor | None = None,
+        tolerance: Tensor | None = None,
+    ) -> Tensor:
         """Moved scenes (3N, B); wanted phi (L, B), NaN where a label is free. Scenes that are not where they ought to
-        be stay as they are; `right` (B,) says which are, where that is known."""
+        be stay as they are; `right` (B,) says which are, where that is known; `tolerance` (L, B) instead of the
+        usual."""
+        off = self._tolerance if tolerance is None else tolerance
+        ends = wanted - off, wanted + off
+        return self.within(rows, ends, generator, self.count, right)
+
+    def within(
+        self,
+        rows: Tensor,
+        ends: tuple[Tensor, Tensor],
+        generator: torch.Generator,
+        moves: int,
+        right: Tensor | None = None,
+    ) -> Tensor:
+        """Moved scenes (3N, B) whose phi is to stay within `ends`, (L, B) each, after so many moves; where an end is
+        NaN, the label is free."""
         rows = rows.clone()
-        right = self._right(rows, wanted) if right is None else right
-        for number in range(self.count):
+        right = self._inside(rows, *ends) if right is None else right
+        for number in range(moves):
             place, new = self._moves[number % len(self._moves)](rows, generator)
             inside = ((new >= self._low[place]) & (new <= self._high[place])).all(dim=0)
             old = rows.gather(0, place)
             rows.scatter_(0, place, new)
-            keep = right & inside & self._right(rows, wanted)
+            keep = right & inside & self._inside(rows, *ends)
             rows.scatter_(0, place, torch.where(keep, new, old))
         return rows
 
     def _right(self, rows: Tensor, wanted: Tensor) -> Tensor:
         """Which scenes have the wanted phi, and meet what is required, (B,)."""
+        return self._inside(rows, wanted - self._tolerance, wanted + self._tolerance)
+
+    def _inside(self, rows: Tensor, low: Tensor, high: Tensor) -> Tensor:
         values = self._phi.rows(rows, check=False)
-        gap = (values[: len(wanted)] - wanted).abs()
-        right = (torch.isnan(gap) | (gap <= self._tolerance)).all(dim=0)
+        labels = values[: len(low)]
+        right = ~((labels < low) | (labels > high)).any(dim=0)
         return right & (values[-1] >= 0.0) if self._required else right
 
     # A move names rows of each scene, (K, B), and their new values, (K, B).

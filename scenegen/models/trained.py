@@ -27,12 +27,15 @@ BATCH = 2048  # scenes that a network makes at a time: its layers stay in cache
 
 @dataclass(frozen=True, slots=True)
 class TrainedModel:
-    """The network, the map to poses, and the model file's metadata."""
+    """The network, the map to poses, and the model file's metadata. `regions` say how phi is distributed: each is
+    (L, 2 + m), the lowest and the highest phi of a part of all scenes, infinite where it has no end, and the phi of m
+    scenes as they occur there. Files of earlier versions have none."""
 
     model: SceneModel
     codec: Codec
     card: ModelCard
     correction: Correction | None = None
+    regions: tuple[Tensor, ...] = ()
 
     @property
     def name(self) -> str:
@@ -89,7 +92,8 @@ class TrainedModel:
         if not self.card.corrected:
             return placed
         spans = torch.tensor([high - low for low, high in self.label_ranges.values()])
-        return replace(placed, correction=Correction(spec, spans))
+        tops = torch.tensor([max(0.0, high) if low < 0.0 else 0.0 for low, high in self.label_ranges.values()])
+        return replace(placed, correction=Correction(spec, spans, tops))
 
     @property
     def network(self) -> TrainedModel:

@@ -1,8 +1,9 @@
 """Scenes from any proposer, refined onto their targets and verified.
 
 A proposer, in practice a trained model, gets target values of phi and returns scenes, good or bad. They are moved onto
-the target and scored exactly; those in the range and the workspace are candidates. So the distribution within a cell is
-the proposer's after small moves: approximate, as the documentation says.
+the target, stirred by random moves within their range, and scored exactly; those in the range and the workspace are
+candidates. So the distribution within a cell is the proposer's after these moves: approximate, as the documentation
+says.
 
 torch is loaded when a plan draws (or is made, which draws a few scenes), not when it is read back in another process.
 """
@@ -172,7 +173,7 @@ class RawOutput(Plan):
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     """The plan of a problem by a proposer; with `raw`, of its raw output. Raises RequestError if none of its scenes is
     in range, or if time is up before it is known which cells get scenes."""
-    targets = make_targets(problem)
+    targets = make_targets(problem, proposer.regions)
     if problem.request.raw:
         size = min(problem.request.n, LARGEST, problem.piece_size)
         return RawOutput(problem, proposer, targets, size, budget)
@@ -246,6 +247,7 @@ def refined(
     rng = np.random.default_rng(np.random.SeedSequence([*seed, 2]))
     limits = {cell: problem.cells.limits(cell) for cell in map(int, np.unique(cells))}
     rows, phi = np.empty((len(problem.lowest), len(cells))), np.empty((len(problem.core.labels), len(cells)))
+    labels, box = len(problem.spec.labels), (problem.lowest, problem.highest)
     moved = 0
     with one_thread(), np.errstate(all="ignore"):
         for start in range(0, len(cells), CHUNK):
@@ -257,6 +259,9 @@ def refined(
             made = proposed(proposer, target, (*seed, start))
             better = refine(robustness, workspace, made, torch.from_numpy(target), low, high, held)
             moved += int((better != made).any(dim=0).sum())
+            state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
+            ends_of_labels = low[:labels], high[:labels]
+            better = proposer.stirred(better, ends_of_labels, box, int(state[0] >> np.uint64(1)))
             rows[:, part] = better.numpy()
             phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, better), np.nan)
     return rows, phi, moved

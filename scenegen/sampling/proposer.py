@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 
 class Proposer(Protocol):
@@ -21,6 +26,15 @@ class Proposer(Protocol):
     @property
     def info(self) -> Mapping[str, object]:
         """What scene files say about it in addition to its name."""
+
+    @property
+    def regions(self) -> Sequence[Array]:
+        """How phi is distributed among all scenes, as far as it knows: each (L, 2 + m), see `make_targets`."""
+
+    def stirred(self, rows: Any, ends: tuple[Any, Any], box: tuple[Array, Array], seed: int) -> Any:
+        """Scenes, a tensor (3N, B), after random moves that do not change the uniform distribution over the scenes
+        with phi within `ends`, (L, B) each, and poses within `box`, (3N,) each; those that are not there already stay
+        as they are. It may do without, and return them all as they are."""
 
     def __call__(self, phi: Any, generator: Any) -> Any:
         """Target phi, a tensor (L, B) of all labels, the requirement's last, and a torch.Generator -> scenes, a tensor

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +15,17 @@ from scenegen.sampling.problem import PILOT, Problem
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+FEWEST = 16  # scenes of a range that tell how phi is distributed there
+INSIDE = 1e-4  # of what is required, where its margin is not known: a tenth of a millimetre
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Targets:
     """Combinations of target values of phi that occur in scenes.
 
-    Drawn from a pilot sample of the base distribution, `phi` (L, P), so that labels which are free, or depend on each
-    other, get compatible values; if the pilot has no scene in a cell, uniform in the cell. `members` are the pilot's
-    scenes in order of their cells, which begin at `borders`.
+    Drawn from `phi` (L, P) of scenes as they occur in the range, or else of a pilot sample of the base distribution, so
+    that labels which are free, or depend on each other, get compatible values; if none of them is in a cell, uniform in
+    the cell. `members` are these scenes in order of their cells, which begin at `borders`.
     """
 
     cells: Cells
@@ -51,13 +55,31 @@ class Targets:
         return np.where(closed[:, None], low[:, None] + width * rng.random(guess.shape), guess)
 
 
-def make_targets(problem: Problem) -> Targets:
+def make_targets(problem: Problem, regions: Sequence[Array] = ()) -> Targets:
+    """The targets of a problem. `regions` are what is known of how phi is distributed: each (L, 2 + m), the lowest and
+    the highest phi of a part of all scenes, and the phi of m scenes as they occur there. Of those that hold the whole
+    range that is wanted, the one with most scenes in it is taken."""
+    cells, labels = problem.cells, len(problem.spec.labels)
+    low, high = cells.low[:labels], cells.high[:labels]
+    best = np.empty((labels, 0))
+    for one in regions if all(len(each) == labels for each in regions) else ():
+        if (one[:, 0] <= low).all() and (one[:, 1] >= high).all():
+            phi = one[:, 2:]
+            inside = phi[:, ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)]
+            best = inside if inside.shape[1] > best.shape[1] else best
+    if best.shape[1] >= FEWEST:
+        required = np.full((len(cells.labels) - labels, best.shape[1]), INSIDE)
+        return _sorted(cells, np.concatenate([best, required]))
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PILOT]))
     lowest, highest = problem.lowest[:, None], problem.highest[:, None]
     count = min(problem.piece_size, max(1024, LARGEST_PIECE // len(problem.core.labels)))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
         phi = problem.phi(lowest + (highest - lowest) * rng.random((len(lowest), count)))
-    found = problem.cells.find(phi)
+    return _sorted(cells, phi)
+
+
+def _sorted(cells: Cells, phi: Array) -> Targets:
+    found = cells.find(phi)
     order = np.argsort(found, kind="stable")
-    borders = np.searchsorted(found[order], np.arange(problem.cells.count + 1))
-    return Targets(problem.cells, phi, order, borders)
+    borders = np.searchsorted(found[order], np.arange(cells.count + 1))
+    return Targets(cells, phi, order, borders)

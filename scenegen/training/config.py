@@ -14,6 +14,7 @@ from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.files import UNKNOWN_ENDING
 from scenegen.errors.models import DATA_NAME, UNKNOWN_DEVICE
 from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
     MISSING_ARGUMENT,
     OUT_OF_RANGE,
     SETTING_SYNTAX,
@@ -49,7 +50,8 @@ class TrainConfig:
 
     `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings; `device` is `cpu`, `cuda` or
     `cuda:1`. `data` is an entry of DATASETS, of which `scenes` are drawn to train on, or a scene file, of which the
-    first `scenes` are used (None: all). `patience` is after how many epochs without a smaller error of phi on held-out
+    first `scenes` are used (None: all). `phi` are ranges by label, as text (`0:0.2`), in which most of the scenes of
+    `balanced` are to lie. `patience` is after how many epochs without a smaller error of phi on held-out
     labels training stops (None: never); the model file then holds the best epoch. Raises RequestError with one
     diagnostic per value that is out of its range.
     """
@@ -65,6 +67,7 @@ class TrainConfig:
     device: str = "cpu"
     patience: int | None = None
     hyper: Mapping[str, float] = field(default_factory=dict)
+    phi: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         found = [problem for name in BOUNDS if (problem := _check_number(name, getattr(self, name))) is not None]
@@ -75,6 +78,8 @@ class TrainConfig:
         elif self.scenes is None:
             question = f"how many of `{self.data}` are to be drawn?"
             found.append(MISSING_ARGUMENT(argument="scenes", question=question))
+        if self.phi and self.data != "balanced":
+            found.append(CONFLICTING_ARGUMENTS(one="phi", other="data"))
         if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", str(self.device)):
             found.append(UNKNOWN_DEVICE(name=str(self.device)))
         if found:

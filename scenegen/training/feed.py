@@ -5,8 +5,10 @@ Everything that goes to the model lives on its device. There are no workers: a b
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -20,6 +22,7 @@ from scenegen.models.examples import Examples
 from scenegen.models.registry import model_class
 from scenegen.pose import row_count
 from scenegen.robustness import Robustness
+from scenegen.sampling.request import Range, parse_phi
 from scenegen.training.config import TrainConfig
 from scenegen.training.datasets.dataset import Dataset
 from scenegen.training.datasets.gathering import Gathering
@@ -34,12 +37,14 @@ WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
 
 class Feed(ABC):
     """`scenes` train; `fitting` are those that the model takes ranges from, `held` those it never trains on, both as
-    examples on the CPU; `table` (K, L) says what each branch is; `sha256` is of all scenes."""
+    examples on the CPU; `table` (K, L) says what each branch is; `regions` how phi is distributed
+    (scenegen.models.trained); `sha256` is of all scenes."""
 
     scenes: int
     fitting: Examples
     held: Examples
     table: Tensor
+    regions: tuple[Tensor, ...]
     sha256: str
 
     def __init__(self, config: TrainConfig) -> None:
@@ -72,6 +77,7 @@ class Memory(Feed):
         self.sha256 = data.sha256
         codec = Codec(spec.workspace, len(spec.core.objects))
         training, out = split(data, held)
+        self.regions = regions_of(data)
         branch, self.table = None, _one_branch(spec)
         if model_class(config.model, config.recipe).branched:
             branch, self.table = survey(spec, training.rows)
@@ -90,6 +96,7 @@ class Windows(Feed):
         super().__init__(config)
         self.sha256, self.scenes = data.sha256, data.scenes
         self._data = data
+        self.regions = regions_of(data.chosen)
         self._codec = Codec(spec.workspace, len(spec.core.objects))
         self._robustness = Robustness(spec.core)
         self._branched = model_class(config.model, config.recipe).branched
@@ -121,7 +128,14 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
     if not is_file(config.data):
         assert config.scenes is not None
         held = held_count(config.scenes)
-        data = dataset_maker(config.data)(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
+        make = dataset_maker(config.data)
+        if config.phi:
+            from scenegen.training.datasets.balanced import balanced
+
+            asked = parse_phi([f"{label}={one}" for label, one in config.phi.items()], spec.labels)
+            make = partial(balanced, phi=asked)
+        data = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
+        gathering.save(long_ones=True)
         return Memory(spec, config, data, held)
     path = Path(config.data)
     if path.suffix.lower() == ".parquet" and not read_scenes(path).header.counts:
@@ -132,6 +146,17 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
     data = whole_file(spec, path, config.scenes)
     gathering.check()
     return Memory(spec, config, data, held_count(len(data)))
+
+
+def regions_of(data: Dataset) -> tuple[Tensor, ...]:
+    """How phi is distributed, as a model file says it: in the regions of a data set, or among all of its scenes."""
+    found = []
+    for ranges, phi in data.regions or (({}, data.phi),):
+        wanted = [ranges.get(label, Range()) for label in data.labels]
+        low = [-math.inf if one.low is None else one.low for one in wanted]
+        high = [math.inf if one.high is None else one.high for one in wanted]
+        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1))
+    return tuple(found)
 
 
 def ranked(ways: Mapping[tuple[int, ...], int]) -> Tensor:

@@ -6,8 +6,10 @@ import contextlib
 import math
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from scenegen.errors import DataError, Diagnostic, RequestError
@@ -29,7 +31,7 @@ from scenegen.training.interrupt import Interrupted
 from scenegen.training.recipes import CONSTANT
 from scenegen.training.report import EpochReport
 from scenegen.training.session import Session
-from scenegen.training.state import TrainingState, load_state, state_path
+from scenegen.training.state import TrainingState, begun, gathered_path, load_state, state_path
 
 
 def train(
@@ -67,15 +69,19 @@ def train(
     inputs = [Path(config.data)] if is_file(config.data) else []
     check_writable(out, *inputs)
     check_writable(state_path(out), *inputs)
+    check_writable(gathered_path(out), *inputs)
     _check_device(config.device)
     parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
-    saved = load_state(state_path(out), spec, config) if resume else None
+    gathering_only = resume and begun(out) and not state_path(out).exists()
+    saved = load_state(state_path(out), spec, config) if resume and not gathering_only else None
     say = on_note or _silent
     with contextlib.ExitStack() as open_things:
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
-        gathering = Gathering(timeout, on_gather, say)
-        session = _begun(spec, config, gathering, saved)
+        with stop_signals() as stop:
+            gathering = Gathering(timeout, on_gather, say, stop)
+            gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
+            session = _begun(spec, config, gathering, saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
             say(NEW_RATE(epochs=config.epochs, before=before))
@@ -94,6 +100,8 @@ def train(
                 say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
+        if session.done:
+            gathering.discard()
     return load_model(out, spec)
 
 
@@ -104,7 +112,16 @@ def _begun(spec: CheckedSpec, config: TrainConfig, gathering: Gathering, saved: 
         gathering.begin("preparing the model")
         return Session(spec, config, feed, saved, gathering.check)
     except KeyboardInterrupt as error:
-        raise KeyboardInterrupt(f"interrupted while {gathering.account}; nothing was written") from error
+        kept = gathering.save()
+        path = gathering.path
+        left = f"{kept:,} scenes are kept in {path}; go on with --resume" if kept else "nothing was written"
+        raise KeyboardInterrupt(f"interrupted while {gathering.account}; {left}") from error
+
+
+def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
+    """All that the gathered scenes follow from."""
+    asked = sorted(config.phi.items())
+    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
 
 
 def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:

@@ -16,13 +16,12 @@ from scenegen.errors.models import DIVERGED, OTHER_DATA_RESUMED, STATE_MISFIT
 from scenegen.formats.files import write_whole
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.base import SceneModel
-from scenegen.models.card import FORMAT, DataData, LabelData, LossData, ModelCard, ValidationData, spec_data
-from scenegen.models.checkpoint import save_model
+from scenegen.models.card import DataData, LabelData, LossData, ModelCard, ValidationData, spec_data
+from scenegen.models.checkpoint import packed, save_model
 from scenegen.models.codec import Codec
 from scenegen.models.examples import Examples
 from scenegen.models.layout import Layout, layout_of
 from scenegen.models.registry import model_class, parse_hyper
-from scenegen.models.safefile import pack
 from scenegen.models.spec_loss import SpecLoss
 from scenegen.scene.data import WorkspaceData
 from scenegen.training.config import TrainConfig
@@ -154,9 +153,9 @@ class Session:
         save_state(state_path(out), self.spec, state)
         card = self.card()
         if self.watch.best is None:
-            save_model(out, self.model, card)
+            save_model(out, self.model, card, self.feed.regions)
         else:
-            write_whole(out, pack(FORMAT, card.model_dump_json(), self.watch.best))
+            write_whole(out, packed(self.model, card, self.feed.regions, self.watch.best))
         self._saved_at = time.monotonic()
         self._save_cost = self._saved_at - began
 

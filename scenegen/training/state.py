@@ -66,6 +66,17 @@ def state_path(out: Path) -> Path:
     return out.with_name(f"{out.name}.train")
 
 
+def gathered_path(out: Path) -> Path:
+    """Where the scenes of a model file lie that are gathered for its training (scenegen.training.datasets.gathering),
+    until that is done."""
+    return out.with_name(f"{out.name}.scenes")
+
+
+def begun(out: Path) -> bool:
+    """Whether there is anything to resume."""
+    return state_path(out).exists() or gathered_path(out).exists()
+
+
 def save_state(path: Path, spec: CheckedSpec, state: TrainingState) -> None:
     """Write a training state, whole or not at all. Raises OutputError."""
     card = _Card(

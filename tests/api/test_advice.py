@@ -8,7 +8,7 @@ import pytest
 import scenegen
 from scenegen.api.advice import advice
 from scenegen.evaluation.faults import concerned, faults
-from scenegen.models.card import QualityData
+from scenegen.models.card import LabelData, QualityData, RangeData
 from scenegen.sampling.request import Range
 
 
@@ -42,9 +42,10 @@ task: leftOf(a, b)
 """
 
 
-def stub(spec=None):
-    card = SimpleNamespace(quality=[at(0.5, task=0.0)])
-    trained = SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card)
+def stub(spec=None, ranges=None, regions=(None,)):
+    labels = [LabelData(name="task", lowest=-1.0, highest=0.2)]
+    card = SimpleNamespace(quality=[at(0.5, task=0.0)], ranges=ranges, labels=labels, scenegen="0.1")
+    trained = SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card, regions=regions)
     made = SimpleNamespace(trained=trained, spec=spec or scenegen.parse(TEXT))
     made.each = (({}, made),)
     return made
@@ -72,3 +73,42 @@ def test_models_of_drawn_numbers_are_told_of_by_their_numbers():
     assert len(found) == 3, found
     assert [one.partition(":")[0] for one in found] == ["with a[1]", "with a[2]", "with a[2]"]
     assert found[2].endswith("1 of 2 raw scenes do not meet what the spec requires")
+
+
+def in_range(coverage=0.96, phi=0.03, **wanted):
+    return RangeData(wanted=wanted, phi=phi, coverage=coverage, truth=0.97, ks=0.05, sliced=0.06, energy=0.0)
+
+
+def codes(made, **ends):
+    return [one.code for one in advice(made, {label: Range(*both) for label, both in ends.items()}, None, False)]
+
+
+def test_a_range_that_was_not_measured_is_told():
+    """Where a card was made, and neither a value in the range nor a good part of a measured range is asked for."""
+    near = {"task": (0.0, None)}
+    made = stub(ranges=[in_range(**near)])
+    made.trained.card.quality = [at(task=-0.5)]
+    assert codes(made, task=(0.0, None)) == [] and codes(made, task=(-0.6, -0.4)) == []
+    assert codes(made, task=(0.05, 0.2)) == []
+    assert codes(made, task=(-0.4, -0.1)) == ["not-measured"] == codes(made, task=(0.19, 0.2))
+    [said] = advice(made, {"task": Range(-0.4, -0.1)}, None, False)
+    assert said.title == "how good the model is at task=-0.4:-0.1 was not measured" and "'task': " not in said.title
+    unmeasured = stub(ranges=[])
+    unmeasured.trained.card.quality = []
+    assert codes(unmeasured, task=(0.0, None)) == ["not-measured"]
+    unmeasured.trained.card.ranges = None  # no card was made
+    assert codes(unmeasured, task=(0.0, None)) == []
+
+
+@pytest.mark.parametrize("poor", [{"coverage": 0.7}, {"phi": 0.5}])
+def test_a_range_where_the_model_is_unlike_exact_scenes_is_told(poor):
+    made = stub(ranges=[in_range(**poor, task=(0.0, None))])
+    made.trained.card.quality = [at(task=0.0), at(task=-0.5)]
+    assert codes(made, task=(0.0, None)) == ["unlike-exact"] == codes(made, task=(-0.1, 0.1))
+    assert codes(made, task=(-0.6, -0.4)) == []
+
+
+def test_a_file_without_a_table_of_phi_says_what_it_lacks():
+    made = stub(regions=())
+    made.trained.card.quality = []
+    assert codes(made, task=(0.0, None)) == ["no-table-of-phi"] and codes(made, task=(0.0, 0.1)) == []

@@ -59,8 +59,9 @@ def test_values_to_look_at():
 
 @pytest.mark.long
 @pytest.mark.parametrize("off", [0.0, 0.02])
-def test_errors_are_those_of_the_model(off, model, few):
+def test_errors_are_those_of_the_model(off, model, few, monkeypatch):
     real, _ = model
+    monkeypatch.setattr(measuring, "asked_for", lambda model: [])  # a stand-in has no file to sample from
     stand_in = scenegen.Model(real.trained)
     stand_in.trained = Exact(real.trained, off)
     found = measure(stand_in)
@@ -87,7 +88,15 @@ def test_the_card_is_written_beside_the_model(model, few):
     assert "# gan for table.spec\n\nA mug stands left of a plate.\n" in text
     assert "task: leftOf(mug, plate)" in text and "640 uniform scenes, 64 more held out" in text
     assert "![wanted phi against reached phi](m.safetensors.png)" in text
-    rows = [line for line in text.splitlines() if line.startswith(("| task ", "| near ")) and "(" in line]
+    ranges, levels = text.split("The model's raw scenes against")
+    shown = [line for line in ranges.splitlines() if line.startswith(("| task ", "| near "))]
+    assert len(shown) == 5 and {"| task 0:, near 0:", "| task 0:", "| near 0:"} <= {
+        row[: row.index(" | ")] for row in shown
+    }
+    assert [one.coverage for one in load_model(path).trained.card.ranges] == [
+        pytest.approx(float(row.split("|")[3].split("(")[0]), abs=1e-3) for row in shown
+    ]
+    rows = [line for line in levels.splitlines() if line.startswith(("| task ", "| near ")) and "(" in line]
     assert len(rows) >= 8 and all(row.count("|") == 8 for row in rows)
     assert any(row.startswith("| task ") and ", near " in row for row in rows)
     kept = load_model(path).trained.card.quality

@@ -18,6 +18,10 @@ class Uniform:
     digest: str = "uniform"
 
     info = {}  # noqa: RUF012
+    regions = ()
+
+    def stirred(self, rows, ends, box, seed):
+        return rows
 
     def __call__(self, phi, generator):
         from scenegen.sampling.base import draw
@@ -34,6 +38,10 @@ class Constant:
     digest: str = "hopeless"
 
     info = {}  # noqa: RUF012
+    regions = ()
+
+    def stirred(self, rows, ends, box, seed):
+        return rows
 
     def __call__(self, phi, generator):
         import torch

@@ -7,6 +7,7 @@ import scenegen
 from scenegen.cli import train as command
 from scenegen.errors import RequestError
 from scenegen.models.examples import EVERY
+from scenegen.sampling.request import Range
 from scenegen.training.datasets import balanced as module
 from scenegen.training.datasets.balanced import _jointly, balanced
 from scenegen.training.datasets.gathering import Gathering
@@ -47,13 +48,54 @@ def test_the_time_of_the_whole_is_told(monkeypatch):
 
 @pytest.mark.long
 def test_rare_scenes_are_fewer_and_said_so(monkeypatch):
-    monkeypatch.setattr(module, "WORK", 1)
+    monkeypatch.setattr(module, "SECONDS", 1e-9)
     monkeypatch.setattr(module, "FEWEST", 50)
     spec, notes = scenegen.parse("leftOf(a, b) & closeTo(a, b, 0.2)").checked, []
     data = balanced(spec, 400, torch.Generator().manual_seed(0), Gathering(note=notes.append))
     again = balanced(spec, 400, torch.Generator().manual_seed(0))
-    assert len(data) == 100 and data.sha256 == again.sha256
-    assert notes and "50 of 200 are drawn" in notes[0].title
+    assert 100 <= len(data) < 300 and data.sha256 == again.sha256
+    assert any("phi of task=0: are rare: 50 of 60 are drawn" in one.title for one in notes)
+
+
+SOLVED = """object a, b
+require noOverlap()
+task: angle(a, NORTH, 5 deg) & angle(b, NORTH, 5 deg) & closeTo(a, b, 12 cm)"""
+
+
+def test_satisfied_and_nearly_satisfied_scenes_are_a_good_share():
+    """Of phi from -3 to 0.03 a range from 0 is a hundredth, and 1 scene in 50,000."""
+    data = balanced(scenegen.parse(SOLVED).checked, 3000, torch.Generator().manual_seed(0))
+    phi = data.phi[0]
+    assert float((phi >= 0.0).float().mean()) >= 0.24
+    assert float(((phi < 0.0) & (phi >= -phi.max())).float().mean()) >= 0.23
+    assert float((phi < -1.5).float().mean()) == pytest.approx(0.25, abs=0.04)
+
+
+def test_phi_says_where_to_train():
+    spec = scenegen.parse("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)").checked
+    wanted = {"one": Range(0.1, 0.2), "two": Range(0.0, None)}
+    data = balanced(spec, 1000, torch.Generator().manual_seed(0), phi=wanted)
+    there = (data.phi[0] >= 0.1) & (data.phi[0] <= 0.2) & (data.phi[1] >= 0.0)
+    assert int((data.balanced == EVERY)[there].sum()) >= 600 and len(data) == 1000
+    assert data.regions[0][0] == wanted and data.regions[0][1].shape == (2, 600)
+
+
+@pytest.mark.parametrize(
+    ("phi", "code"),
+    [({"nothing": (0, 1)}, "unknown-label"), ({"task": (0.3, 0.1)}, "range-reversed"), ((9, 10), "beyond-bounds")],
+)
+def test_a_range_to_train_at_is_refused_as_sample_refuses_it(phi, code, tmp_path):
+    with pytest.raises(RequestError) as trained:
+        scenegen.train(scenegen.parse("leftOf(a, b)"), out=tmp_path / "m", phi=phi)
+    with pytest.raises(RequestError) as sampled:
+        scenegen.sample(scenegen.parse("leftOf(a, b)"), phi)
+    assert trained.value.diagnostics[0].title == sampled.value.diagnostics[0].title
+    assert trained.value.diagnostics[0].code == code and not list(tmp_path.iterdir())
+
+
+def test_a_range_to_train_at_needs_scenes_that_are_drawn(tmp_path):
+    with pytest.raises(RequestError, match="`phi` and `data` contradict each other"):
+        scenegen.train(scenegen.parse("leftOf(a, b)"), out=tmp_path / "m", phi=(0, 1), data="uniform")
 
 
 def test_what_is_not_thinned_is_as_it_came():

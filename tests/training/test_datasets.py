@@ -125,8 +125,9 @@ def test_balanced_scenes_are_exact_and_flat(exp1):
         np.histogram2d(*phi.numpy(), bins=4, range=((-1.0, 1.0), (-0.25, 1.15)))[0]
         for phi in (data.phi, uniform(exp1, 8000, seeded(1)).phi)
     )
-    # Uniform scenes leave one of the 13 parts that scenes reach empty, and two to a dozen or two.
-    assert (joint >= 10).sum() == 13 and (joint > 300).sum() == 11
+    # Uniform scenes leave one of the 13 parts that scenes reach empty, and two to a dozen or two. The rarest two hold 5
+    # to 15 balanced scenes, whatever the seed.
+    assert (joint >= 4).sum() == 13 and (joint > 300).sum() == 11
     assert (plain >= 10).sum() == 11 and (plain > 300).sum() == 8
     assert joint.max() < 2 * 8000 / 13
 

@@ -2,6 +2,8 @@
 
 import io
 import itertools
+import os
+import signal
 import time
 from types import SimpleNamespace
 
@@ -10,7 +12,7 @@ import torch
 from rich.console import Console
 
 import scenegen
-from scenegen.errors import RequestError
+from scenegen.errors import DataError, RequestError
 from scenegen.training.datasets import gathering as module
 from scenegen.training.datasets.gathering import Gathering
 from scenegen.training.datasets.registry import DATASETS, dataset_maker
@@ -59,23 +61,62 @@ class _Clock:
 @pytest.mark.long
 @pytest.mark.parametrize("seconds", [3, 30])
 def test_time_is_up_wherever_it_is(seconds, spec, tmp_path, monkeypatch):
-    """While phi is measured, while it is planned, while scenes are drawn: one answer, with numbers, and no file."""
+    """While phi is measured, while it is planned, while scenes are drawn: one answer, with numbers, no model, and the
+    scenes that are there already are kept."""
     clock = _Clock()
     monkeypatch.setattr(module.time, "monotonic", clock)
     with pytest.raises(RequestError, match=rf"time was up after {seconds} s of (measuring|gathering)") as caught:
         scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", scenes=2000, timeout=seconds)
-    assert "nothing was written" in str(caught.value) and "`timeout`" in caught.value.diagnostics[0].help
-    assert not list(tmp_path.iterdir())
+    kept = [one.name for one in tmp_path.iterdir()]
+    assert kept in ([], ["m.safetensors.scenes"])
+    assert ("scenes are kept in" if kept else "nothing was written") in str(caught.value)
+    assert "`timeout`" in caught.value.diagnostics[0].help
 
 
-def test_an_interrupt_says_how_far_it_was(easy, tmp_path):
+def stopping(after):
+    """Raises KeyboardInterrupt once so many scenes are there."""
+
     def interrupt(stage, done, wanted):
-        if done:
+        if stage == "gathering scenes" and done > after:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match=r"interrupted while gathering scenes: \d+ of 220; nothing was written"):
-        scenegen.train(easy, "gan", out=tmp_path / "m", scenes=200, on_gather=interrupt)
-    assert not list(tmp_path.iterdir())
+    return interrupt
+
+
+def test_an_interrupt_says_how_far_it_was_and_keeps_the_scenes(easy, tmp_path):
+    """What is gathered goes on to the scenes, and so to the bytes, of an unbroken run; nothing is left over."""
+    settings = {"scenes": 200, "epochs": 1, "seed": 3}
+    scenegen.train(easy, "gan", out=tmp_path / "whole", **settings)
+    says = r"interrupted while gathering scenes: \d+ of 220; (\d+) scenes are kept in .*m.scenes; go on with --resume"
+    for after in (0, 150):
+        with pytest.raises(KeyboardInterrupt, match=says):
+            scenegen.train(easy, "gan", out=tmp_path / "m", on_gather=stopping(after), resume=after > 0, **settings)
+        assert {one.name for one in tmp_path.iterdir()} == {"m.scenes", "whole", "whole.train"}
+    scenegen.train(easy, "gan", out=tmp_path / "m", resume=True, **settings)
+    assert {one.name for one in tmp_path.iterdir()} == {"m", "m.train", "whole", "whole.train"}
+    assert (tmp_path / "m").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_keeps_the_scenes(number, easy, tmp_path):
+    def strike(stage, done, wanted):
+        if stage == "gathering scenes" and done >= 100:
+            os.kill(os.getpid(), number)
+
+    with pytest.raises(KeyboardInterrupt, match="scenes are kept in"):
+        scenegen.train(easy, "gan", out=tmp_path / "m", scenes=200, on_gather=lambda *said: strike(*said))
+    with pytest.raises(DataError, match="with other options"):
+        scenegen.train(easy, "gan", out=tmp_path / "m", scenes=300, resume=True)
+    (tmp_path / "m.scenes").write_bytes((tmp_path / "m.scenes").read_bytes()[:-3])
+    with pytest.raises(DataError, match="damaged"):
+        scenegen.train(easy, "gan", out=tmp_path / "m", scenes=200, resume=True)
+
+
+def test_what_takes_its_share_of_the_processor_is_cut(easy, monkeypatch):
+    monkeypatch.setattr(Gathering, "overdrawn", property(lambda self: self.done > 500))
+    notes = []
+    data = dataset_maker("balanced")(easy.checked, 100_000, torch.Generator(), Gathering(note=notes.append))
+    assert 500 < len(data) < 100_000 and notes and all(one.code == "rare-scenes" for one in notes)
 
 
 class _RunsOut:

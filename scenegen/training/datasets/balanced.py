@@ -1,115 +1,265 @@
-"""Exact scenes, evenly spread over phi: what the default recipes learn from.
+"""Exact scenes, spread over phi: what the default recipes learn from.
 
 The scenes come from the exact samplers, and which of them are kept depends on their phi alone: so among the scenes of
-any phi they are distributed as the truth is, and none is a copy of another moved a little. Half of them lie evenly over
-all that phi can be, from hopeless to solved; the other half evenly over [-top, top], where the task is nearly or just
-solved: of experiment 2's range [-2.94, 0.1] that is a fifteenth, and the part that everyone asks for.
+any phi they are distributed as the truth is, and none is a copy of another moved a little. They are drawn in batches,
+each of which holds a range of phi as it occurs. Of each label half lie evenly over all that phi can be, from hopeless
+to solved; a quarter just below 0; the others satisfy it, as they occur, and once more where few of these are. So the
+satisfied and the nearly satisfied are a good share, however small a part of the range they have: of experiment 2's
+[-2.94, 0.1] a thirtieth, and what everyone asks for. Of several labels some scenes satisfy all.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sized
-from dataclasses import replace
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from itertools import count as numbers_from
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from scenegen.bounds.effort import StoppedError
-from scenegen.engine.run import BESIDE, in_memory
+from scenegen.engine.drawing import Drawing, draw_pieces
+from scenegen.engine.run import BESIDE
 from scenegen.errors import RequestError
 from scenegen.errors.models import NOTHING_TO_LEARN, RARE_SCENES, TOO_FEW_BALANCED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.examples import EVERY
 from scenegen.sampling.auto import choose
-from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import measure
-from scenegen.sampling.request import MAX_SEED, Progress, Range, SampleRequest
+from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.sampling.tails import Rarity
 from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled
-from scenegen.training.datasets.gathering import Gathering
+from scenegen.training.datasets.gathering import Batch, Gathering, TimeUpError
 
+Array = npt.NDArray[np.float64]
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
 
+ASKED = 0.6  # of the scenes lie where `phi` says
+WHOLE, BELOW = 0.5, 0.25  # of a label's scenes: evenly over all of phi, and just below 0; the others satisfy it
+TAIL, BEYOND = 0.4, 0.2  # of the scenes of a range: the share that lies where only that share of them occurs
+TOGETHER_SHARE = 0.15  # of the scenes, at least, satisfy all labels, where there are several
+WIDE = 0.25  # of a label's range: where so much is satisfied, scenes that lie evenly have enough of it
+CELLS, RUNGS = 32, 8  # of a label's range, and batches towards each of its ends
+FULL = 0.8  # of its share, below which a cell counts as short of scenes
 MOST = 4096  # joint cells at most: 16 a label for two or three labels, 8 for four, 4 for six, 2 for twelve
 PER_LABEL = 16  # cells of one label at most
 TOGETHER = 12  # labels that are balanced jointly; further ones by themselves alone
 JOINT_SHARE, MANY_SHARE = 0.5, 0.25  # of the scenes of two, and of more labels, are balanced jointly, the others by one
 POOL = 3  # scenes drawn for each that is kept by joint balancing
 MARGIN = 1e-3  # of the range: its very ends have no volume
-NARROWER = 0.8  # of the range: a middle that is not narrower than this is not worth a half of its own
-FEWEST = 4_000  # scenes of a part, however rare
-WORK = 1 << 36  # visits of nodes that the parts may take together: some 100 s on one core
+FEWEST = 1_000  # scenes of a batch, however rare
+SECONDS = 70.0  # that batches may take together, as estimated; the clock (Gathering) has the last word
+VISIT = {"rejection": 1.2e-9, "growth": 8e-9}  # seconds a visit of a node takes, with all that goes with it (measured)
+OTHER_VISIT = 6e-9
+AHEAD = 2.0  # a batch may take so many times its share of the seconds that are left: most take less
 ENOUGH = 0.5  # of the scenes that were asked for
 
 
-def balanced(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
-    """`scenes` exact scenes, flat in phi: in each label by itself, and as far as possible in all labels together
-    (the first twelve, where there are more).
+def balanced(
+    spec: CheckedSpec,
+    scenes: int,
+    generator: torch.Generator,
+    gathering: Gathering | None = None,
+    phi: Ranges | None = None,
+) -> Dataset:
+    """`scenes` exact scenes, spread over phi of each label by itself, and as far as possible of all labels together
+    (the first twelve, where there are more); with `phi`, most of them in these ranges.
 
-    What is required holds in all scenes. Raises RequestError where a label cannot vary, or too little is in reach.
+    What is required holds in all scenes. Raises RequestError where a label cannot vary, a range cannot be, or too
+    little is in reach.
     """
     seed = int(torch.randint(2**62, (), generator=generator))
     gathering = gathering or Gathering()
     gathering.begin("measuring the range of phi")
     whole = reach(spec, seed, gathering.check, gathering.until)
-    parts = [(place, ranges) for place, (label, ends) in enumerate(whole.items()) for ranges in _halves({label: ends})]
-    share = round(_joint_share(whole) * scenes)
-    wanted = scenes - share + POOL * share
-    asked, found, origin = wanted, [], []
-    gathering.begin("gathering scenes", wanted)
-    before = 0
-    for index, (place, ranges) in enumerate(parts):
-        count = wanted * (index + 1) // len(parts) - wanted * index // len(parts)
-        if count:
-            plan = _planned(spec, ranges, count, (seed + index) % MAX_SEED, WORK // len(parts), gathering)
-            wanted -= count - plan.wanted
-            # no clock: time must not decide what is learnt; it may end the run
-            found.append(in_memory(plan, gathering.budget(), _counted(gathering, before)).rows)
-            origin.append(torch.full((found[-1].shape[1],), place))
-            before += found[-1].shape[1]
-            gathering.reach(before)
-    rows = torch.from_numpy(np.concatenate(found, axis=1)).to(torch.float32)
+    labels = list(whole)
+    asked = round(ASKED * scenes) if phi else 0
+    rest = scenes - asked
+    share = round(_joint_share(whole) * rest)
+    wanted = rest - share + POOL * share
+    gathering.begin("gathering scenes", asked + wanted)
+    draws = _Draws(spec, seed, gathering, asked + wanted)
+    found: list[tuple[Tensor, int]] = []
+    if phi:
+        place = labels.index(next(iter(phi))) if len(phi) == 1 else EVERY
+        found.append((draws.tempered(phi, asked), place))
+        if not found[0][0].shape[1]:
+            raise RequestError(TOO_FEW_BALANCED(found=0, wanted=asked))
+    spread: list[tuple[Tensor, int]] = []
+    for place, (label, ends) in enumerate(whole.items()):
+        number = wanted * (place + 1) // len(whole) - wanted * place // len(whole)
+        spread += [(rows, place) for rows in draws.spread(label, ends, number)]
+    rows, origin = _mixed(spread, generator)
+    count = rows.shape[1]
+    if count < ENOUGH * min(wanted, FEWEST):
+        raise RequestError(TOO_FEW_BALANCED(found=count, wanted=wanted))
+    data = labelled(spec, rows)
+    if len(whole) > 1:
+        kept, joint = _jointly(data.phi, list(whole.values()), min(rest, round(rest * count / wanted)), generator)
+        origin = torch.where(joint, torch.full_like(kept, EVERY), origin[kept])
+        data = data.take(kept)
+        lacking = round((TOGETHER_SHARE - data.positives) * len(data))
+        if lacking > 0 and all(high > 0.0 for _, high in whole.values()):
+            found.append((draws.batch(dict.fromkeys(labels, Range(0.0, None)), lacking), EVERY))
+            least = len(data) - found[-1][0].shape[1]  # so many of the others stay
+            data, origin = data.take(slice(0, least)), origin[:least]
+    if found:
+        others = [(data.rows[:, origin == place], place) for place in torch.unique(origin).tolist()]
+        rows, origin = _mixed([*found, *others], generator)
+        data = labelled(spec, rows)
+    return replace(data, regions=tuple(draws.regions), balanced=origin if len(whole) > 1 else None)
+
+
+def _mixed(parts: list[tuple[Tensor, int]], generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """The scenes of several parts in random order, (3N, M), and the place of each one's part, (M,)."""
+    rows = torch.cat([rows for rows, _ in parts], dim=1)
+    place = torch.cat([torch.full((rows.shape[1],), place) for rows, place in parts])
     order = torch.randperm(rows.shape[1], generator=generator)
-    rows = rows[:, order]
-    if rows.shape[1] < ENOUGH * wanted:
-        raise RequestError(TOO_FEW_BALANCED(found=rows.shape[1], wanted=wanted))
-    data = labelled(spec, rows.contiguous())
-    if len(whole) == 1:
-        return data
-    data = replace(data, balanced=torch.cat(origin)[order])
-    scenes = min(scenes, round(scenes * len(data) / asked))
-    kept, joint = _jointly(data.phi, list(whole.values()), scenes, generator)
-    data = data.take(kept)
-    assert data.balanced is not None
-    return replace(data, balanced=torch.where(joint, torch.full_like(data.balanced, EVERY), data.balanced))
+    return rows[:, order].contiguous(), place[order]
 
 
-def _planned(spec: CheckedSpec, ranges: Ranges, count: int, seed: int, work: int, gathering: Gathering) -> Plan:
-    """A plan for `count` scenes, or for as many as that much work is good for: what takes more is rare, and is learnt
-    from fewer scenes."""
-    request, budget = SampleRequest(ranges, count, seed, workers=1), gathering.budget()
-    problem = make_problem(spec, request, budget)
-    try:
-        plan = choose(problem, budget)
-    except RequestError:
-        gathering.check()
-        raise
-    needed = plan.evaluations * (len(problem.core.nodes) + BESIDE)
-    fewer = max(min(count, FEWEST), int(count * work / max(needed, 1.0)))
-    if fewer >= count:
-        return plan
-    gathering.note(RARE_SCENES(labels=", ".join(ranges), fewer=fewer, count=count))
-    return choose(make_problem(spec, replace(request, n=fewer), budget), budget)
+@dataclass(slots=True)
+class _Draws:
+    """Batches of exact scenes; `planned` scenes are planned in all. Of every batch `regions` has the range and the phi
+    of its scenes: how phi is distributed there."""
+
+    spec: CheckedSpec
+    seed: int
+    gathering: Gathering
+    planned: int
+    regions: list[tuple[Ranges, Tensor]] = field(default_factory=list)
+    drawn: int = 0
+    number: int = 0
+    seconds: float = field(default_factory=lambda: SECONDS)
+
+    def spread(self, label: str, ends: Ends, count: int) -> list[Tensor]:
+        """About `count` scenes of one label, spread as the module's text says."""
+        low, high = ends
+        if not low < 0.0 < high or high >= WIDE * (high - low):
+            return [self.even(label, ends, count)]
+        whole = self.even(label, ends, round(WHOLE * count))
+        below = round(BELOW * count)
+        solved = self.tempered({label: Range(0.0, None)}, count - round(WHOLE * count) - below)
+        width = float(self.phi(label, solved).max()) if solved.shape[1] else high
+        near = self.batch({label: Range(max(low, -width), 0.0)}, below)
+        return [whole, solved, near]
+
+    def tempered(self, ranges: Ranges, count: int) -> Tensor:
+        """Scenes of a range as they occur, and, of one label, once more on the side where few of them lie far apart."""
+        tail = round(TAIL * count) if len(ranges) == 1 else 0
+        found = self.batch(ranges, count - tail)
+        if not tail or not found.shape[1]:
+            return found
+        [(label, ends)] = ranges.items()
+        values = self.phi(label, found)
+        least, middle, most = float(values.min()), float(values.median()), float(values.max())
+        few = torch.quantile(values[:100_000], torch.tensor([BEYOND, 1.0 - BEYOND])).tolist()
+        side = Range(few[1], ends.high) if middle - least <= most - middle else Range(ends.low, few[0])
+        if not (side.low is None or side.low < most) or not (side.high is None or side.high > least):
+            return found
+        return torch.cat([found, self.batch({label: side}, tail)], dim=1)
+
+    def even(self, label: str, ends: Ends, count: int) -> Tensor:
+        """`count` scenes with phi as evenly over a range as batches of all scenes and of those beyond a value give."""
+        low, high = ends
+        found = [self.batch({}, count)]
+        edges = np.linspace(low, high, CELLS + 1)
+        cells = torch.from_numpy(edges[1:-1]).to(torch.float32)
+        place = [torch.bucketize(self.phi(label, found[0]), cells)]
+        middle = int(place[0].median()) if len(place[0]) else CELLS // 2
+        for upwards in (True, False):
+            inner = middle
+            for _ in range(RUNGS):
+                filled = torch.bincount(torch.cat(place), minlength=CELLS)
+                way = range(inner + 1, CELLS) if upwards else range(inner - 1, -1, -1)
+                short = [cell for cell in way if filled[cell] < FULL * count / CELLS]
+                if not short:
+                    break
+                inner = short[0]
+                side = Range(float(edges[inner]), None) if upwards else Range(None, float(edges[inner + 1]))
+                more = max(2, round(1.5 * count * len(short) / CELLS))
+                found.append(self.batch({label: side}, more))
+                place.append(torch.bucketize(self.phi(label, found[-1]), cells))
+                if found[-1].shape[1] < more:
+                    break
+        return torch.cat(found, dim=1)[:, _evenly(torch.cat(place), count)]
+
+    def phi(self, label: str, rows: Tensor) -> Tensor:
+        """phi (m,) of scenes (3N, m)."""
+        return labelled(self.spec, rows).phi[self.spec.labels.index(label)]
+
+    def batch(self, ranges: Ranges, count: int) -> Tensor:
+        """`count` scenes of these ranges as they occur, (3N, m) float32; fewer, which is said, where they are rare."""
+        gathering, self.number = self.gathering, self.number + 1
+        share = min(1.0, AHEAD * count / max(count, self.planned - self.drawn))
+        gathering.allow(share)
+        seed = (self.seed + self.number - 1) % MAX_SEED
+        made = gathering.batch(f"{self.number} {_text(ranges)} {count}", len(self.spec.box()[0]))
+        try:
+            if not made.whole and count:
+                self._fill(made, ranges, count, seed, share)
+        except TimeUpError:
+            raise
+        except RequestError:
+            # of a range that people asked for the reason matters
+            if self.number == 1:
+                raise
+        rows = torch.from_numpy(made.rows).to(torch.float32)
+        self.seconds -= made.seconds
+        if rows.shape[1] < count and (rows.shape[1] or len(ranges) < 2):
+            what = f"phi of {_text(ranges)}" if ranges else "what the spec requires"
+            gathering.note(RARE_SCENES(what=what, fewer=rows.shape[1], count=count))
+        self.drawn += count
+        gathering.reach(self.drawn)
+        if rows.shape[1]:
+            self.regions.append((ranges, labelled(self.spec, rows).phi))
+        return rows
+
+    def _fill(self, made: Batch, ranges: Ranges, count: int, seed: int, share: float) -> None:
+        """Draw the pieces of a batch that are not there yet. Raises RequestError where there is no plan."""
+        gathering = self.gathering
+        budget = gathering.budget()
+        problem = make_problem(self.spec, SampleRequest(ranges, count, seed, spread="base", workers=1), budget)
+        with closing(choose(problem, budget)) as plan:
+            visits = plan.evaluations * (len(problem.core.nodes) + BESIDE) / count
+            each = max(1e-12, visits * VISIT.get(plan.method, OTHER_VISIT))
+            count = min(count, max(FEWEST, int(share * self.seconds / each)))
+            made.seconds = count * each
+            with closing(
+                draw_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces), 1, None)
+            ) as pieces:
+                while made.rows.shape[1] < count:
+                    try:
+                        block, _, _ = next(pieces)
+                    except StoppedError:
+                        break
+                    plan.check(block.rows, block.phi)
+                    gathering.add(made, block.rows[:, : count - made.rows.shape[1]])
+                    gathering.reach(self.drawn + made.rows.shape[1])
+                    if gathering.overdrawn:
+                        break
+        made.whole = True
 
 
-def _counted(gathering: Gathering, before: int) -> Progress:
-    """Counts the scenes of a part, of which `before` came before."""
-    return lambda found, wanted, candidates: gathering.reach(before + found)
+def _text(ranges: Ranges) -> str:
+    return " ".join(f"{label}={one}" for label, one in ranges.items())
+
+
+def _evenly(cell: Tensor, count: int) -> Tensor:
+    """`count` of the scenes with these cells (M,), in random order, such that the cells are filled as evenly as scenes
+    allow: the first of every cell, then the second of every cell, and so on. Returns indices."""
+    _, index, counts = torch.unique(cell, return_inverse=True, return_counts=True)
+    order = torch.argsort(index, stable=True)
+    within = torch.empty_like(order)
+    within[order] = torch.arange(len(order)) - torch.repeat_interleave(counts.cumsum(0) - counts, counts)
+    return torch.argsort(within, stable=True)[:count]
 
 
 def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -124,12 +274,7 @@ def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Genera
     cell = torch.zeros(rest.shape[1], dtype=torch.int64)
     for values, (low, high) in zip(rest[:together], ends[:together], strict=True):
         cell = cell * per + ((values - low) / (high - low) * per).long().clamp(0, per - 1)
-    _, index, counts = torch.unique(cell, return_inverse=True, return_counts=True)
-    order = torch.argsort(index, stable=True)
-    within = torch.empty_like(order)
-    within[order] = torch.arange(len(order)) - torch.repeat_interleave(counts.cumsum(0) - counts, counts)
-    # The first of every cell, then the second of every cell, and so on, until the share is full.
-    thinned = plain + torch.argsort(within, stable=True)[:share]
+    thinned = plain + _evenly(cell, share)
     kept = torch.cat([torch.arange(plain), thinned])
     mixed = torch.randperm(len(kept), generator=generator)
     return kept[mixed], mixed >= plain
@@ -137,13 +282,6 @@ def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Genera
 
 def _joint_share(labels: Sized) -> float:
     return 0.0 if len(labels) == 1 else JOINT_SHARE if len(labels) == 2 else MANY_SHARE
-
-
-def _halves(ends: dict[str, Ends]) -> list[Ranges]:
-    """All of the ranges, and their middles where those are narrower."""
-    middles = {label: middle(both) for label, both in ends.items()}
-    narrow = any(_width(middles[label]) < NARROWER * _width(ends[label]) for label in ends)
-    return [{label: Range(*both) for label, both in part.items()} for part in ([ends, middles] if narrow else [ends])]
 
 
 def reach(
@@ -184,7 +322,3 @@ def middle(ends: Ends) -> Ends:
     """From -top to top, where both signs occur."""
     low, high = ends
     return (max(low, -high), high) if low < 0.0 < high else ends
-
-
-def _width(ends: Ends) -> float:
-    return ends[1] - ends[0]

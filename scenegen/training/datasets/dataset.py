@@ -16,6 +16,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.models.codec import Codec
 from scenegen.pose import row_count
 from scenegen.robustness import Robustness
+from scenegen.sampling.request import Range
 
 _CHUNK = 65_536
 PATIENCE = 1_000_000  # uniform scenes without which, on average, one that meets what is required must not go
@@ -30,6 +31,9 @@ class Dataset:
     `balanced` (M,) int64 says which labels decided how often such scenes occur: the index of one label, EVERY, or NONE,
     where the scenes follow the base distribution (None: all do). Among scenes with the same phi of these labels, others
     are free as in the base distribution; where these labels are left out, they are not.
+
+    `regions` are ranges of phi and the phi (L, m) of scenes there as they occur; none where all scenes are as they
+    occur, or as a file has them.
     """
 
     objects: tuple[str, ...]
@@ -37,6 +41,7 @@ class Dataset:
     rows: Tensor
     phi: Tensor
     balanced: Tensor | None = None
+    regions: tuple[tuple[dict[str, Range], Tensor], ...] = ()
 
     def __len__(self) -> int:
         return self.rows.shape[1]
@@ -45,7 +50,7 @@ class Dataset:
         """Some of the scenes."""
         rows, phi = self.rows[:, which].contiguous(), self.phi[:, which].contiguous()
         balanced = None if self.balanced is None else self.balanced[which]
-        return Dataset(self.objects, self.labels, rows, phi, balanced)
+        return Dataset(self.objects, self.labels, rows, phi, balanced, self.regions)
 
     @property
     def positives(self) -> float:

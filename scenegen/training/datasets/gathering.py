@@ -1,6 +1,9 @@
-"""Gathering a training set: progress, estimates and the time limit.
+"""Gathering a training set: progress, estimates, the time limits, and the file that keeps what is there.
 
-Time ends a run, it never changes one: a set that is not complete in time is no set.
+A set is gathered in batches, one after another, and each in pieces that follow from the seed. What is broken off, by
+Ctrl-C, by a signal, by `--timeout` or by force, goes on from the last piece that the file has, to the same scenes.
+`--timeout` ends a run; CPU time alone makes a set smaller: a batch that takes more than its share ends with what it
+has.
 """
 
 from __future__ import annotations
@@ -9,21 +12,64 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.models import NO_TIME_TO_GATHER
+import numpy as np
+import numpy.typing as npt
+import torch
+from pydantic import BaseModel, ConfigDict
+
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.models import DAMAGED_MODEL, NO_TIME_TO_GATHER
+from scenegen.formats.files import write_whole
+from scenegen.models.safefile import pack, read_card, unpack
+from scenegen.processes.interrupt import Stop
 from scenegen.sampling.problem import Budget
 
+FORMAT, WHAT = "scenegen/gathered", "a file of training scenes"
+SECONDS = 110.0  # of CPU time that gathering may take
+AT_LEAST = 0.5  # of them that a batch may take
+SAVE_EVERY = 5.0  # seconds of work that a kill may cost
+
+Array = npt.NDArray[np.float64]
 Tell = Callable[[str, int, int], None]
 """Told what is being done, and how much of how much of it is done; 0 of 0 where that cannot be counted."""
 
 
+class TimeUpError(RequestError):
+    """The time limit of the whole run is over."""
+
+
+@dataclass(slots=True)
+class Batch:
+    """Scenes (3N, m) of `pieces` pieces, which were estimated to take so many `seconds`; `whole` where no more are to
+    come."""
+
+    rows: Array
+    pieces: int = 0
+    whole: bool = False
+    seconds: float = 0.0
+
+
+class _Card(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    run: str
+    spent: float
+    batches: dict[str, tuple[int, bool, float]]
+
+
 class Gathering:
     """Mutable: `stage` is what is being done, `done` of `wanted` scenes are there. `check` is called often, by
-    everything that takes time; it tells, and raises RequestError once `seconds` are over."""
+    everything that takes time; it tells, and raises RequestError once `seconds` are over, KeyboardInterrupt where a
+    signal has asked to `stop`."""
 
     def __init__(
-        self, seconds: float = math.inf, tell: Tell | None = None, note: Callable[[Diagnostic], None] | None = None
+        self,
+        seconds: float = math.inf,
+        tell: Tell | None = None,
+        note: Callable[[Diagnostic], None] | None = None,
+        stop: Stop | None = None,
     ) -> None:
         self.until = time.monotonic() + seconds
         self.stage = "gathering scenes"
@@ -31,6 +77,73 @@ class Gathering:
         self._seconds = seconds
         self._tell = tell
         self._note = note
+        self._stop = stop
+        self.path: Path | None = None
+        self._run = ""
+        self._batches: dict[str, Batch] = {}
+        self._saved_at = time.monotonic()
+        self._changed = False
+        self._before = 0.0  # seconds of CPU that earlier runs took
+        self._began = time.process_time()
+        self._allowed = math.inf
+
+    def keep_in(self, path: Path, run: str, resume: bool) -> None:
+        """From now on the batches are kept in that file; `run` is all that they follow from. With `resume`, those that
+        are there already are taken up. Raises DataError for a damaged file, and for one of another run."""
+        self.path, self._run = path, run
+        if not resume or not path.exists():
+            return
+        text, tensors = unpack(path, FORMAT, WHAT)
+        card = read_card(_Card, text, path, WHAT)
+        if card.run != run or set(tensors) != set(card.batches):
+            raise DataError(DAMAGED_MODEL(path=path, what=WHAT, reason="it is of a run with other options"))
+        self._before = card.spent
+        self._batches = {key: Batch(tensors[key].numpy(), *facts) for key, facts in card.batches.items()}
+
+    def batch(self, key: str, coordinates: int) -> Batch:
+        """What there is of a batch by its name, for `add`."""
+        return self._batches.setdefault(key, Batch(np.empty((coordinates, 0))))
+
+    def add(self, batch: Batch, rows: Array) -> None:
+        """One more piece of a batch."""
+        batch.rows = np.concatenate([batch.rows, rows], axis=1)
+        batch.pieces, self._changed = batch.pieces + 1, True
+        if time.monotonic() - self._saved_at >= SAVE_EVERY:
+            self.save()
+
+    def save(self, *, long_ones: bool = False) -> int:
+        """Write the file, if there is one and something in it; `long_ones`: only if that took long. Returns how many
+        scenes it has. Raises OutputError."""
+        if long_ones and self.spent < SAVE_EVERY:
+            return 0
+        count = sum(one.rows.shape[1] for one in self._batches.values())
+        if self.path is not None and self._changed and count:
+            facts = {key: (one.pieces, one.whole, one.seconds) for key, one in self._batches.items()}
+            card = _Card(run=self._run, spent=self.spent, batches=facts)
+            tensors = {key: torch.from_numpy(one.rows) for key, one in self._batches.items()}
+            write_whole(self.path, pack(FORMAT, card.model_dump_json(), tensors))
+            self._saved_at, self._changed = time.monotonic(), False
+        return count if self.path is not None else 0
+
+    def discard(self) -> None:
+        """The file is not needed any more."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+    @property
+    def spent(self) -> float:
+        """Seconds of CPU that gathering has taken."""
+        return self._before + time.process_time() - self._began
+
+    def allow(self, share: float) -> None:
+        """From now on budgets are spent after that share of what is left of SECONDS."""
+        self._allowed = self.spent + max(AT_LEAST, share * (SECONDS - self.spent))
+
+    @property
+    def overdrawn(self) -> bool:
+        """Whether what was allowed is spent; checks."""
+        self.check()
+        return self.spent >= self._allowed
 
     def note(self, problem: Diagnostic) -> None:
         """Something worth saying."""
@@ -44,15 +157,18 @@ class Gathering:
 
     def reach(self, done: int) -> None:
         """So many scenes are there."""
-        self.done = done
+        self.done = min(done, self.wanted) if self.wanted else done
         self.check()
 
     def check(self) -> None:
         """Tell how far it is. Raises RequestError where time is up."""
         if self._tell is not None:
             self._tell(self.stage, self.done, self.wanted)
+        if self._stop is not None and self._stop.asked:
+            raise KeyboardInterrupt
         if time.monotonic() >= self.until:
-            raise RequestError(NO_TIME_TO_GATHER(seconds=self._seconds, account=self.account))
+            told = {"seconds": self._seconds, "account": self.account, "kept": self.save() or None, "path": self.path}
+            raise TimeUpError(NO_TIME_TO_GATHER(**told))
 
     @property
     def account(self) -> str:
@@ -60,7 +176,8 @@ class Gathering:
         return f"{self.stage}: {self.done:,} of {self.wanted:,}" if self.wanted else self.stage
 
     def budget(self) -> Budget:
-        """For the exact samplers: `check` ends what takes too long; ask it where they say that time is up."""
+        """For the exact samplers: spent when what was allowed is; `check` ends what takes too long in all, also where
+        they say that time is up."""
         return _Checked(math.inf, gathering=self)
 
 
@@ -76,9 +193,7 @@ class _Checked(Budget):
 
     @property
     def spent(self) -> bool:
-        if self.gathering is not None:
-            self.gathering.check()
-        return False
+        return self.gathering is not None and self.gathering.overdrawn
 
     @property
     def overdrawn(self) -> bool:

@@ -40,14 +40,15 @@ def sample(
     problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
 ) -> Sampled:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
-    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any of
-    the base distribution. Raises RequestError if time is up before the plan is made,
-    AssertionError for a motion that fails the check."""
+    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any.
+    Raises RequestError if time is up before the plan is made, AssertionError for a motion that fails the check."""
     budget = Budget(problem.request.timeout) if budget is None else budget
     labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
     with np.errstate(all="ignore"):
         if watch is not None:
-            poses = within_a_turn(poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1))))
+            poses = within_a_turn(
+                poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1)))
+            )
             watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
         try:
             plan = make_plan(problem, budget, method, watch)

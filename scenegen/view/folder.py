@@ -89,7 +89,6 @@ class Folder:
             raise Refused(403, f"the file cannot be written: {error.strerror or 'no permission'}") from None
         return digest(data)
 
-
     def draft(self, name: str) -> dict[str, Any] | None:
         """What was written for a file, or for a spec without one, and never saved: its `text`, and in `was` the hash of
         the file that it began with. None where there is nothing."""

@@ -53,7 +53,9 @@ class Lane:
                     say(kind, value)
             finished = True
         except TimeoutError:
-            raise Gone(f"this takes more than {seconds:g} s, which is as long as it may take: make the spec smaller") from None
+            raise Gone(
+                f"this takes more than {seconds:g} s, which is as long as it may take: make the spec smaller"
+            ) from None
         finally:
             if not finished:
                 self.close()

@@ -124,7 +124,9 @@ class Worker:
                     return
         except (asyncio.IncompleteReadError, ConnectionError, OSError) as error:
             self.end()
-            raise Gone("the process that worked on this is gone, perhaps for lack of memory: change the spec, or try again") from error
+            raise Gone(
+                "the process that worked on this is gone, perhaps for lack of memory: change the spec, or try again"
+            ) from error
 
     def end(self) -> None:
         if not self.ended:

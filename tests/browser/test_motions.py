@@ -185,7 +185,9 @@ def test_it_looks_well_and_can_be_used_by_all(served, tab, scheme, size):
 
 def test_rare_motions_are_shown_while_they_are_found(serve, tab, tmp_path):
     text = "object mug, plate\ntime [0, 15 s] every 0.5 s\nrequire forall a in objects: speed(a) <= 20 cm/s\n"
-    text += "task: (initially leftOf(mug, plate)) & (finally rightOf(mug, plate)) & (always closeTo(mug, plate, 30 cm))\n"
+    text += (
+        "task: (initially leftOf(mug, plate)) & (finally rightOf(mug, plate)) & (always closeTo(mug, plate, 30 cm))\n"
+    )
     (tmp_path / "round.spec").write_text(text)
     one = tab(serve("round.spec").link)
     one.until("$.busy === 'sample' && $.preview && $.poses.length === 2", 12)

@@ -54,7 +54,9 @@ def test_what_is_the_same_in_every_scene_decides_nothing():
     """Both are held in place: the first atom is 1 cm in every scene, and holds phi down."""
     spec = check_text("object a at (0.4, 0.5), b at (0.41, 0.5), c\ntask: leftOf(a, b) & (leftOf(b, c) | leftOf(c, a))")
     core = spec.core
-    rows = np.array([[0.4] * 3, [0.5] * 3, [0.0] * 3, [0.41] * 3, [0.5] * 3, [0.0] * 3, [0.9, 0.1, 0.4], [0.5] * 3, [0.0] * 3])
+    rows = np.array(
+        [[0.4] * 3, [0.5] * 3, [0.0] * 3, [0.41] * 3, [0.5] * 3, [0.0] * 3, [0.9, 0.1, 0.4], [0.5] * 3, [0.0] * 3]
+    )
     phi = evaluate(core, list(rows), NUMPY)[core.labels["task"]]
     assert phi[:2] == pytest.approx([0.01, 0.01]) and phi[2] < 0.01
     texts = [core.nodes[deciding_atom(core, "task", evaluate(core, column))].text for column in rows.T.tolist()]

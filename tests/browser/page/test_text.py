@@ -38,7 +38,9 @@ def test_keys_take_words_that_were_meant(served, tab):
         one.page.keyboard.press("Backspace")
         one.page.keyboard.type(start, delay=40)
         if keys[0] != "Control+ ":
-            one.page.wait_for_selector(".cm-tooltip-autocomplete:not(.cm-tooltip-autocomplete-disabled) [aria-selected]")
+            one.page.wait_for_selector(
+                ".cm-tooltip-autocomplete:not(.cm-tooltip-autocomplete-disabled) [aria-selected]"
+            )
             one.page.wait_for_timeout(500)
         for key in keys:
             one.page.keyboard.press(key)
@@ -65,7 +67,10 @@ def test_escape_closes_the_list_of_words_and_stays_in_the_editor(served, tab):
 
 
 def test_each_file_has_its_own_history(serve, tab, tmp_path):
-    kitchen, cutlery = "object mug, plate\ntask: leftOf(mug, plate)\n", "object fork, knife\ntask: leftOf(fork, knife)\n"
+    kitchen, cutlery = (
+        "object mug, plate\ntask: leftOf(mug, plate)\n",
+        "object fork, knife\ntask: leftOf(fork, knife)\n",
+    )
     (tmp_path / "kitchen.spec").write_text(kitchen)
     (tmp_path / "cutlery.spec").write_text(cutlery)
     one = tab(serve("kitchen.spec").link)
@@ -160,7 +165,9 @@ def test_text_that_is_not_saved_is_asked_about_and_kept(serve, tab, tmp_path):
     four = tab(serve("two.spec").link)
     four.ready()
     assert content(four) == text + "# saved" and not four.page.query_selector(".restored")
-    assert four.page.evaluate("fetch('/api/draft?name=two.spec&token=' + new URLSearchParams(location.search).get('token')).then((one) => one.json())") is None
+    token = "new URLSearchParams(location.search).get('token')"
+    kept = four.page.evaluate(f"fetch('/api/draft?name=two.spec&token=' + {token}).then((one) => one.json())")
+    assert kept is None
 
 
 def test_what_is_written_in_an_example_is_kept_too(serve, tab):
@@ -251,7 +258,10 @@ def test_relations_come_with_their_arguments_and_mistakes_with_their_mends(serve
     one.write("object mug, plate\ntask: leftof(mug, plate)\n")
     one.page.click(".problems .mend:has-text('leftOf')")
     assert content(one) == "object mug, plate\ntask: leftOf(mug, plate)\n"
-    one.write("object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\ntask: finally leftOf(mug, plate)\n")
+    one.write(
+        "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\n"
+        "task: finally leftOf(mug, plate)\n"
+    )
     one.page.wait_for_selector(".cm-lintRange-warning")
     one.page.click(".problems .mend:has-text('speed(mug)')")
     one.until("$.spec && $.spec.time && $.problems.length === 0 && $.result && !$.busy")

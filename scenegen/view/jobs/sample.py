@@ -74,8 +74,8 @@ def _touches(ends: tuple[float | None, float | None] | None, phi: npt.NDArray[np
 
 
 def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, a `look` now and then until they are
-    there: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
+    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, a `look` now and then until they
+    are there: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
     from scenegen.view.jobs import motions
 
     began = time.perf_counter()

@@ -40,9 +40,8 @@ def sample(
     problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
 ) -> Sampled:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
-    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any of
-    the base distribution. Raises RequestError if time is up before the plan is made,
-    AssertionError for a motion that fails the check."""
+    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any.
+    Raises RequestError if time is up before the plan is made, AssertionError for a motion that fails the check."""
     budget = Budget(problem.request.timeout) if budget is None else budget
     labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
     with np.errstate(all="ignore"):

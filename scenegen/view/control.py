@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
 """The page's fields by argument, as page/src/panels/Request.tsx labels them."""
 CHOICES = {("spread", "base"): "as they occur", ("spread", "flat"): "flat in phi"}
@@ -14,3 +16,19 @@ def control(name: str, value: str | None = None) -> str:
         return FIELDS[name] if chosen is None else f"{FIELDS[name]}: {chosen}"
     option = f"--{name.replace('_', '-')}"
     return f"{option} of the command line" if value in (None, "True") else f"{option} {value} of the command line"
+
+
+_NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+_RANGE = re.compile(rf"(?<![\w.:`-])(?:({_NUMBER}):({_NUMBER})?|:({_NUMBER}))(?![\w:-]|\.\d)(?=:?)")
+
+
+def without_command_line(text: str) -> str:
+    """A text with ranges in words, not as the command line takes them: `0:` is `0 or more`."""
+
+    def words(found: re.Match[str]) -> str:
+        low, high, alone = found.groups()
+        if alone is not None:
+            return f"{alone} or less"
+        return f"{low} or more" if high is None else f"{low} to {high}"
+
+    return _RANGE.sub(words, text)

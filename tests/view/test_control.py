@@ -7,7 +7,7 @@ import pytest
 from scenegen.cli.output import flag
 from scenegen.errors import RequestError
 from scenegen.errors.requests import RANGE_WITHOUT_END
-from scenegen.view.control import FIELDS, control
+from scenegen.view.control import FIELDS, control, without_command_line
 from scenegen.view.jobs.source import refusal
 
 PANEL = Path(__file__).parents[2] / "page/src/panels/Request.tsx"
@@ -38,3 +38,11 @@ def test_refusal_speaks_of_the_page():
     found = refusal(RequestError(RANGE_WITHOUT_END()))
     assert "--phi of the command line" in found["help"] and found["help"] in found["text"]
     assert "`phi`" not in found["text"] and flag("phi") in found["text"]
+
+
+def test_ranges_are_told_in_words():
+    assert without_command_line("no scene can have phi of `set` in 0:") == "no scene can have phi of `set` in 0 or more"
+    assert without_command_line("write 0.01:0.05, or :-1e-3") == "write 0.01 to 0.05, or -1e-3 or less"
+    assert without_command_line("-0.2:-0.1") == "-0.2 to -0.1"
+    for text in ("my.spec:2:28: unknown", "`task`: 3 of 4", "at 10:15:00", "a:b", "block[1]: 2"):
+        assert without_command_line(text) == text

@@ -79,3 +79,26 @@ def test_large_texts_are_refused(folder):
 
 def test_shipped_specs_have_titles():
     assert all(one["title"] and one["text"] for one in shipped())
+
+
+def test_drafts_are_kept_outside_the_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    (tmp_path / "opened").mkdir()
+    folder, other = Folder(tmp_path / "opened"), Folder(tmp_path)
+    assert folder.draft("a.spec") is None
+    folder.keep_draft("a.spec", "object mug\n", "abc")
+    found = folder.draft("a.spec")
+    assert found is not None and (found["text"], found["was"]) == ("object mug\n", "abc")
+    assert other.draft("a.spec") is None and folder.draft("b.spec") is None
+    assert list((tmp_path / "opened").iterdir()) == []
+    (kept,) = (tmp_path / "state/scenegen/drafts").iterdir()
+    kept.write_text("{")
+    assert folder.draft("a.spec") is None
+    folder.keep_draft("a.spec", None, None)
+    assert not kept.exists()
+    with pytest.raises(Refused, match="at most"):
+        folder.keep_draft("a.spec", "#" * (MAX_TEXT + 1), None)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    with pytest.raises(Refused, match="cannot be kept"):
+        folder.keep_draft("a.spec", "object mug\n", None)

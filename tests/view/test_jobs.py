@@ -328,7 +328,7 @@ def test_what_is_the_same_in_every_scene_does_not_explain_it(tmp_path, name, lab
     """`stackedOn` asks for a height, which is that of the stand that the spec declares."""
     text = shipped_specs()[name].read_text()
     spec = scenegen.parse(text, name)
-    scenes = scenegen.sample(spec, {one: (0, None) for one in spec.labels}, 4, seed=1)
+    scenes = scenegen.sample(spec, dict.fromkeys(spec.labels, (0, None)), 4, seed=1)
     on = None if scenes.on is None else scenes.on[:1].tolist()
     (found,) = do("evaluate", tmp_path, text=text, poses=scenes.poses[:1].tolist(), on=on, why=True)
     one = found["decides"][label]
@@ -353,3 +353,12 @@ def test_what_is_the_same_in_every_scene_does_not_explain_it(tmp_path, name, lab
 def test_what_is_no_request_is_refused_in_words(job, request_, tmp_path):
     with pytest.raises(RequestError, match="no request for scenes"):
         do(job, tmp_path, request=request_)
+
+
+def test_scenes_that_only_touch_the_border_come_with_a_warning(tmp_path):
+    text = "object mug, plate\ntask: leftOf(mug, plate) & rightOf(mug, plate)\n"
+    (found,) = do("sample", tmp_path, text=text, request={"phi": {"task": [0, None]}, "n": 2})
+    (warning,) = [one for one in found["warnings"] if one["code"] == "never-satisfied"]
+    assert "`task` is met at its border alone" in warning["title"] and max(found["phi"]["task"]) < 1e-9
+    (found,) = do("sample", tmp_path, request={"phi": {"task": [0, None]}, "n": 2})
+    assert found["warnings"] == []

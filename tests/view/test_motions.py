@@ -30,6 +30,13 @@ odd: !(still(plate) until_with[1, 4] rightOf(mug, plate)) | (exists a in objects
 """
 
 
+NEAR = """object mug, plate
+time [0, 4 s] every 0.5 s
+require speed(mug) <= 20 cm/s & speed(plate) <= 20 cm/s
+task: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))
+"""
+
+
 def do(job, tmp_path, text=TEXT, **fields):
     return list(JOBS[job]({"job": job, "root": str(tmp_path), "path": None, "text": text, **fields}))
 
@@ -205,10 +212,9 @@ def test_a_motion_travels_in_one_message():
 def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
     """At first any, then what comes nearer, then those in the range as they are found; the last answer is as ever."""
     monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
-    text = "object mug, plate\ntime [0, 4 s] every 0.5 s\nrequire speed(mug) <= 20 cm/s & speed(plate) <= 20 cm/s\ntask: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))\n"
     wanted = {"phi": {"task": [0.02, None]}, "n": 12, "seed": 3, "method": "splitting"}
-    *looks, last = do("sample", tmp_path, text, request=wanted, watch=True)
-    spec = scenegen.parse(text)
+    *looks, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
+    spec = scenegen.parse(NEAR)
     exact = scenegen.sample_motions(spec, {"task": (0.02, None)}, 12, seed=3, method="splitting")
     assert last["motions"] == exact.poses.tolist() and "look" not in last
     assert len(looks) > 2 and looks[0]["hits"] == 0 and looks[-1]["hits"] == 12
@@ -222,8 +228,6 @@ def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
 
 def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch):
     monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
-    text = "object mug, plate\ntime [0, 4 s] every 0.5 s\nrequire speed(mug) <= 20 cm/s & speed(plate) <= 20 cm/s\n"
-    text += "task: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))\n"
 
     def slow(spec, wanted, seconds, watch):
         found = scenegen.sample_motions(spec, wanted["phi"], 5, method="splitting")
@@ -232,14 +236,15 @@ def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch
 
     monkeypatch.setattr("scenegen.view.jobs.motions.drawn", slow)
     wanted = {"phi": {"task": [0, None]}, "n": 12, "method": "splitting"}
-    *_, last = do("sample", tmp_path, text, request=wanted, watch=True)
+    *_, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
     assert len(last["motions"]) == 2 and min(last["phi"]["task"]) >= 0
     (warning,) = last["warnings"]
     assert "2" in warning["title"] and "12" in warning["title"]
 
 
 def test_what_moves_without_a_bound_is_a_problem_at_its_declaration(tmp_path):
-    text = "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\ntask: finally leftOf(mug, plate)\n"
+    text = "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\n"
+    text += "task: finally leftOf(mug, plate)\n"
     described, problems = do("check", tmp_path, text)
     assert described["spec"]["time"]
     (one,) = problems["problems"]

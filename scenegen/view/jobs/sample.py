@@ -61,7 +61,7 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     data = scenes_data(spec, found)
     data["warnings"] += [
-        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is met at its border alone: phi is 0 in all of these scenes"}
+        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is met at its border alone: phi is 0 in all scenes"}
         for name, values in found.phi.items()
         if _touches(wanted["phi"].get(name), values)
     ]
@@ -74,8 +74,8 @@ def _touches(ends: tuple[float | None, float | None] | None, phi: npt.NDArray[np
 
 
 def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, until they are there, now and then a
-    `look`: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
+    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, a `look` now and then until they
+    are there: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
     from scenegen.view.jobs import motions
 
     began = time.perf_counter()

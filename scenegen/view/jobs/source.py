@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from scenegen.api.spec import Spec
-from scenegen.errors import DataError, ScenegenError
+from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.page import NO_MESSAGE
 from scenegen.errors.render import render_all
 from scenegen.lang.check import check_file
-from scenegen.view.control import control
+from scenegen.view.control import control, without_command_line
 
 UNTITLED = "untitled.spec"
 Counts = tuple[tuple[str, int], ...]
@@ -73,13 +73,19 @@ def inside(text: str, root: str | None) -> str:
     return text.replace(f"{str(root).rstrip('/')}/", "") if root else text
 
 
+def _said(one: Diagnostic, part: str, root: str | None) -> str:
+    told = inside(one.text(part, control), root)
+    # a range stands in every part, and where something lies, as in `my.spec:2:28`, in notes
+    return told if part == "note" else without_command_line(told)
+
+
 def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
     """What the page shows of an error: the first problem in parts, and all of them as text. Files of the folder `root`
     are named as the page names them."""
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        **{part: inside(one.text(part, control), root) for part in ("title", "label", "note", "help")},
+        **{part: _said(one, part, root) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]

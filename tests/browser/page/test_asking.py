@@ -140,7 +140,8 @@ def test_rare_specs_say_how_rare_they_are(serve, tab, tmp_path):
     one.until("$.rarity.row")
     assert one.page.inner_text(".label-box .rare") == f"1 in 10^{-exact:.0f}"
     heights = one.page.evaluate(
-        "document.querySelector('.handles .curve').getAttribute('d').slice(1).split('L').map((one) => +one.split(' ')[1])"
+        "document.querySelector('.handles .curve').getAttribute('d').slice(1)"
+        ".split('L').map((one) => +one.split(' ')[1])"
     )
     top = heights.index(min(heights))
     assert heights[top:-1] == sorted(heights[top:-1])  # no gap: ever rarer to the right of the most frequent phi
@@ -151,3 +152,42 @@ def test_rare_specs_say_how_rare_they_are(serve, tab, tmp_path):
     one.page.click(".chip:has-text('just solved')")
     one.until("$.request.phi.row[1] !== null")
     assert one.page.inner_text(".label-box .rare").startswith("1 in 10^")
+
+
+def test_fields_say_what_they_do_not_take(served, tab):
+    one = tab(served.link)
+    one.ready()
+    for value in ("abc", "0,02", "2 miles"):
+        one.page.fill("input[aria-label='from, task']", value)
+        one.page.keyboard.press("Enter")
+        one.page.wait_for_selector(f".wrong:has-text('{value} is no number here')")
+        assert one.state("$.request.phi.task") == [0, None]
+        assert one.page.get_attribute("input[aria-label='from, task']", "aria-invalid") == "true"
+    one.page.fill("input[aria-label='from, task']", "2 cm")
+    one.page.keyboard.press("Enter")
+    one.until("$.request.phi.task[0] === 0.02")
+    assert not one.page.query_selector(".wrong")
+    assert one.page.query_selector(".fields .caption")  # flat in phi, with an open end
+    one.page.fill("input[aria-label='to, task']", "10 mm")
+    one.page.keyboard.press("Enter")
+    one.page.wait_for_selector(".wrong:has-text('from is larger than to')")
+    one.page.fill("input[aria-label='to, task']", "40 mm")
+    one.page.keyboard.press("Enter")
+    one.until("$.request.phi.task[1] === 0.04")
+    assert not one.page.query_selector(".fields .caption")
+
+
+def test_dialogs_keep_the_keyboard_and_give_it_back(served, tab):
+    one = tab(served.link)
+    one.ready()
+    one.page.focus("button[aria-label=keys]")
+    one.page.keyboard.press("Enter")
+    one.page.wait_for_selector("[role=dialog]")
+    inside = "document.activeElement === document.body || !!document.activeElement.closest('[role=dialog]')"
+    for _ in range(4):
+        one.page.keyboard.press("Tab")
+        assert one.page.evaluate(inside)
+    one.page.keyboard.press("Escape")
+    one.until("document.activeElement.getAttribute('aria-label') === 'keys'")
+    one.page.click(".phi.ask")
+    assert "0 or more is met" in one.page.inner_text(".about")

@@ -106,7 +106,7 @@ def test_moved_scenes_stay_as_they_were_left_and_moves_are_taken_back(served, ta
     path = download(one, "json", tmp_path)
     back = scenegen.read_scenes(path)
     assert back.poses[0].tolist() == moved and back.poses[1].tolist() != one.state("$.result.poses[1]")
-    assert [found["task"] for found in scenegen_eval(tmp_path / "two.spec", path)][0] == phi
+    assert scenegen_eval(tmp_path / "two.spec", path)[0]["task"] == phi
     drag(one, "fork", 0, -20)
     settled(one)
     one.page.keyboard.press("Control+z")

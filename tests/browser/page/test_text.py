@@ -166,12 +166,9 @@ def test_text_that_is_not_saved_is_asked_about_and_kept(serve, tab, tmp_path):
     four = tab(serve("two.spec").link)
     four.ready()
     assert content(four) == text + "# saved" and not four.page.query_selector(".restored")
-    assert (
-        four.page.evaluate(
-            "fetch('/api/draft?name=two.spec&token=' + new URLSearchParams(location.search).get('token')).then((one) => one.json())"
-        )
-        is None
-    )
+    token = "new URLSearchParams(location.search).get('token')"
+    kept = four.page.evaluate(f"fetch('/api/draft?name=two.spec&token=' + {token}).then((one) => one.json())")
+    assert kept is None
 
 
 def test_what_is_written_in_an_example_is_kept_too(serve, tab):
@@ -265,7 +262,8 @@ def test_relations_come_with_their_arguments_and_mistakes_with_their_mends(serve
     one.page.click(".problems .mend:has-text('leftOf')")
     assert content(one) == "object mug, plate\ntask: leftOf(mug, plate)\n"
     one.write(
-        "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\ntask: finally leftOf(mug, plate)\n"
+        "object mug, plate\ntime [0, 2 s] every 0.5 s\nrequire speed(plate) <= 20 cm/s\n"
+        "task: finally leftOf(mug, plate)\n"
     )
     one.page.wait_for_selector(".cm-lintRange-warning")
     one.page.click(".problems .mend:has-text('speed(mug)')")

@@ -62,6 +62,13 @@ def test_the_library_as_a_table_and_as_json(scenegen, golden, here):
         "friction": 0.45,
         "color": [0.14, 0.45, 0.5],
         "hollow": True,
+        "surfaces": {
+            "inside": {
+                "length": pytest.approx(0.0598, abs=1e-4),
+                "width": pytest.approx(0.0598, abs=1e-4),
+                "depth": 0.085,
+            }
+        },
     }
 
 

@@ -73,8 +73,6 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     waiting = _not_at_once(core, box)
     if not waiting:
         return []
-    if required and len(waiting) == len(spec.labels) and (crowded := _too_full(spec, REQUIRE)) is not None:
-        return [crowded]  # without it nothing else matters
     from scenegen.bounds.clash import clash, explain
     from scenegen.bounds.search import find
     from scenegen.bounds.tape import weight
@@ -95,6 +93,8 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         one = part(core, required)
         reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work)
         if reach.verdict != "yes":
+            if (crowded := _too_full(spec, REQUIRE)) is not None:
+                return [crowded]  # without it nothing else matters
             missing.insert(0, (REQUIRE, None, one, reach))
     found: list[Doubt] = []
     for name, most, one, reach in missing:
@@ -104,7 +104,7 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
             wanted = dict.fromkeys(one.labels.values(), ENDS)
             result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
         if result is None or not result.proved:
-            crowded = _too_full(spec, name) if name != REQUIRE else None
+            crowded = None if required else _too_full(spec, name)
             if crowded is not None or result is None:
                 found.append(crowded or Doubt(name, False, None))
                 continue

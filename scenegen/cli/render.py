@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes, PosesOf
+from scenegen.cli.options import Meshes, PosesOf, whole
 from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
-from scenegen.errors.requests import OUT_OF_PLACE, SIZE_SYNTAX
+from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
+
+TELL = 10.0  # seconds between two lines of progress where there is no terminal
+Most = Annotated[
+    int | None,
+    typer.Option("--pictures", help="Draw so many scenes, from the first; default: all.", parser=whole, metavar="N"),
+]
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
@@ -97,6 +103,7 @@ def render(
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
     ] = None,
+    pictures: Most = None,
     engine: Engine = "local",
     address: Address = None,
 ) -> int:
@@ -152,6 +159,8 @@ def render(
         raise _only("--seed", "goes with --looks")
     if spec is not None and (alone or any(map(is_motions, sources))):
         raise _only("--spec", "goes with scenes, and motions say themselves of what spec they are")
+    if pictures is not None and (figure or alone or len(sources) > 1):
+        raise _only("--pictures", "goes with pictures of one file")
     if figure or alone:
         _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
         if looks is not None:
@@ -186,7 +195,9 @@ def render(
     elif figure:
         _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers}, spec)
     else:
-        draw(_scenes(sources[0], spec), out, workers=workers, **look)
+        found = _scenes(sources[0], spec)
+        check_count(found)
+        draw(found, out, workers=workers, most=pictures, **look)
     return 0
 
 
@@ -252,11 +263,26 @@ def draw(
     looks: str | None = None,
     meshes: Path | None = None,
     seed: int = 0,
+    most: int | None = None,
 ) -> None:
-    """Draw with a progress bar, and say where the pictures are and how fast they came."""
+    """Draw with a progress bar, or where nobody sees one a line every ten seconds, and say where the pictures are and
+    how fast they came. `most` is how many scenes are drawn, from the first."""
     from scenegen.cli.output import note, note_others, print_error, progress_bar
+    from scenegen.errors import RequestError
 
-    started = time.perf_counter()
+    if most is not None:
+        if most < 1:
+            raise RequestError(OUT_OF_RANGE(argument="pictures", value=most, wanted="1 or more"))
+        scenes = scenes[:most]
+    started = told = time.perf_counter()
+
+    def report(done: int, total: int) -> None:
+        nonlocal told
+        bar.update(task, completed=done)
+        if bar.disable and done < total and time.perf_counter() - told > TELL:
+            told = time.perf_counter()
+            print_error(f"drew {done:,} of {total:,} scenes")
+
     with progress_bar() as bar:
         task = bar.add_task("drawing", total=len(scenes))
         drawn = scenes.render(
@@ -272,7 +298,7 @@ def draw(
             meshes=meshes,
             seed=seed,
             workers=workers,
-            progress=lambda done, total: bar.update(task, completed=done),
+            progress=report,
         )
     took = time.perf_counter() - started
     _note_unknown(scenes)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenegen.cli.options import Counts, Root, all_found, spec_names, whole
+from scenegen.cli.render import Most
 from scenegen.cli.sample_runs import Storing, Wishes, sample_many, sample_one
-from scenegen.errors.requests import CONFLICTING_ARGUMENTS, RESUME_WITHOUT_FILE
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS, OUT_OF_PLACE, RESUME_WITHOUT_FILE
 from scenegen.sampling.methods import METHODS, methods_help
 
 if TYPE_CHECKING:
@@ -154,6 +155,7 @@ def sample(
         Path | None,
         typer.Option("--render", help="Draw the scenes into this folder, too.", metavar="DIR", show_default=False),
     ] = None,
+    pictures: Most = None,
     root: Root = None,
 ) -> int:
     """Draw scenes whose phi lies in the given ranges; every returned scene is verified against the spec.
@@ -193,7 +195,9 @@ def sample(
         phi or [], satisfied, violated, n, seed, method, spread, fix or [], settle, raw, workers, keep_partial, timeout,
         steps, spec, root, count or [], fix_from,
     )  # fmt: skip
-    storing = Storing(resume, engine, address, shard_size)
+    if pictures is not None and render is None:
+        raise RequestError(OUT_OF_PLACE(option="--pictures", rule="goes with --render", remedy="add --render DIR"))
+    storing = Storing(resume, engine, address, shard_size, pictures)
     if len(sources) == 1:
         sample_one(sources[0], wishes, out, storing, render)
         return 0

@@ -53,6 +53,7 @@ class Storing:
     engine: str
     address: str | None
     shard_size: int | None
+    pictures: int | None = None  # scenes that --render draws
 
 
 def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> int:
@@ -123,7 +124,7 @@ def _sample(
 
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
-        refused |= {"fix_from": wishes.fix_from is not None}
+        refused |= {"fix_from": wishes.fix_from is not None, "pictures": storing.pictures is not None}
         sample_motions(subject, _request(source, subject, wishes), source, out, refused, render, reserve)
         return
     stored = out is not None and names_set(out)
@@ -157,7 +158,7 @@ def _sample(
         detail(f"sampled and wrote {written.count} scenes")
         summary(written.header, written.count, written.phi, out)
         if render is not None:
-            draw(read_scenes(out), render)
+            draw(read_scenes(out), render, most=storing.pictures)
         return
     from scenegen.api.sample import draw_scenes
 
@@ -208,7 +209,7 @@ def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None) -> None:
         print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
     summary(scenes.header, len(scenes), met(scenes), path)
     if render is not None:
-        draw(scenes, render)
+        draw(scenes, render, most=storing.pictures)
 
 
 def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:

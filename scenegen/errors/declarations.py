@@ -241,7 +241,11 @@ CANNOT_FIND_IMPORT = Kind("cannot-find-import", "cannot find {path}")
 CANNOT_READ_IMPORT = Kind(
     "cannot-read-import",
     "cannot read {path}: {reason}",
-    help=("beside it are {beside:list}", "the path is relative to this file"),
+    help=(
+        'folders are separated with `/`: write "{mended}"',
+        "beside it are {beside:list}",
+        "the path is relative to this file",
+    ),
 )
 IMPORT_NOT_A_FILE = Kind("import-not-a-file", "{path} is not a file", help="name {what}")
 IMPORT_TOO_LARGE = Kind("import-too-large", "{path} is too large", "the limit is {limit:,} bytes")

@@ -167,5 +167,5 @@ def _wood(stage: Stage, table: Rectangle) -> Pixels:
     y = y1 - (np.arange(along) + 0.5) / along * (y1 - y0)
     columns, rows = np.meshgrid(x, y)
     sizes = np.full(columns.size, pixel), np.full(columns.size, pixel)
-    shares = wood(stage, columns.ravel(), rows.ravel(), sizes).reshape(along, across, 3)
+    shares = wood(stage, columns.ravel(), rows.ravel(), sizes, inlay=False).reshape(along, across, 3)
     return np.rint(255.0 * np.clip(shares, 0.0, 1.0)).astype(np.uint8)

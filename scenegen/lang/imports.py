@@ -83,7 +83,9 @@ class Project:
                 data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
+            mended = path.replace("\\\\", "/").replace("\\", "/") if "\\" in path else None
+            beside = _beside(wanted)
+            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=beside, mended=mended)) from None
         if len(data) > MAX_BYTES:
             raise SpecError(IMPORT_TOO_LARGE(here, path=path, limit=MAX_BYTES))
         return data

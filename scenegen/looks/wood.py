@@ -13,9 +13,9 @@ TABLE = 256  # side of the square of random numbers, a power of two
 SEAM, INLAY = 0.0016, 0.0020  # half widths, in sides of the workspace
 
 
-def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats]) -> Floats:
+def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats], *, inlay: bool = True) -> Floats:
     """(P, 3): factors of the table's own colour at the visible points (x, y) (P,), in metres, for pixels of these sizes
-    along x and y.
+    along x and y. `inlay` shows the edge of the workspace; a table of a look has none.
 
     Details finer than a pixel fade out, which avoids aliasing in the distance.
     """
@@ -37,7 +37,8 @@ def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats]) -> F
     lines = 0.130 * _line(np.abs(lane - np.round(lane)) / PLANKS, SEAM, pixel_y)
     x0, y0, x1, y1 = stage.workspace
     outside = np.maximum(np.maximum(x0 - x, x - x1), np.maximum(y0 - y, y - y1)) / side
-    lines += 0.030 * (outside > 0.0) + 0.240 * _line(np.abs(outside), INLAY, np.maximum(pixel_x, pixel_y))
+    if inlay:
+        lines += 0.030 * (outside > 0.0) + 0.240 * _line(np.abs(outside), INLAY, np.maximum(pixel_x, pixel_y))
     return np.asarray(1.0 - dark[..., None] * WARMTH - lines[..., None])
 
 

@@ -86,7 +86,7 @@ class Lighting:
         sizes = np.abs(np.gradient(x, axis=1)), np.abs(np.gradient(y, axis=0))
         bare_wood = np.ones_like(at)
         if look is None or look.table_texture == WOODEN:
-            bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]))
+            bare_wood[top] = wood(stage, x[top], y[top], (sizes[0][top], sizes[1][top]), inlay=look is None)
         else:
             name, size = look.table_texture, look.table_texture_size
             bare_wood[top] = textures.shares(name, size, x[top], y[top], np.maximum(*sizes)[top])

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import PIL.Image
 import pybullet
 
-from scenegen.assets import parts_of
+from scenegen.assets import PLAIN, parts_of
 from scenegen.assets.mesh import Floats, Mesh, box, shaded
 from scenegen.assets.palette import RGB, mix
 from scenegen.assets.plain import plain
@@ -27,6 +27,7 @@ from scenegen.assets.surface import Surface
 from scenegen.looks.camera import Camera, frame
 from scenegen.looks.look import VIEW, Look, Tint
 from scenegen.looks.textures import Textures
+from scenegen.primitives import Polygon
 from scenegen.render.ambient import landscape_camera
 from scenegen.render.light import TOWARDS, Lighting, light_camera
 from scenegen.render.models import Model
@@ -72,6 +73,8 @@ class Painter:
                 self._things.append([body for surface in model for body in self._studio.show(surface, thing.color)])
                 continue
             parts = parts_of(thing.shape, thing.color)
+            if look is not None and (thing.shape.asset in PLAIN or isinstance(thing.shape.footprint, Polygon)):
+                parts = parts[:1]  # pictures to train with show no mark for the heading
             self._things.append([self._studio.add(part.mesh, part.color) for part in parts])
         boards = [[self._board(patch)] for patch in stage.patches if patch.height]
         self._studio.tidy_up()

@@ -62,6 +62,13 @@ def test_the_library_as_a_table_and_as_json(scenegen, golden, here):
         "friction": 0.45,
         "color": [0.14, 0.45, 0.5],
         "hollow": True,
+        "surfaces": {
+            "inside": {
+                "length": pytest.approx(0.0598, abs=1e-4),
+                "width": pytest.approx(0.0598, abs=1e-4),
+                "depth": 0.085,
+            }
+        },
     }
 
 
@@ -75,3 +82,19 @@ def test_pictures_of_assets(scenegen, here):
 def test_an_asset_that_is_not_there(scenegen, here):
     told = scenegen("assets", "mugg", "--out", "a")
     assert (told.status, told.out) == (1, "") and "did you mean `mug`" in told.err and not (here / "a").exists()
+
+
+@pytest.mark.long
+def test_how_many_pictures(scenegen, here, small_pictures):
+    words = ("sample", "good.spec", "-n", "3", "--out", "s.json", "--render", "some", "--pictures", "1")
+    assert scenegen(*words).status == 0
+    assert sorted(one.name for one in (here / "some").glob("scene_*_top.png")) == ["scene_0001_top.png"]
+    assert scenegen("render", "s.json", "--out", "two", "--pictures", "2").status == 0
+    assert len(list((here / "two").glob("scene_*_top.png"))) == 2
+    for refused in (
+        ("sample", "good.spec", "-n", "3", "--pictures", "1"),
+        ("render", "s.json", "--out", "none", "--pictures", "0"),
+        ("render", "s.json", "--out", "none", "--pictures", "1", "--figure", "sheet"),
+    ):
+        outcome = scenegen(*refused)
+        assert outcome.status == 1 and "--pictures" in outcome.err and not (here / "none").exists()

@@ -228,3 +228,14 @@ def test_hostile_urdf_files(files, name):
     title, place = files.refused('object tray = urdf("tray.urdf"), mug\ntask: leftOf(mug, tray)')
     assert place == "main.spec:1:20" and title
     assert time.process_time() - began < 20.0
+
+
+@pytest.mark.parametrize("written", ["sub\\\\vase.obj", "sub\\vase.obj"])
+def test_folders_separated_as_on_windows(written, tmp_path):
+    """The help says how to write it, and lists no other folder's files."""
+    (tmp_path / "other.obj").write_text("")
+    text = f'object a = mesh("{written}"), b\ntask: leftOf(a, b)\n'
+    with pytest.raises(SpecError) as caught:
+        check_file(tmp_path / "main.spec", text.encode())
+    (problem,) = caught.value.diagnostics
+    assert problem.code == "cannot-read-import" and 'write "sub/vase.obj"' in problem.help

@@ -88,7 +88,7 @@ def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False, most
 class _Planner:
     """One descent of one ensemble of chains, which records its stages."""
 
-    def __init__(self, problem: Problem, budget: Budget, most: float) -> None:
+    def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
         self._problem, self._budget, self._most = problem, budget, most
         chain_state, cells = frame_of(problem), problem.cells
         most = max(256, NUMBERS // chain_state.dimension)

@@ -195,9 +195,7 @@ def render(
     elif figure:
         _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers}, spec)
     else:
-        found = _scenes(sources[0], spec)
-        check_count(found)
-        draw(found, out, workers=workers, most=pictures, **look)
+        draw(_scenes(sources[0], spec), out, workers=workers, most=pictures, **look)
     return 0
 
 

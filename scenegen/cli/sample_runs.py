@@ -140,7 +140,7 @@ def _sample(
         subject = _in_steps(subject, wishes.steps)
     request = _request(source, subject, wishes)
     if wishes.fix_from is not None:
-        _complete(subject, request, wishes, path, stored or storing.resume, render)
+        _complete(subject, request, wishes, path, storing, render, stored)
         return
     if render is not None:
         check_folder(render, path)
@@ -166,11 +166,17 @@ def _sample(
         scenes = draw_scenes(subject, request, progress=bar, reserve=reserve)
     complain(*scenes.warnings)
     detail(f"sampled {len(scenes)} scenes")
-    _hand_out(scenes, path, render)
+    _hand_out(scenes, path, render, storing.pictures)
 
 
 def _complete(
-    subject: Spec | Model, request: SampleRequest, wishes: Wishes, path: Path | None, stored: bool, render: Path | None
+    subject: Spec | Model,
+    request: SampleRequest,
+    wishes: Wishes,
+    path: Path | None,
+    storing: Storing,
+    render: Path | None,
+    stored: bool,
 ) -> None:
     """The scenes of --fix-from, completed. Raises what `sample` raises."""
     from scenegen.api.complete import complete
@@ -180,18 +186,16 @@ def _complete(
     from scenegen.errors import RequestError
 
     assert wishes.fix_from is not None
-    for option, odd in (("--fix-from", stored or isinstance(subject, Model)),):
-        if odd:
-            rule = "completes scenes of a spec, in memory"
-            raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="name a spec, and a single file"))
-    assert not isinstance(subject, Model)
+    if stored or storing.resume or isinstance(subject, Model):
+        rule = "completes scenes of a spec, in memory"
+        raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
     given = part_of_scenes(subject.checked, wishes.fix_from, wishes.fix)
     scenes = complete(subject, request, given)
     complain(*scenes.warnings)
-    _hand_out(scenes, path, render)
+    _hand_out(scenes, path, render, storing.pictures)
 
 
-def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None) -> None:
+def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None, pictures: int | None) -> None:
     """Write scenes to a file or the output, say what they are, and draw them."""
     from scenegen.api.stream import met
     from scenegen.cli.output import print_error
@@ -209,7 +213,7 @@ def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None) -> None:
         print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
     summary(scenes.header, len(scenes), met(scenes), path)
     if render is not None:
-        draw(scenes, render, most=storing.pictures)
+        draw(scenes, render, most=pictures)
 
 
 def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:

@@ -200,6 +200,9 @@ def run(words: list[str]) -> int:
         if is_limit(error):
             complain(*cannot_start("a process or thread", error).diagnostics)
             return 1
+        if "allocate memory" in str(error) or "failed to map segment" in str(error):  # as torch and the linker say it
+            complain(OUT_OF_MEMORY())
+            return 1
         if isinstance(error, OSError) and error.errno and error.filename is None:  # others are no system's
             give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()

@@ -178,6 +178,7 @@ def stream_scenes(
         results = None if resume else drawn(0)  # a run that is resumed does not know yet where it goes on
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
+        ending.enter_context(_saying_how_to_go_on(path, shards))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
         run = _Run(shards, standing, inspect)
         if shards.state:
@@ -205,12 +206,10 @@ def stream_scenes(
                         raise stop.asked
                     if spent():
                         break
-        except BaseException as error:
+        except BaseException:
             # An interrupt while waiting for a piece finds a consistent state; one while a piece is processed does not.
             if run.settled and standing.used:
                 run.checkpoint()
-            if isinstance(error, KeyboardInterrupt) and shards.state:
-                raise KeyboardInterrupt(INTERRUPTED(folder=folder_of(path), scenes=shards.state["found"])) from error
             raise
         if standing.used:
             run.checkpoint(checkpoint if run.ahead and standing.assembler.complete else 0.0)
@@ -226,6 +225,17 @@ def stream_scenes(
             tally = replace(standing.tally(), scarcest=tally.scarcest)
             run.join(file, header(tally), rest)
     return tally
+
+
+@contextlib.contextmanager
+def _saying_how_to_go_on(path: Path, shards: Shards) -> Iterator[None]:
+    """An interrupt, also one while the file is joined, says what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if not shards.state:
+            raise
+        raise KeyboardInterrupt(INTERRUPTED(folder=folder_of(path), scenes=shards.state["found"])) from error
 
 
 class _Run:

@@ -21,7 +21,7 @@ _PUBLIC = {
     "parse": "spec",
     "Scene": "scene",
     "SceneSet": "scenes",
-    "read_scenes": "scenes",
+    "read_scenes": "reading",
     "StoredSet": "stored",
     "open_set": "stored",
     "MotionSet": "motions",
@@ -92,9 +92,10 @@ if TYPE_CHECKING:
     from scenegen.api.pairs import pairs
     from scenegen.api.planning import export_problems, import_problem
     from scenegen.api.rarity import rarity
+    from scenegen.api.reading import read_scenes
     from scenegen.api.sample import sample
     from scenegen.api.scene import Scene
-    from scenegen.api.scenes import SceneSet, read_scenes
+    from scenegen.api.scenes import SceneSet
     from scenegen.api.settle import settle
     from scenegen.api.settled import SettledScenes
     from scenegen.api.simulate import load_pybullet

@@ -7,7 +7,7 @@ one: there bounds, growth and splitting help, and say where nothing can be found
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from scenegen.api.model import Model
 from scenegen.api.request import check_request, request_data
-from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
 
 Array = npt.NDArray[np.float64]
+Draw = Callable[[Spec, SampleRequest], SceneSet]
 Index = npt.NDArray[np.intp]
 
 STREAM = 17  # the stream of random numbers of completed scenes
@@ -84,8 +84,9 @@ def _plain(values: Any) -> Any:
     return values.detach().cpu().numpy() if hasattr(values, "detach") else values
 
 
-def complete(spec: Spec | Model, request: SampleRequest, fix: Any) -> SceneSet:
-    """A scene for each that is given by `fix`, in their order: see `given_poses`. Within the range the scenes are
+def complete(spec: Spec | Model, request: SampleRequest, fix: Any, draw: Draw) -> SceneSet:
+    """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare.
+    Within the range the scenes are
     spread as the request says, as far as what is given allows. Raises RequestError for a request that does not go with
     given scenes, and where one cannot be completed in time, unless `keep_partial`."""
     began = time.monotonic()
@@ -109,7 +110,7 @@ def complete(spec: Spec | Model, request: SampleRequest, fix: Any) -> SceneSet:
     found, hit, draws = _drawn(problem, held, request, began)
     warnings: list[Diagnostic] = list(problem.warnings)
     for number in np.flatnonzero(~hit):
-        one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began))
+        one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw)
         if isinstance(one, Diagnostic):
             if not request.keep_partial:
                 raise RequestError(one)
@@ -191,7 +192,7 @@ def _drawn(
     return found, hit, draws
 
 
-def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: float) -> Array | Diagnostic:
+def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: float, draw: Draw) -> Array | Diagnostic:
     """The rows of one scene that was not hit, or why there are none."""
     checked = spec.checked
     fix = {
@@ -204,7 +205,7 @@ def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: fl
     seed = int(np.random.SeedSequence([request.seed, STREAM, number]).generate_state(1)[0])
     alone = replace(request, n=1, fix=fix, seed=seed, spread="base", method="auto", timeout=left, keep_partial=False)
     try:
-        scenes = draw_scenes(spec, alone)
+        scenes = draw(spec, alone)
     except RequestError as error:
         return NOT_COMPLETED(scene=number + 1, reason=error.diagnostics[0].title)
     from scenegen.api.scene_arrays import rows_of

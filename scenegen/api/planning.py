@@ -8,8 +8,9 @@ from pathlib import Path
 
 from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.problems import OF_SCENES, Exported, Own, numbers, of_scenes, write
+from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import SceneSet, check_count, read_scenes
+from scenegen.api.scenes import SceneSet, check_count
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.export.simulators import check_out

@@ -70,7 +70,7 @@ def sample(
         settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
     )  # fmt: skip
     if many:
-        return complete(source, request, fix)
+        return complete(source, request, fix, draw_scenes)
     return draw_scenes(source, request, progress=progress, on_note=on_note)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import reprlib
 from collections.abc import Callable, Iterator
 from dataclasses import InitVar, dataclass, field
@@ -17,32 +18,27 @@ from scenegen.api.scene import Scene
 from scenegen.api.scene_arrays import Array, SceneArrays, parts_of
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
-from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, OUT_OF_PLACE, OUT_OF_RANGE, WRONG_VALUE
-from scenegen.formats import registry as table
-from scenegen.formats.blocks import Block, Reading
+from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE
+from scenegen.formats.blocks import Block
 from scenegen.formats.lines import block_of
-from scenegen.formats.locations import as_location, is_set
-from scenegen.formats.plain import is_plain
-from scenegen.formats.settled import is_settled
 from scenegen.lang.check import check_text
 from scenegen.lang.core import REQUIRE, Atom, gated
 from scenegen.lang.interpret import deciding_atom
 from scenegen.lang.interpret import evaluate as interpret
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import as_poses, row_count
+from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import (
     SceneFile,
 )
 from scenegen.scene.workspace import turned
-from scenegen.validation import as_int, as_path
+from scenegen.validation import as_path
 
 if TYPE_CHECKING:
     import pandas
     import torch
 
-    from scenegen.api.spec import Spec
     from scenegen.render import Rendered
 
 
@@ -119,9 +115,14 @@ class SceneSet(SceneArrays):
     def mirrored(self) -> SceneSet:
         """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
         as the spec gives it there. Raises DataError where the spec holds an object off the middle."""
-        from scenegen.api.own_scenes import mirrored
-
-        return mirrored(self)
+        self.refuse_rest("mirrored")
+        spec, (left, right) = check_text(self.header.spec.source, "the spec of the scenes"), self.header.workspace.x
+        poses = self.poses.copy()
+        poses[..., X] = left + right - poses[..., X]
+        poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
+        header = self.header.model_copy(update={"sampler": {**self.header.sampler, "mirrored": True}})
+        bare = SceneSet(poses, {}, header, on=self.on)
+        return SceneSet(poses, evaluate(spec, bare), header, self.warnings, on=self.on, trusted=True)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A data frame with one row per scene and the columns of a Parquet file: `mug.x`, ..., `phi.task`.
@@ -279,62 +280,6 @@ def _picked(index: object, count: int) -> Picked:
             if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
                 return chosen
     raise RequestError(NOT_AN_INDEX(value=reprlib.repr(index), count=count))
-
-
-def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: Spec | None = None) -> SceneSet:
-    """Read a scene file of any format, or a set by its folder or URL; or only scenes from `start` up to, not including,
-    `stop` (counted from 0). `spec` is that of a file of poses alone: a table (.csv, .jsonl, .parquet) with the columns
-    mug.x, mug.y, mug.theta, ..., or scenes with poses by name (.json, .jsonl); phi is computed.
-
-    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has, and
-    for a `spec` beside a file that has its own.
-    """
-    for name, value in (("start", start), ("stop", stop)):
-        if value is not None and as_int(name, value) < 0:
-            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted="0 or more"))
-    if is_set(path):
-        if spec is not None:
-            raise _says_itself(path)
-        from scenegen.formats.opening import open_store
-        from scenegen.formats.sets import read_set
-
-        reading = read_set(open_store(as_location(path)))
-    else:
-        found = open_scenes(as_path("path", path), spec)
-        if isinstance(found, SceneSet):
-            return found if (start, stop) == (0, None) else found[start:stop]
-        reading = found
-    return scene_set(reading.header, reading.labels, reading.whole(start, stop))
-
-
-def open_scenes(path: Path, spec: Spec | None = None) -> Reading | SceneSet:
-    """A scene file, open; or the scenes of one that holds poses alone, of `spec`. Raises what `read_scenes` raises."""
-    if spec is None:
-        if is_settled(path):
-            from scenegen.api.own_scenes import settled_scenes
-
-            return settled_scenes(path)
-        return table.read_scenes(path)
-    if not is_plain(path):
-        table.read_scenes(path)  # says what else is wrong with it
-        raise _says_itself(path)
-    from scenegen.api.own_scenes import read_own
-
-    return read_own(spec, path)
-
-
-def _says_itself(path: str | Path) -> RequestError:
-    rule = f"is for files of poses alone, and {path} says itself of what spec it is"
-    return RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy="leave it out"))
-
-
-def reading_of(path: Path, spec: Spec | None = None) -> Reading:
-    """The same, open: for what goes through scenes block by block."""
-    found = open_scenes(path, spec)
-    if not isinstance(found, SceneSet):
-        return found
-    found.refuse_rest(path)
-    return Reading(found.header, tuple(found.phi), found.blocks(), len(found), str(path))
 
 
 def from_file(file: SceneFile) -> SceneSet:

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.scenes import SceneSet, reading_of
+from scenegen.api.reading import reading_of
+from scenegen.api.scenes import SceneSet
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.settle_numbers import settle_by_numbers
 from scenegen.api.settled import SettledScenes, Summary

@@ -190,9 +190,9 @@ class Spec:
         Raises RequestError for what says no poses, and DataError for scenes that are not of this spec, such as those
         with an object elsewhere than the spec holds it.
         """
-        from scenegen.api.own_scenes import own_scenes
+        from scenegen.api.reading import own_scenes
 
-        return own_scenes(self, poses, on)
+        return own_scenes(self.drawn, poses, on)
 
     def robustness(self, *, compiled: bool = False) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity,

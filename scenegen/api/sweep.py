@@ -7,11 +7,13 @@ import numpy as np
 from scenegen.api.approach import approach
 from scenegen.api.labels import chosen_label
 from scenegen.api.scene_arrays import Array, SceneArrays, make_header, rows_of, stored_rows
-from scenegen.api.spec import Spec, parse
+from scenegen.bounds import spec_bounds
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
+from scenegen.lang.check import check_text
 from scenegen.lang.core import REQUIRE, gated, part
 from scenegen.lang.interpret import phi as score
+from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import as_poses, row_count, span_of
 from scenegen.primitives import NUMPY
 from scenegen.scene.data import RequestData
@@ -35,41 +37,41 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     """
     if not len(scenes):
         raise RequestError(NO_SCENES())
-    spec = parse(scenes.header.spec.source, "the spec of these scenes")
+    spec = check_text(scenes.header.spec.source, "the spec of these scenes")
     chosen = chosen_label(spec.labels, label)
     if scenes.header.counts:
         spec, scenes = _hardest_numbers(spec, scenes, chosen)
-    core = gated(spec.checked.core)
-    start = _start(spec, rows_of(spec.checked, scenes), chosen)
+    core = gated(spec.core)
+    start = _start(spec, rows_of(spec, scenes), chosen)
     here = float(np.min(score(core, list(start), NUMPY)[chosen]))
     reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else DONE
-    solved = min(max(DONE, reached), 0.98 * spec.bounds()[chosen][1])
+    solved = min(max(DONE, reached), 0.98 * spec_bounds(spec)[chosen][1])
     targets = np.linspace(here, max(solved, here), frames)
     rows = np.concatenate([start, *_walk(spec, start, chosen, targets[1:])], axis=1)
     phi = score(core, list(rows), NUMPY)
     header = make_header(
-        spec.checked, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
+        spec, {"method": "sweep"}, RequestData(phi={chosen: (here, float(targets[-1]))}, n=rows.shape[1])
     )
     placed = row_count(len(spec.objects))
     poses = np.ascontiguousarray(as_poses(rows[:placed]))
-    on = stored_rows(spec.checked, rows)[placed:].T if spec.checked.choices else None
+    on = stored_rows(spec, rows)[placed:].T if spec.choices else None
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
     return SceneArrays(poses, values, header, on=on), chosen
 
 
-def _hardest_numbers(spec: Spec, scenes: SceneArrays, label: str) -> tuple[Spec, SceneArrays]:
+def _hardest_numbers(spec: CheckedSpec, scenes: SceneArrays, label: str) -> tuple[CheckedSpec, SceneArrays]:
     """The scenes with as many things as the hardest has, and the spec that these are of."""
     hardest = int(scenes.phi[label].argmin()) if label in scenes.phi else 0
     found = next((numbers, which) for numbers, which in scenes.parts() if hardest in which)
-    return spec.with_counts(found[0]), scenes.only(*found)
+    return check_text(spec.source, spec.name, found[0]), scenes.only(*found)
 
 
-def _start(spec: Spec, rows: Array, label: str) -> Array:
+def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
     """(3N, 1): a hard scene."""
-    core = gated(spec.checked.core)
+    core = gated(spec.core)
     low, high = spec.workspace.box(len(core.objects))
     drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
-    for index, pose in spec.checked.fixed.items():
+    for index, pose in spec.fixed.items():
         drawn[span_of(index, len(pose))] = np.array(pose)[:, None]
     for some in (rows, drawn):
         phi = {name: np.broadcast_to(value, some.shape[1]) for name, value in score(core, list(some), NUMPY).items()}
@@ -81,15 +83,15 @@ def _start(spec: Spec, rows: Array, label: str) -> Array:
     return np.ascontiguousarray(rows[:, np.argmin(score(core, list(rows), NUMPY)[label]), None])
 
 
-def _walk(spec: Spec, start: Array, label: str, targets: Array) -> list[Array]:
+def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[Array]:
     """Scenes (3N, 1) at each target in turn, as far as they can be had."""
-    core = gated(spec.checked.core)
+    core = gated(spec.core)
     core = part(core, [label, *(name for name in core.labels if name == REQUIRE)])
     low, high = np.full(len(core.labels), -np.inf), np.full(len(core.labels), np.inf)
     aim = np.zeros(len(core.labels))
     low[1:], aim[1:] = 0.0, MARGIN  # the requirement, if there is one
     free = np.ones(len(start), dtype=bool)
-    for index in spec.checked.fixed:
+    for index in spec.fixed:
         free[span_of(index)] = False
     free[row_count(len(spec.objects)) :] = False  # what stands on one of several surfaces stays there
     found: list[Array] = []

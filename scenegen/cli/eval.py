@@ -78,7 +78,8 @@ def evaluate(
     mug.theta and so on (seconds, metres, radians), one row a moment, and motion where there are several; or a file of
     motions that scenegen wrote. What decides phi is printed with its moment.
     """
-    from scenegen.api.scenes import check_count, read_scenes, requirement
+    from scenegen.api.reading import read_scenes
+    from scenegen.api.scenes import check_count, requirement
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load

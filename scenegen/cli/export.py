@@ -146,7 +146,7 @@ def export(
 
 def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) -> SceneSet | None:
     """The scenes of a file in memory, where they are not as a file of scenes holds them, or `whole` says so."""
-    from scenegen.api.scenes import read_scenes
+    from scenegen.api.reading import read_scenes
     from scenegen.api.spec import load
     from scenegen.cli.output import note
     from scenegen.formats.settled import is_settled

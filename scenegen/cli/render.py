@@ -224,7 +224,8 @@ class _Drawing:
 
 def _scenes(source: Path, spec: Path | None) -> SceneSet:
     """The scenes of a file, of `spec` where it holds poses alone. Raises DataError, RequestError."""
-    from scenegen.api.scenes import check_count, read_scenes
+    from scenegen.api.reading import read_scenes
+    from scenegen.api.scenes import check_count
     from scenegen.api.spec import load
     from scenegen.cli.output import note
 

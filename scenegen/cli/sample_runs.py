@@ -146,7 +146,7 @@ def _sample(
         check_folder(render, path)
         need("pybullet", "to draw pictures")
     if out is not None and (stored or storing.resume or wishes.n > BLOCK):
-        from scenegen.api.scenes import read_scenes
+        from scenegen.api.reading import read_scenes
         from scenegen.api.stream import write_scenes
 
         with Bar() as bar:
@@ -181,7 +181,8 @@ def _complete(
     """The scenes of --fix-from, completed. Raises what `sample` raises."""
     from scenegen.api.complete import complete
     from scenegen.api.model import Model
-    from scenegen.api.own_scenes import part_of_scenes
+    from scenegen.api.reading import part_of_scenes
+    from scenegen.api.sample import draw_scenes
     from scenegen.cli.output import complain
     from scenegen.errors import RequestError
 
@@ -190,7 +191,7 @@ def _complete(
         rule = "completes scenes of a spec, in memory"
         raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
     given = part_of_scenes(subject.checked, wishes.fix_from, wishes.fix)
-    scenes = complete(subject, request, given)
+    scenes = complete(subject, request, given, draw_scenes)
     complain(*scenes.warnings)
     _hand_out(scenes, path, render, storing.pictures)
 

@@ -13,9 +13,10 @@ import numpy.typing as npt
 
 from scenegen.api.family import is_family, load_model
 from scenegen.api.model import Model
+from scenegen.api.reading import read_scenes
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import Part, parts_of
-from scenegen.api.scenes import SceneSet, read_scenes
+from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.curriculum.errors import refused
 from scenegen.curriculum.goal import Goal, Scorer

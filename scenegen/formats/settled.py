@@ -12,15 +12,14 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from scenegen.errors import DataError
 from scenegen.errors.files import DAMAGED_SCENES
 from scenegen.formats.files import read_bytes, whole_file
-from scenegen.formats.header import first_problem, parse
+from scenegen.formats.header import parse
 from scenegen.formats.registry import format_of
 from scenegen.formats.scenes_json import MOST_BYTES
-from scenegen.formats.settled_blocks import MM, POSE, Array, SettledBlock
+from scenegen.formats.settled_blocks import MM, POSE, Array, SettledBlock, settled_header
 from scenegen.scene.settled import FORMAT, SettledHeader
 
 PEEK = 256  # bytes at the start of a file within which it names its format
@@ -113,14 +112,6 @@ def read_settled(path: Path) -> tuple[SettledHeader, Array, Array]:
         where = f"scenes.{int(bad.any(axis=1).argmax()) + 1}"
         raise DataError(DAMAGED_SCENES(file=path, place=where, reason="there is no such surface"))
     return header, poses, on
-
-
-def settled_header(text: str | bytes, path: Path) -> SettledHeader:
-    """Raises DataError."""
-    try:
-        return SettledHeader.model_validate_json(text)
-    except ValidationError as error:
-        raise DataError(first_problem(str(path), error)) from None
 
 
 def _lines(header: SettledHeader, blocks: Iterable[SettledBlock]) -> Iterator[str]:

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ValidationError
+
+from scenegen.errors import DataError
+from scenegen.formats.header import first_problem
+from scenegen.scene.settled import SettledHeader
 
 Array = npt.NDArray[np.float64]
 
@@ -45,3 +51,11 @@ class SettledBlock:
     def deepest(self) -> Array:
         """(m,): the depth of each scene's deepest contact, in metres."""
         return np.array([max((depth for *_, depth in touches), default=0.0) for touches in self.contacts])
+
+
+def settled_header(text: str | bytes, path: Path) -> SettledHeader:
+    """Raises DataError."""
+    try:
+        return SettledHeader.model_validate_json(text)
+    except ValidationError as error:
+        raise DataError(first_problem(str(path), error)) from None

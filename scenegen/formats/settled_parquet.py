@@ -64,7 +64,7 @@ def names_settled(path: Path, wanted: bytes) -> bool:
 
 def read_poses(path: Path) -> tuple[SettledHeader, Array, Array]:
     """The header, the poses (n, N, 7) and the surfaces (n, M), NaN where null stands. Raises DataError."""
-    from scenegen.formats.settled import settled_header
+    from scenegen.formats.settled_blocks import settled_header
 
     with (
         opened(path, "a file of settled scenes") as file,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
-from scenegen.api.scenes import read_scenes
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES

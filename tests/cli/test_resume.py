@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 

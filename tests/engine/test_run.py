@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 from scenegen.engine import run
 from scenegen.engine.run import draw, jobs
 from scenegen.errors import RequestError

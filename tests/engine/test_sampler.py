@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import make_header
-from scenegen.api.scenes import evaluate, read_scenes
+from scenegen.api.scenes import evaluate
 from scenegen.engine.stream import stream_scenes
 from scenegen.lang.check import check_text
 from scenegen.lang.core import gated

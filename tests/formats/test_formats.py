@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.formats.blocks import BLOCK, Block, joined, regrouped
 from scenegen.formats.registry import FORMATS, format_of, write_scenes

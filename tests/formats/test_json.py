@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenegen.api.reading import read_scenes
 from scenegen.api.sample import sample
-from scenegen.api.scenes import evaluate, from_file, read_scenes
+from scenegen.api.scenes import evaluate, from_file
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
 from scenegen.formats.scenes_json import dump, load

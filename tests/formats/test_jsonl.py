@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
 from scenegen.formats.blocks import Block
 from scenegen.formats.registry import write_scenes

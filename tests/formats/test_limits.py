@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenegen.api.export import convert
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 from scenegen.api.spec import parse
 from scenegen.api.stream import sample_to
 from scenegen.errors import DataError, OutputError, RequestError

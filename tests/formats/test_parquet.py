@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scenegen.api.scenes import read_scenes
+from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
 from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, Block

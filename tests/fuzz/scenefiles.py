@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from scenegen.api.reading import read_scenes
 from scenegen.api.sample import sample
-from scenegen.api.scenes import read_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
 from scenegen.formats.scenes_json import dump

@@ -1,4 +1,4 @@
-"""Scenes from elsewhere: poses in arrays, tables and files of other programs, with phi of a spec."""
+"""Scenes read: files and sets of scenegen, and poses of other programs in arrays, tables and files, with phi."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet, evaluate, scene_set
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.counts import NUMBERS_DISAGREE
 from scenegen.errors.files import COLUMN_NOT_A_NUMBER, NO_SURFACE_GIVEN, NOT_SCENES, OTHER_SPEC, OTHER_SURFACE
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_OBJECT, WRONG_VALUE
+from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.errors.temporal import TRAJECTORY_COLUMN, TRAJECTORY_UNUSED
-from scenegen.formats.blocks import counts_in
+from scenegen.formats import registry as table
+from scenegen.formats.blocks import Reading, counts_in
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import not_scenes, parse
+from scenegen.formats.locations import as_location, is_set
 from scenegen.formats.plain import Table, is_plain, read_table
 from scenegen.formats.scenes_json import MOST_BYTES, REMEDY
-from scenegen.formats.settled import read_settled
+from scenegen.formats.settled import is_settled, read_settled
 from scenegen.lang.check import check_text
+from scenegen.lang.spec import CheckedSpec
 from scenegen.physics.attitude import upright
-from scenegen.pose import NAMES, THETA, TWO_PI, X, Y, as_rows
+from scenegen.pose import NAMES, X, Y, as_rows
 from scenegen.scene.data import ObjectData, Pose, RequestData, SceneFile
-
-if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
-    from scenegen.api.spec import Spec
-    from scenegen.lang.spec import CheckedSpec
+from scenegen.validation import as_int, as_path
 
 Array = npt.NDArray[np.float64]
 
@@ -51,15 +51,73 @@ class _Given:
     unused: tuple[str, ...] = ()
 
 
-def own_scenes(spec: Spec, poses: object, on: object = None) -> SceneSet:
+class Drawn(Protocol):
+    """A Spec, as far as reading scenes needs it."""
+
+    @property
+    def drawn(self) -> CheckedSpec: ...
+
+
+def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: Drawn | None = None) -> SceneSet:
+    """Read a scene file of any format, or a set by its folder or URL; or only scenes from `start` up to, not including,
+    `stop` (counted from 0). `spec` is that of a file of poses alone: a table (.csv, .jsonl, .parquet) with the columns
+    mug.x, mug.y, mug.theta, ..., or scenes with poses by name (.json, .jsonl); phi is computed.
+
+    Raises DataError, also for more scenes than go into memory, and RequestError for an ending that no format has, and
+    for a `spec` beside a file that has its own.
+    """
+    for name, value in (("start", start), ("stop", stop)):
+        if value is not None and as_int(name, value) < 0:
+            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted="0 or more"))
+    if is_set(path):
+        if spec is not None:
+            raise _says_itself(path)
+        from scenegen.formats.opening import open_store
+        from scenegen.formats.sets import read_set
+
+        reading = read_set(open_store(as_location(path)))
+    else:
+        found = open_scenes(as_path("path", path), spec)
+        if isinstance(found, SceneSet):
+            return found if (start, stop) == (0, None) else found[start:stop]
+        reading = found
+    return scene_set(reading.header, reading.labels, reading.whole(start, stop))
+
+
+def open_scenes(path: Path, spec: Drawn | None = None) -> Reading | SceneSet:
+    """A scene file, open; or the scenes of one that holds poses alone, of `spec`. Raises what `read_scenes` raises."""
+    if spec is None:
+        if is_settled(path):
+            return settled_scenes(path)
+        return table.read_scenes(path)
+    if not is_plain(path):
+        table.read_scenes(path)  # says what else is wrong with it
+        raise _says_itself(path)
+    return read_own(spec.drawn, path)
+
+
+def _says_itself(path: str | Path) -> RequestError:
+    rule = f"is for files of poses alone, and {path} says itself of what spec it is"
+    return RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy="leave it out"))
+
+
+def reading_of(path: Path, spec: Drawn | None = None) -> Reading:
+    """The same, open: for what goes through scenes block by block."""
+    found = open_scenes(path, spec)
+    if not isinstance(found, SceneSet):
+        return found
+    found.refuse_rest(path)
+    return Reading(found.header, tuple(found.phi), found.blocks(), len(found), str(path))
+
+
+def own_scenes(spec: CheckedSpec, poses: object, on: object = None) -> SceneSet:
     """See `Spec.scenes`."""
-    drawn = spec.drawn
-    return _scenes(drawn, _given(drawn, poses, on))
+    return _scenes(spec, _given(spec, poses, on))
 
 
-def read_own(spec: Spec, path: Path) -> SceneSet:
+def read_own(spec: CheckedSpec, path: Path) -> SceneSet:
     """The scenes of a file that holds poses alone. Raises DataError."""
-    return _scenes(spec.drawn, _file(spec.drawn, path))
+    return _scenes(spec, _file(spec, path))
 
 
 def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _Given:
@@ -80,8 +138,6 @@ def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _Given:
 
 def settled_scenes(path: Path) -> SceneSet:
     """The scenes of a file of `scenegen settle`, as they came to rest. Raises DataError."""
-    from scenegen.api.scenes import SceneSet, evaluate
-
     said, rest, on = read_settled(path)
     spec = check_text(said.spec.source, f"the spec of {path}")
     if list(spec.objects) != said.objects:
@@ -103,8 +159,6 @@ def settled_scenes(path: Path) -> SceneSet:
 def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array:
     """(n, N, 3): the poses of a file of scenes, or of poses alone, of some of the spec's objects; NaN for the others,
     and for headings that it does not have. Of `names` alone, if there are some. Raises DataError, RequestError."""
-    from scenegen.api.scenes import read_scenes
-
     for name in names:
         if name not in spec.objects:
             raise RequestError(UNKNOWN_OBJECT(name=name, known=spec.objects))
@@ -139,23 +193,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
     return poses
 
 
-def mirrored(scenes: SceneSet) -> SceneSet:
-    """See `SceneSet.mirrored`."""
-    from scenegen.api.scenes import SceneSet, evaluate
-
-    scenes.refuse_rest("mirrored")
-    spec, (left, right) = check_text(scenes.header.spec.source, "the spec of the scenes"), scenes.header.workspace.x
-    poses = scenes.poses.copy()
-    poses[..., X] = left + right - poses[..., X]
-    poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
-    header = scenes.header.model_copy(update={"sampler": {**scenes.header.sampler, "mirrored": True}})
-    bare = SceneSet(poses, {}, header, on=scenes.on)
-    return SceneSet(poses, evaluate(spec, bare), header, scenes.warnings, on=scenes.on, trusted=True)
-
-
 def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
-    from scenegen.api.scenes import SceneSet, evaluate
-
     if not given.count:
         raise RequestError(NO_SCENES())
     header = make_header(spec, {"method": "poses from elsewhere"}, RequestData(phi={}, n=given.count))

@@ -102,7 +102,7 @@ def files() -> dict[Path, str]:
 
 
 def page_entry(entry: Entry, words: str, golden: Any) -> list[str]:
-    standard = defaults(entry.definition)
+    standard = ", ".join(f"`{name}` = {value}" for name, value in defaults(entry.definition).items())
     formula = golden[1].phi < 0.0
     shown = "a scene that satisfies it and one that violates it" if formula else "two scenes with its value"
     return [

@@ -242,7 +242,6 @@ CANNOT_READ_IMPORT = Kind(
     "cannot-read-import",
     "cannot read {path}: {reason}",
     help=(
-        'folders are separated with `/`: write "{mended}"',
         "beside it are {beside:list}",
         "the path is relative to this file",
     ),

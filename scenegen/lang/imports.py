@@ -62,7 +62,7 @@ class Project:
             raise SpecError(SPEC_WITHOUT_FILE(here))
         try:
             root = self._root(base.resolve().parent)
-            wanted = (base.resolve().parent / path).resolve()
+            wanted = (base.resolve().parent / path.replace("\\", "/")).resolve()  # as folders are separated elsewhere
         except (OSError, RuntimeError, ValueError):
             raise SpecError(CANNOT_FIND_IMPORT(here, path=path)) from None
         with contextlib.suppress(OSError):  # a name that no file can have
@@ -83,9 +83,7 @@ class Project:
                 data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            mended = path.replace("\\\\", "/").replace("\\", "/") if "\\" in path else None
-            beside = _beside(wanted)
-            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=beside, mended=mended)) from None
+            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
         if len(data) > MAX_BYTES:
             raise SpecError(IMPORT_TOO_LARGE(here, path=path, limit=MAX_BYTES))
         return data

@@ -177,7 +177,7 @@ def test_damaged_files_are_read_or_refused():
             read += 1
         except UrdfError as error:
             assert str(error) and "\n" not in str(error)
-    assert 20 < read < 380, read
+    assert 10 < read < 380, read  # materials are read, too: what is damaged there is refused
 
 
 def test_specs_take_them_and_say_where_something_is_missing(tmp_path):

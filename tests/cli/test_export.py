@@ -38,7 +38,7 @@ def test_mujoco_loads_what_is_written(scenegen, here, scenes):
     assert (done.status, done.out) == (0, "")
     assert done.err == "3 scenes in worlds: scene_0001.xml to scene_0003.xml\n"
     assert files(here / "worlds") == ["meshes", "scene_0001.xml", "scene_0002.xml", "scene_0003.xml"]
-    assert mujoco.MjModel.from_xml_path(str(here / "worlds" / "scene_0002.xml")).nkey == 1
+    assert mujoco.MjModel.from_xml_path(str(here / "worlds" / "scene_0002.xml")).nkey == 0
     done = scenegen("export", "s.json", "--out", "all.xml")
     assert (done.status, done.err) == (0, "3 scenes in all.xml\n")
     assert mujoco.MjModel.from_xml_path(str(here / "all.xml")).nkey == 3

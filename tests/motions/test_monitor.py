@@ -105,13 +105,15 @@ def test_bad_poses(poses, said):
 
 def test_other_misuse():
     monitor = scenegen.Monitor(SPEC)
-    monitor.add(np.zeros((4, 3, 3)))
+    here = np.zeros((4, 3, 3))
+    here[:, SPEC.objects.index("plate"), :2] = 0.5  # it is held there
+    monitor.add(here)
     with pytest.raises(RequestError, match=r"shape \(5, 3, 3\)"):
         monitor.add(np.zeros((5, 3, 3)))
     for _ in range(6):
-        monitor.add(np.zeros((4, 3, 3)))
+        monitor.add(here)
     with pytest.raises(RequestError, match="motion has ended"):
-        monitor.add(np.zeros((4, 3, 3)))
+        monitor.add(here)
     with pytest.raises(RequestError, match="not-over-time"):
         scenegen.Monitor(scenegen.parse("leftOf(mug, plate)"))
     with pytest.raises(RequestError):

@@ -1,5 +1,6 @@
 """A heading outside [0, 2 pi) is worth what the same direction inside is worth, and bounds are never left."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -60,7 +61,9 @@ def test_storage():
 def test_scenes_that_were_read_and_scored(tmp_path):
     spec = scenegen.parse("theta(mug) <= 0.5 rad")
     scenes = scenegen.sample(spec, n=2, seed=0)
-    scenes.poses[:, 0, 2] = -1.0, 1.0
+    poses = scenes.poses.copy()
+    poses[:, 0, 2] = -1.0, 1.0
+    scenes = dataclasses.replace(scenes, poses=poses, phi={"task": np.array([1.5 - TWO_PI, -0.5])}, trusted=True)
     scenes.save(tmp_path / "a.json")
     read = scenegen.read_scenes(tmp_path / "a.json")
     assert read.poses[:, 0, 2].tolist() == pytest.approx([TWO_PI - 1.0, 1.0])

@@ -60,7 +60,7 @@ def test_scenes_that_the_spec_does_not_have(text, said, scenes, tmp_path):
 def test_the_scene_at_fault_is_named(scenes, tmp_path):
     poses = scenes.poses.copy()
     poses[33, 1, 0] = 1.25
-    bad = dataclasses.replace(scenes, poses=poses).save(tmp_path / "s.jsonl")
+    bad = dataclasses.replace(scenes, poses=poses, trusted=True).save(tmp_path / "s.jsonl")
     with pytest.raises(DataError, match="`plate` is outside of the workspace in scene 34"):
         whole_file(check_text(TEXT, "a.spec"), bad, None)
 

@@ -312,7 +312,7 @@ def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, de
             return found
     try:
         return measure_vast(spec, spec.labels, seed, deadline=deadline)
-    except StoppedError:
+    except (StoppedError, RequestError):  # time may be up
         if check is not None:
             check()
         raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -88,10 +88,10 @@ class LabelRarity:
     label: str
     bounds: Ends
     reached: Ends
-    levels: tuple[Level, ...]
-    curve: tuple[Level, ...]
-    bands: tuple[Band, ...]
-    whole: tuple[bool, bool]
+    levels: tuple[Level, ...] = field(repr=False)
+    curve: tuple[Level, ...] = field(repr=False)
+    bands: tuple[Band, ...] = field(repr=False)
+    whole: tuple[bool, bool] = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class SpecRarity:
     requirement: Estimate | None
     seed: int
     evaluations: int
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Diagnostic, ...] = field(repr=False)
 
 
 def rarity(spec: Spec, label: str | None = None, *, seed: int = 0, timeout: float | None = None) -> SpecRarity:

@@ -164,6 +164,10 @@ def test_observations_and_moves_leave_out_headings_that_make_no_difference():
     assert "cup.cos" in env.views.names and "cup theta +" in env.moves.names
 
 
+def test_the_repr_of_a_rarity_fits_a_terminal():
+    assert len(repr(scenegen.rarity(PAIR))) < 500
+
+
 WITH_TORCH = {"train"}  # names types of training
 
 

@@ -51,14 +51,14 @@ class _Given:
     unused: tuple[str, ...] = ()
 
 
-class Drawn(Protocol):
+class AnySpec(Protocol):
     """A Spec, as far as reading scenes needs it."""
 
     @property
     def drawn(self) -> CheckedSpec: ...
 
 
-def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: Drawn | None = None) -> SceneSet:
+def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: AnySpec | None = None) -> SceneSet:
     """Read a scene file of any format, or a set by its folder or URL; or only scenes from `start` up to, not including,
     `stop` (counted from 0). `spec` is that of a file of poses alone: a table (.csv, .jsonl, .parquet) with the columns
     mug.x, mug.y, mug.theta, ..., or scenes with poses by name (.json, .jsonl); phi is computed.
@@ -84,7 +84,7 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
     return scene_set(reading.header, reading.labels, reading.whole(start, stop))
 
 
-def open_scenes(path: Path, spec: Drawn | None = None) -> Reading | SceneSet:
+def open_scenes(path: Path, spec: AnySpec | None = None) -> Reading | SceneSet:
     """A scene file, open; or the scenes of one that holds poses alone, of `spec`. Raises what `read_scenes` raises."""
     if spec is None:
         if is_settled(path):
@@ -101,7 +101,7 @@ def _says_itself(path: str | Path) -> RequestError:
     return RequestError(OUT_OF_PLACE(option="--spec", rule=rule, remedy="leave it out"))
 
 
-def reading_of(path: Path, spec: Drawn | None = None) -> Reading:
+def reading_of(path: Path, spec: AnySpec | None = None) -> Reading:
     """The same, open: for what goes through scenes block by block."""
     found = open_scenes(path, spec)
     if not isinstance(found, SceneSet):

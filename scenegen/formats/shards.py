@@ -48,7 +48,7 @@ LOCK = "lock"
 _OURS = re.compile(r"manifest\.json|lock|joined|(shard|pool)-\d{6,}\.npy(\.new)?|\..*\.part")
 
 
-class _Stored(BaseModel):
+class _BlockFile(BaseModel):
     """An array in a file, as long as it is."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -59,7 +59,7 @@ class _Stored(BaseModel):
 class _Shard(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     file: str
-    blocks: list[_Stored]
+    blocks: list[_BlockFile]
     scenes: int
     bytes: int
 
@@ -72,7 +72,7 @@ class _Manifest(BaseModel):
     coordinates: int
     shards: list[_Shard] = []
     checkpoint: int = 0
-    pool: _Stored | None = None
+    pool: _BlockFile | None = None
     state: dict[str, Any] = {}
     joined: bool = False
     crc32: int = 0  # of all the rest
@@ -93,7 +93,7 @@ class Shards:
         self._manifest = manifest
         self._shard: IO[bytes] | None = None
         self._joined = self.folder / "joined"
-        self._blocks: list[_Stored] = []
+        self._blocks: list[_BlockFile] = []
         self._scenes = 0
 
     @property
@@ -326,7 +326,7 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _save(file: IO[bytes], *tables: Array) -> _Stored:
+def _save(file: IO[bytes], *tables: Array) -> _BlockFile:
     """Writes arrays of as many columns as one, for `_load`, with no copy in memory of those that are contiguous."""
     shape = sum(len(table) for table in tables), tables[0].shape[1]
     descr = np.lib.format.dtype_to_descr(tables[0].dtype)
@@ -337,10 +337,10 @@ def _save(file: IO[bytes], *tables: Array) -> _Stored:
     for part in (head.getbuffer(), *(np.ascontiguousarray(table).data for table in tables)):
         file.write(part)
         size, checksum = size + part.nbytes, zlib.crc32(part, checksum)
-    return _Stored(bytes=size, crc32=checksum)
+    return _BlockFile(bytes=size, crc32=checksum)
 
 
-def _load(file: IO[bytes], stored: _Stored) -> Array:
+def _load(file: IO[bytes], stored: _BlockFile) -> Array:
     data = file.read(stored.bytes)
     if len(data) != stored.bytes or zlib.crc32(data) != stored.crc32:
         raise DataError(DAMAGED_RUN(path=file.name, folder="the folder it is in"))

@@ -35,7 +35,7 @@ from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.sampling.tails import Rarity
 from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled
-from scenegen.training.datasets.gathering import Batch, Gathering, TimeUpError
+from scenegen.training.datasets.gathering import SceneBatch, Gathering, TimeUpError
 
 Array = npt.NDArray[np.float64]
 Ends = tuple[float, float]
@@ -222,7 +222,7 @@ class _Draws:
             self.regions.append((ranges, labelled(self.spec, rows).phi))
         return rows
 
-    def _fill(self, made: Batch, ranges: Ranges, count: int, seed: int, share: float) -> None:
+    def _fill(self, made: SceneBatch, ranges: Ranges, count: int, seed: int, share: float) -> None:
         """Draw the pieces of a batch that are not there yet. Raises RequestError where there is no plan."""
         gathering = self.gathering
         budget = gathering.budget()

@@ -41,7 +41,7 @@ class TimeUpError(RequestError):
 
 
 @dataclass(slots=True)
-class Batch:
+class SceneBatch:
     """Scenes (3N, m) of `pieces` pieces, which were estimated to take so many `seconds`; `whole` where no more are to
     come."""
 
@@ -51,7 +51,7 @@ class Batch:
     seconds: float = 0.0
 
 
-class _Card(BaseModel):
+class _Progress(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     run: str
@@ -80,7 +80,7 @@ class Gathering:
         self._stop = stop
         self.path: Path | None = None
         self._run = ""
-        self._batches: dict[str, Batch] = {}
+        self._batches: dict[str, SceneBatch] = {}
         self._saved_at = time.monotonic()
         self._changed = False
         self._before = 0.0  # seconds of CPU that earlier runs took
@@ -94,17 +94,17 @@ class Gathering:
         if not resume or not path.exists():
             return
         text, tensors = unpack(path, FORMAT, WHAT)
-        card = read_card(_Card, text, path, WHAT)
+        card = read_card(_Progress, text, path, WHAT)
         if card.run != run or set(tensors) != set(card.batches):
             raise DataError(DAMAGED_MODEL(path=path, what=WHAT, reason="it is of a run with other options"))
         self._before = card.spent
-        self._batches = {key: Batch(tensors[key].numpy(), *facts) for key, facts in card.batches.items()}
+        self._batches = {key: SceneBatch(tensors[key].numpy(), *facts) for key, facts in card.batches.items()}
 
-    def batch(self, key: str, coordinates: int) -> Batch:
+    def batch(self, key: str, coordinates: int) -> SceneBatch:
         """What there is of a batch by its name, for `add`."""
-        return self._batches.setdefault(key, Batch(np.empty((coordinates, 0))))
+        return self._batches.setdefault(key, SceneBatch(np.empty((coordinates, 0))))
 
-    def add(self, batch: Batch, rows: Array) -> None:
+    def add(self, batch: SceneBatch, rows: Array) -> None:
         """One more piece of a batch."""
         batch.rows = np.concatenate([batch.rows, rows], axis=1)
         batch.pieces, self._changed = batch.pieces + 1, True
@@ -119,7 +119,7 @@ class Gathering:
         count = sum(one.rows.shape[1] for one in self._batches.values())
         if self.path is not None and self._changed and count:
             facts = {key: (one.pieces, one.whole, one.seconds) for key, one in self._batches.items()}
-            card = _Card(run=self._run, spent=self.spent, batches=facts)
+            card = _Progress(run=self._run, spent=self.spent, batches=facts)
             tensors = {key: torch.from_numpy(one.rows) for key, one in self._batches.items()}
             write_whole(self.path, pack(FORMAT, card.model_dump_json(), tensors))
             self._saved_at, self._changed = time.monotonic(), False

@@ -35,7 +35,7 @@ from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.sampling.tails import Rarity
 from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled
-from scenegen.training.datasets.gathering import SceneBatch, Gathering, TimeUpError
+from scenegen.training.datasets.gathering import Gathering, SceneBatch, TimeUpError
 
 Array = npt.NDArray[np.float64]
 Ends = tuple[float, float]

@@ -71,6 +71,7 @@ def commands():
         data merge set/ hard/ --out both/
         grammar good.spec
         explain no-egl
+        relations closeTo
         view good.spec --export page.html -n 4
     """
     return [line.split() for line in lines.strip().splitlines()]

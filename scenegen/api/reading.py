@@ -98,7 +98,7 @@ def open_scenes(path: Path, spec: AnySpec | None = None) -> Reading | SceneSet:
 
 def _says_itself(path: str | Path) -> RequestError:
     rule = f"is for files of poses alone, and {path} says itself of what spec it is"
-    return RequestError(OUT_OF_PLACE(option="`spec`", rule=rule, remedy="leave it out"))
+    return RequestError(OUT_OF_PLACE(option="spec", rule=rule, remedy="leave it out"))
 
 
 def reading_of(path: Path, spec: AnySpec | None = None) -> Reading:

@@ -56,7 +56,11 @@ INTERRUPTED = Kind(
 )
 TRAINING_INTERRUPTED = Kind(
     "training-interrupted",
-    "stopped after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
+    (
+        "interrupted while {account}; {kept:,} scenes are kept in {path}; go on with `<resume=True>`",
+        "interrupted while {account}; nothing was written",
+        "stopped after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
+    ),
     severity="note",
 )
 TIME_IS_UP = Kind(

@@ -14,7 +14,7 @@ import torch
 
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.models import NO_DEVICE, NO_TIME_FOR_AN_EPOCH
-from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP
+from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
 from scenegen.formats.files import check_writable
 from scenegen.lang.spec import CheckedSpec
 from scenegen.models.checkpoint import load_model
@@ -112,10 +112,8 @@ def _begun(spec: CheckedSpec, config: TrainConfig, gathering: Gathering, saved: 
         gathering.begin("preparing the model")
         return Session(spec, config, feed, saved, gathering.check)
     except KeyboardInterrupt as error:
-        kept = gathering.save()
-        path = gathering.path
-        left = f"{kept:,} scenes are kept in {path}; go on with --resume" if kept else "nothing was written"
-        raise KeyboardInterrupt(f"interrupted while {gathering.account}; {left}") from error
+        told = {"account": gathering.account, "kept": gathering.save() or None, "path": gathering.path}
+        raise KeyboardInterrupt(TRAINING_INTERRUPTED(**told)) from error
 
 
 def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:

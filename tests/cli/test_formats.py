@@ -54,7 +54,7 @@ def test_poses_alone_go_everywhere_with_one_option(scenegen, here):
     assert scenegen("eval", "w.spec", "s.parquet").out == scored.out
     assert sorted(path.name for path in (here / "worlds").glob("*.xml")) == ["scene_0001.xml", "scene_0002.xml"]
     refused = scenegen("export", "s.parquet", "--spec", "w.spec", "--out", "t.json")
-    assert refused.status == 1 and "error[out-of-place]: --spec" in refused.err
+    assert refused.status == 1 and "error[out-of-place]: spec" in refused.err
     assert scenegen("export", "s.parquet", "--mirrored", "--out", "m.json").status == 0
     values = [float(line.split("\t")[1]) for line in scenegen("eval", "w.spec", "m.json").out.splitlines()[1:]]
     assert values == [pytest.approx(-0.4), pytest.approx(0.1)]

@@ -87,7 +87,9 @@ def test_an_interrupt_says_how_far_it_was_and_keeps_the_scenes(easy, tmp_path):
     """What is gathered goes on to the scenes, and so to the bytes, of an unbroken run; nothing is left over."""
     settings = {"scenes": 200, "epochs": 1, "seed": 3}
     scenegen.train(easy, "gan", out=tmp_path / "whole", **settings)
-    says = r"interrupted while gathering scenes: \d+ of 220; (\d+) scenes are kept in .*m.scenes; go on with --resume"
+    says = (
+        r"interrupted while gathering scenes: \d+ of 220; (\d+) scenes are kept in .*m.scenes; go on with `resume=True`"
+    )
     for after in (0, 150):
         with pytest.raises(KeyboardInterrupt, match=says):
             scenegen.train(easy, "gan", out=tmp_path / "m", on_gather=stopping(after), resume=after > 0, **settings)

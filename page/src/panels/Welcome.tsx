@@ -1,6 +1,6 @@
 // The first screen, examples with pictures by topic; and a short tour of the page.
 import { signal } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { list, openText, type Listing } from "../files";
 import { help, message, pane, tab } from "../state";
 
@@ -20,7 +20,7 @@ const EMPTY = "# What must hold in the scene: try rightOf, closeTo, on, angle, n
 
 function Modal({ name, onClose, children }: { name: string; onClose: () => void; children: any }) {
   const root = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const before = document.activeElement as HTMLElement | null;
     root.current!.showModal(); // keeps Tab inside, closes with Esc
     return () => before?.focus?.();

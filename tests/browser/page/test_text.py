@@ -113,6 +113,7 @@ def test_what_is_written_in_a_tab_of_a_link_survives_a_reload(served, tab):
 
 def test_another_file_begins_without_the_request_of_the_one_before(serve, tab, tmp_path):
     one = tab(serve().link)
+    one.page.wait_for_selector("dialog[open]")
     one.page.keyboard.press("Escape")  # the examples
     one.ready()
     one.page.fill("input[aria-label^='from, ']", "0.6")
@@ -173,6 +174,7 @@ def test_text_that_is_not_saved_is_asked_about_and_kept(serve, tab, tmp_path):
 
 def test_what_is_written_in_an_example_is_kept_too(serve, tab):
     one = tab(serve().link)
+    one.page.wait_for_selector("dialog[open]")
     one.page.keyboard.press("Escape")  # the examples
     one.ready()
     write_more(one, "# mine")

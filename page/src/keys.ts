@@ -3,7 +3,7 @@ import { editor } from "./editor/editor";
 import { closeReader } from "./panels/Reader";
 import { closeCode, explained, reading } from "./reader";
 import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
-import { welcome } from "./panels/Welcome";
+import { tour, welcome } from "./panels/Welcome";
 import { table } from "./panels/Stage";
 import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
@@ -126,7 +126,8 @@ export function listen(): void {
     }
     if (event.defaultPrevented && !target.closest(".reader .cm-content")) return; // the editor took it: Esc closed its list of words
     if (event.key === "Escape") {
-      if (help.value) help.value = false;
+      if (tour.value >= 0) tour.value = -1;
+      else if (help.value) help.value = false;
       else if (explained.value) closeCode();
       else if (reading.value) closeReader();
       else if (menu.value) menu.value = "";

@@ -110,7 +110,7 @@ export function Tour() {
   return (
     <>
       {place ? <div class="ring" style={`left: ${place.left + 3}px; top: ${place.top + 3}px; width: ${place.width - 6}px; height: ${place.height - 6}px`} /> : null}
-      <section ref={box} class="tour" tabIndex={-1} aria-label="tour" onKeyDown={(event) => event.key === "Escape" && (event.preventDefault(), end())}>
+      <section ref={box} class="tour" tabIndex={-1} aria-label="tour">
         <h2>{step.title}</h2>
         <p aria-live="polite">{step.words}</p>
         <footer>

@@ -43,5 +43,6 @@ def test_the_tour_goes_from_the_text_to_the_download(serve, tab):
     assert [title[0] for title in seen] == list("12345")
     one.page.keyboard.press("?")
     one.page.click(".offers >> text=Take the tour")
+    one.page.wait_for_selector(".tour")
     one.page.keyboard.press("Escape")
-    assert one.page.query_selector(".tour") is None
+    one.until("!document.querySelector('.tour')")

@@ -251,8 +251,10 @@ def _surface(chooser: ObjectData, said: Any, number: int) -> float:
     names = [one.on for one in chooser.support.any]
     if said is None or (said == "" and "" not in names) or (isinstance(said, float) and math.isnan(said)):
         return math.nan
-    if said in names:
-        return 1.0 + names.index(said)
+    # an object's name alone means its .inside or .top, as in a spec
+    alone = [name for name in names if isinstance(said, str) and name in (said, f"{said}.inside", f"{said}.top")]
+    if len(alone) == 1:
+        return 1.0 + names.index(alone[0])
     try:
         place = float(said)
     except (TypeError, ValueError):

@@ -28,7 +28,7 @@ from scenegen.lang.interpret import evaluate as interpret
 from scenegen.lang.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.primitives import NUMPY
+from scenegen.primitives import NUMPY, Circle
 from scenegen.scene.data import (
     SceneFile,
 )
@@ -120,6 +120,11 @@ class SceneSet(SceneArrays):
         poses = self.poses.copy()
         poses[..., X] = left + right - poses[..., X]
         poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
+        for index, pose in spec.fixed.items():  # a round thing in the middle is its own mirror image
+            column = self.objects.index(spec.objects[index])
+            there = np.allclose(poses[:, column, X], pose[X], atol=1e-9)
+            if there and isinstance(spec.shapes[index].footprint, Circle):
+                poses[:, column] = pose
         header = self.header.model_copy(update={"sampler": {**self.header.sampler, "mirrored": True}})
         bare = SceneSet(poses, {}, header, on=self.on)
         return SceneSet(poses, evaluate(spec, bare), header, self.warnings, on=self.on, trusted=True)

@@ -100,10 +100,11 @@ class Summary:
     @property
     def first_line(self) -> str:
         """How far objects moved where scenes settled, and how deep they were in each other before."""
-        return (
-            f"where scenes settled, objects moved by at most {MM * self.shift:.2f} mm and {self.turn:.2f} degrees; "
-            f"before, no contact was deeper than {MM * self.depth:.2f} mm"
-        )
+        before = f"before, no contact was deeper than {MM * self.depth:.2f} mm"
+        if self.far == self.scenes:
+            return f"no scene settled; {before}"
+        moved = f"{MM * self.shift:.2f} mm and {self.turn:.2f} degrees"
+        return f"where scenes settled, objects moved by at most {moved}; {before}"
 
     @property
     def last_line(self) -> str:

@@ -161,12 +161,12 @@ def meant_by(name: str) -> str | None:
 
 
 def _is_typo(written: str, word: str) -> bool:
-    """Whether a word is likely misspelt: a letter more or less, two swapped, or in long ones a wrong one; of more than
-    eight letters two. Among short words that are each other but for one letter both are words: `house`, `mouse`."""
+    """Whether a word is likely misspelt: a letter more or less, two swapped, or a wrong one, but none of four letters
+    and not the first of a short word, where both are often words (`house`, `mouse`); of more than eight letters two."""
     if len(written) == len(word):
         wrong = [at for at, (a, b) in enumerate(zip(written, word, strict=True)) if a != b]
         swapped = len(wrong) == 2 and wrong[1] == wrong[0] + 1 and sorted(written) == sorted(word)
-        return swapped or (len(wrong) == 1 and len(word) > 6)
+        return swapped or (len(wrong) == 1 and (len(word) > 6 or (len(word) > 4 and wrong[0] > 0)))
     short, long = sorted((written, word), key=len)
     if len(long) == len(short) + 1 and any(long[:at] + long[at + 1 :] == short for at in range(len(long))):
         return len(word) > 3 or written == f"{word}s"

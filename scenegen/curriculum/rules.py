@@ -127,13 +127,23 @@ def _refuse_surfaces(target: Goal) -> None:
     except RequestError:
         return  # there is no goal, or no start: the first reset says why
     spec = target.spec.drawn
-    for which, choice in spec.choices.items():
-        good, begun = (set(chosen(choice, scenes.T).tolist()) for scenes in (met, starts))
-        if begun - good and len(met) == LOOK:
-            surfaces = [choice.options[number].name for number in sorted(good)]
-            found = f"in {LOOK} scenes that satisfy `{label}` it is always on {quoted(surfaces)}"
-            why = f"no move takes `{spec.objects[which]}` to another surface, and {found}"
-            raise refused(CHOICES_NOT_HERE(what="an environment", name=spec.objects[which], why=why))
+    good, begun = (np.stack([chosen(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts))
+    together = set(map(tuple, good.tolist()))
+    lost = float(np.mean([tuple(one) not in together for one in begun.tolist()]))
+    if lost == 0.0 or len(met) < LOOK or len(together) > LOOK // 16:  # so many ways to stand are not all seen
+        return
+    column = next((k for k in range(good.shape[1]) if set(begun[:, k]) - set(good[:, k])), None)
+    which = list(spec.choices)[column or 0]
+    if column is None:
+        name, where = quoted([spec.objects[one] for one in spec.choices]), "together on such surfaces"
+    else:
+        options = spec.choices[which].options
+        name, where = f"`{spec.objects[which]}`", quoted([options[k].name for k in sorted(set(good[:, column]))])
+    found = f"in {LOOK} scenes that satisfy `{label}`, {name} " + (
+        f"never stand {where} as in {lost:.0%} of the starts" if column is None else f"is always on {where}"
+    )
+    why = f"no move takes {name} to another surface, and {found}"
+    raise refused(CHOICES_NOT_HERE(what="an environment", name=spec.objects[which], why=why))
 
 
 def make_rules(

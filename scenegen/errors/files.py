@@ -192,10 +192,7 @@ HELD_ELSEWHERE = Kind(
         "`{name}` is held at ({pose}) by the spec, but stands elsewhere in scene {scene}",
         "`{name}` is held at ({pose}) by the spec, but stands elsewhere {place}",
     ),
-    help=(
-        "{scene:?}use scenes that were sampled from this spec",
-        "take the `at` of `{name}` out of the spec to score it where it is",
-    ),
+    help="take the `at` of `{name}` out of the spec to score it where it is",
 )
 SCENE_OUTSIDE = Kind(
     "scene-outside",

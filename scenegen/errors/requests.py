@@ -344,7 +344,10 @@ UNSETTLED = Kind(
 )
 CHOICES_NOT_HERE = Kind(
     "choices-not-here",
-    "{what} cannot take specs in which an object stands on one of several surfaces[[: {why}]]",
+    (
+        "{what} cannot take this spec: {why}",
+        "{what} cannot take specs in which an object stands on one of several surfaces",
+    ),
     "`{name}` is declared with `on any of`, and poses alone do not say on what it stands",
     "let `{name}` stand on one surface",
 )

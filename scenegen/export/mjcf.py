@@ -109,9 +109,10 @@ def _defaults(root: Element) -> None:
     defaults = node(node(root, "default"), "default", class_=STIFFER)
     node(defaults, "geom", **STIFF)
     seen = node(defaults, "default", class_="seen")
-    node(seen, "geom", type="mesh", contype="0", conaffinity="0", group="2", mass="0")
+    # said though they are MuJoCo's own: a robot's defaults reach what is included into its file
+    node(seen, "geom", type="mesh", contype="0", conaffinity="0", group="2", mass="0", margin="0")
     solid = node(defaults, "default", class_="solid")
-    node(solid, "geom", type="mesh", group="3", rgba="0.9 0.4 0.2 0.5")
+    node(solid, "geom", type="mesh", contype="1", conaffinity="1", group="3", margin="0", rgba="0.9 0.4 0.2 0.5")
 
 
 def _assets(root: Element, world: World, dressed: Dressed | None, folder: str) -> None:
@@ -121,7 +122,7 @@ def _assets(root: Element, world: World, dressed: Dressed | None, folder: str) -
         for number, part in enumerate(form.parts, start=1):
             name = _part(form, number)
             shell = {"inertia": "shell"} if form.shells else _shell(part)
-            node(assets, "mesh", name=name, file=f"{folder}/{name}.obj", **shell)
+            node(assets, "mesh", name=name, file=f"{folder}/{name}.obj", scale="1 1 1", **shell)
             if number in form.paints:
                 node(assets, "texture", name=name, type="2d", file=f"{folder}/{name}.png")
                 node(assets, "material", name=name, texture=name)
@@ -133,7 +134,7 @@ def _assets(root: Element, world: World, dressed: Dressed | None, folder: str) -
 def _sheet(assets: Element, number: int, patch: Patch) -> None:
     mesh = patch.mesh()
     faces = " ".join(str(corner) for corner in mesh.faces.ravel().tolist())
-    node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, **_shell(mesh))
+    node(assets, "mesh", name=f"region_{number}", vertex=_vertices(mesh), face=faces, scale="1 1 1", **_shell(mesh))
 
 
 def _hulls(assets: Element, world: World) -> None:
@@ -141,7 +142,7 @@ def _hulls(assets: Element, world: World) -> None:
         for number, piece in enumerate(form.pieces, start=1):
             if piece.box is None:
                 mesh = piece.mesh
-                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(mesh), **_shell(mesh))
+                node(assets, "mesh", name=_piece(form, number), vertex=_vertices(mesh), scale="1 1 1", **_shell(mesh))
 
 
 def _shell(mesh: Mesh) -> dict[str, str]:

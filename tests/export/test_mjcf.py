@@ -182,7 +182,7 @@ def test_scenes_settle(name, tmp_path):
 @pytest.mark.parametrize("name", shipped_specs())
 def test_a_hundred_scenes_of_every_spec_settle(name, tmp_path):
     scenes = scenegen.sample(scenegen.load(shipped_specs()[name]), n=100, seed=3)
-    declared = scenes.header.heights is not None  # and noCollision is required
+    declared = any(one.support is not None for one in scenes.header.objects)  # and noCollision is required
     good = np.ones(len(scenes), dtype=bool) if declared else clear(scenes)
     assert good.sum() >= 10 and settled(scenes, tmp_path / "all.xml")[good].mean() >= 0.95
 
@@ -228,6 +228,22 @@ def test_a_scene_that_is_included_changes_nothing_of_a_robot(tmp_path, looks, wh
     mujoco.mj_kinematics(model, data)
     np.testing.assert_allclose(poses(model, data, scenes.objects)[:, [0, 1, 3]], scenes.poses[1], atol=1e-9)
     assert data.qpos[model.joint("turn").qposadr[0]] == 0.0
+
+
+def test_defaults_of_a_robot_change_nothing_of_an_included_scene(tmp_path):
+    scenes = tower()
+    scenes.export(tmp_path / "scenes", to="mjcf")
+    defaults = '<default><mesh scale="0.5 0.5 0.5"/><geom contype="2" conaffinity="2" margin="0.05"/></default>'
+    robot = robot_file(tmp_path, "parts/hand.obj", before=defaults, after='<include file="scenes/scene_0001.xml"/>')
+    included, alone = load(robot)[0], load(tmp_path / "scenes" / "scene_0001.xml")[0]
+
+    def geoms(model, body):
+        first, count = int(model.body(body).geomadr[0]), int(model.body(body).geomnum[0])
+        facts = (model.geom_contype, model.geom_conaffinity, model.geom_margin, model.geom_rbound)
+        return np.stack([one[first : first + count] for one in facts])
+
+    for name in scenes.objects:
+        np.testing.assert_allclose(geoms(included, name), geoms(alone, name), rtol=1e-6)
 
 
 @pytest.mark.parametrize("together", [True, False])

@@ -58,7 +58,6 @@ FEWEST = 1_000  # scenes of a batch, however rare
 SECONDS = 70.0  # that batches may take together, as estimated; the clock (Gathering) has the last word
 VISIT = {"rejection": 1.2e-9, "growth": 8e-9}  # seconds a visit of a node takes, with all that goes with it (measured)
 OTHER_VISIT = 6e-9
-AHEAD = 2.0  # a batch may take so many times its share of the seconds that are left: most take less
 ENOUGH = 0.5  # of the scenes that were asked for
 
 
@@ -198,7 +197,7 @@ class _Draws:
     def batch(self, ranges: Ranges, count: int) -> Tensor:
         """`count` scenes of these ranges as they occur, (3N, m) float32; fewer, which is said, where they are rare."""
         gathering, self.number = self.gathering, self.number + 1
-        share = min(1.0, AHEAD * count / max(count, self.planned - self.drawn))
+        share = count / max(count, self.planned - self.drawn)  # what it does not take goes to the next ones
         gathering.allow(share)
         seed = (self.seed + self.number - 1) % MAX_SEED
         made = gathering.batch(f"{self.number} {_text(ranges)} {count}", len(self.spec.box()[0]))

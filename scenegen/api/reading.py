@@ -325,6 +325,10 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
                 columns[f"{thing}.{axis}"][number] = value
             if len(values) != len(NAMES):
                 raise DataError(not_scenes(name, f"scene {number + 1} has no x, y and theta of `{thing}`"))
+    for index in () if partly else spec.fixed:  # what the spec holds can be left out, scene by scene
+        for axis, value in zip(NAMES, spec.fixed[index], strict=False):
+            held = columns[f"{spec.objects[index]}.{axis}"]
+            held[np.isnan(held)] = value
     known = {column: values for column, values in columns.items() if not np.isnan(values).all()}
     return _Given(name, len(scenes), _axes(known), _on(on))
 

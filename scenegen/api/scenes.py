@@ -80,7 +80,9 @@ class SceneSet(SceneArrays):
     @overload
     def __getitem__(self, index: Picked) -> SceneSet: ...
     def __getitem__(self, index: int | Picked) -> Scene | SceneSet:
-        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+        given: Any = index
+        index = given.item() if getattr(given, "shape", None) == () else index  # a number of numpy or torch
+        if isinstance(index, bool) or not isinstance(index, int):
             index = _picked(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
             on = None if self.on is None else self.on[index]

@@ -127,6 +127,9 @@ def test_scenes_are_picked_by_masks_of_pandas_and_torch():
     mask = scenes.phi["task"] > np.median(scenes.phi["task"])
     for picked in (frame["phi.task"] > frame["phi.task"].median(), torch.from_numpy(mask), mask.tolist()):
         assert (scenes[picked].poses == scenes.poses[mask]).all()
+    assert (scenes[torch.tensor(2)].poses["mug"].x, scenes[np.int64(-1)].poses["mug"].x) == tuple(
+        scenes.poses[[2, -1], 0, 0]
+    )
     assert len(scenes[torch.tensor([1, 2])]) == 2 and len(scenes[np.array([])]) == 0
     for bad in (
         torch.zeros(8),

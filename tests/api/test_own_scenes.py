@@ -369,3 +369,27 @@ def test_damaged_settled_files(change, said, settled, tmp_path):
     with pytest.raises((DataError, RequestError), match=said) as caught:
         scenegen.read_scenes(path)
     assert len(caught.value.diagnostics) == 1
+
+
+def test_held_objects_can_be_left_out_scene_by_scene(tmp_path):
+    spec = scenegen.parse("object mug, plate at (0.5, 0.5)\ntask: closeTo(mug, plate, 15 cm)")
+    mug = [0.4, 0.4, 0.1]
+    scenes = spec.scenes([{"mug": mug}, {"mug": mug, "plate": [0.5, 0.5, 0]}])
+    assert scenes.poses[:, 1].tolist() == [[0.5, 0.5, 0.0]] * 2
+
+
+def test_an_objects_name_alone_is_its_surface():
+    spec = scenegen.parse("object tray, can on any of [tray, workspace]\ntask: leftOf(can, tray)")
+    table = {"can.x": [0.5], "can.y": [0.5], "can.theta": [0.0], "tray.x": [0.5], "tray.y": [0.5], "tray.theta": [0.0]}
+    on = [spec.scenes({**table, "can.on": [name]}).on.tolist() for name in ("tray", "tray.inside", "workspace")]
+    assert on == [[[1.0]], [[1.0]], [[2.0]]]
+
+
+def test_a_round_thing_that_is_held_in_the_middle_is_its_own_mirror_image():
+    spec = scenegen.parse("object mug, plate at (0.5, 0.5)\ntask: closeTo(mug, plate, 15 cm)")
+    scenes = scenegen.sample(spec, n=4)
+    mirrored = scenes.mirrored()
+    assert (mirrored.poses[:, 1] == scenes.poses[:, 1]).all()
+    assert np.allclose(mirrored.phi["task"], scenes.phi["task"])
+    with pytest.raises(DataError, match="take the `at` of `plate` out"):
+        scenegen.sample(scenegen.parse("object mug, plate at (0.4, 0.5)\ntask: closeTo(mug, plate)"), n=2).mirrored()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +50,12 @@ def spec():
 @pytest.fixture(scope="module")
 def motions(spec):
     return scenegen.sample_motions(spec, n=6, seed=4)
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).resolve().parents[2] / "examples" / "motions").glob("*.spec")))
+def test_the_trees_of_the_examples(path, tmp_path):
+    described, problems = do("check", tmp_path, text=path.read_text())
+    assert described["spec"]["trees"].keys() >= {"task"} and problems == {"problems": []}
 
 
 def test_check_says_how_long_motions_last(tmp_path):

@@ -34,6 +34,7 @@ class _States(Outline):
             lowest, highest = np.tile(lowest, 2), np.tile(highest, 2)
         self._core = timed.state
         self._bounds = node_bounds(timed.state, lowest, highest)
+        self._choices = {}  # what moves stands on one surface
         self.labels = tuple(timed.state.labels)
 
 

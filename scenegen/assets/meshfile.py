@@ -92,7 +92,7 @@ def _obj_faces(data: bytes, count: int) -> Indices:
         flat = np.where(flat < 0, flat + np.repeat(before[kinds], sizes) + 1, flat)
     flat -= 1
     if flat.min() < 0 or flat.max() >= count:
-        raise MeshError(f"a face in it names a vertex that is none of its {count:,}")
+        raise MeshError(f"a face in it names a vertex beyond its {count:,}")
     triangles = sizes - 2
     first = np.repeat(np.cumsum(sizes) - sizes, triangles)
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)

@@ -172,7 +172,7 @@ class Desk:
         return one.process
 
     def _turn(self, process: Process) -> None:
-        """A process has nothing more to do, or has ended: whoever comes first gets it, or a new one."""
+        """A process has nothing more to do, or has ended: the first that waits gets it, or a new one."""
         if process.ended:
             self._processes.pop(process, None)
         turns = [turn for turn in self._waiting if not turn.done()]

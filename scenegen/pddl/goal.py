@@ -46,7 +46,7 @@ PARTLY = "kept in part (how many have a partner, not that no two share one: ther
 
 @dataclass(slots=True)
 class Goal:
-    """Reads formulas of a problem; `atom` says what an atom means, `lose` is told what is left out."""
+    """Reads formulas of a problem; `atom` says what an atom means, `lose` takes what is left out."""
 
     problem: Problem
     atom: Lower

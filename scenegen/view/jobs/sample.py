@@ -99,7 +99,7 @@ def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) 
         finally:
             news.put(None)
 
-    with ThreadPoolExecutor(1) as pool:  # so that what it finds is told while it works
+    with ThreadPoolExecutor(1) as pool:  # so that what it finds is sent while it works
         under_way = pool.submit(draw)
         while (some := news.get()) is not None:
             yield some

@@ -121,7 +121,8 @@ function take(found: Spec, early: Look | null): void {
     for (const one of found.labels) phi[one.name] = one.name in now.phi ? now.phi[one.name] : known.has(one.name) && before ? [null, null] : [...free];
     const loose = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
     const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => loose.has(name)));
-    const { n, method } = found.time ? { n: Math.max(1, Math.min(now.n, found.time.most)), method: MOTION_METHODS.includes(now.method) ? now.method : "auto" } : now;
+    const n = Math.max(1, Math.min(now.n, found.most));
+    const method = found.time && !MOTION_METHODS.includes(now.method) ? "auto" : now.method;
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};

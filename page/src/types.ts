@@ -56,7 +56,8 @@ export interface Spec {
   labels: { name: string; bounds: [number, number] }[];
   requires: boolean;
   trees: Record<string, Line>;
-  time: { steps: number; dt: number; moves: "one" | "all"; most: number } | null; // of a spec over time
+  time: { steps: number; dt: number; moves: "one" | "all" } | null; // of a spec over time
+  most: number; // scenes, or motions, that the page shows
 }
 
 export type Mark =

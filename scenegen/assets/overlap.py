@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.assets.library import Shape
-from scenegen.assets.support import base_heights, carrier_first, carries
+from scenegen.assets.support import base_heights, carrier_first, carries, kinds_of
 from scenegen.assets.surfaces import reach_of, slabs_of
 from scenegen.pose import flat, places
 from scenegen.primitives import NUMPY, PRIMITIVES, Footprint
@@ -32,20 +31,37 @@ def overlapping(
     poses = flat(poses)
     bottoms = base_heights(shapes, poses, declared=declared)
     tops = bottoms + np.array([shape.height for shape in shapes])
-    reach = [reach_of(shape.footprint) for shape in shapes]
+    reach = np.array([reach_of(shape.footprint) for shape in shapes])
+    x, y = np.moveaxis(places(poses), -1, 0)
+    kinds = kinds_of(shapes)
     with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
-        for a, b in combinations(range(len(shapes)), 2):
-            near = np.hypot(*(places(poses[:, a]) - places(poses[:, b])).T) < reach[a] + reach[b]
-            near &= np.minimum(tops[:, a], tops[:, b]) - np.maximum(bottoms[:, a], bottoms[:, b]) > SEEN
-            if not near.any():
-                continue
-            some = np.flatnonzero(near)
-            lower, upper = carrier_first(shapes, a, b)
-            apart = _apart(shapes[a], shapes[b], poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
-            carried = carries(shapes[lower], shapes[upper], poses[some, lower], poses[some, upper])
-            for scene in some[(apart < -SEEN) & ~carried]:
-                found[scene].append((a, b))
+        for a in range(len(shapes) - 1):
+            rest = slice(a + 1, None)
+            near = np.hypot(x[:, a, None] - x[:, rest], y[:, a, None] - y[:, rest]) < reach[a] + reach[rest]
+            near &= (
+                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SEEN
+            )
+            scenes, others = np.nonzero(near)
+            others += a + 1
+            pairs: list[tuple[int, int]] = []
+            for kind in np.unique(kinds[others]):
+                some, b = (numbers[kinds[others] == kind] for numbers in (scenes, others))
+                seen = _seen(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
+                pairs += zip(some[seen].tolist(), b[seen].tolist(), strict=True)
+            for scene, other in sorted(pairs):
+                found[scene].append((a, other))
     return found
+
+
+def _seen(
+    shapes: Sequence[Shape], pair: tuple[int, int], first: Floats, second: Floats, low: Floats, lowest: Floats
+) -> npt.NDArray[np.bool_]:
+    """(P,): whether two objects overlap, and neither carries the other, at poses (P, 3) each."""
+    a, b = pair
+    lower, upper = carrier_first(shapes, a, b)
+    below, above = (first, second) if lower == a else (second, first)
+    carried = carries(shapes[lower], shapes[upper], below, above)
+    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SEEN) & ~carried)
 
 
 def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:

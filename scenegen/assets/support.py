@@ -14,12 +14,14 @@ import numpy.typing as npt
 
 from scenegen.assets.library import Shape
 from scenegen.assets.rooms import rooms_of
-from scenegen.assets.surfaces import pocketed, rim_of, surfaces_of
+from scenegen.assets.surfaces import pocketed, reach_of, rim_of, surfaces_of
 from scenegen.pose import flat
 from scenegen.primitives import NUMPY, POINT, PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.primitives.hull import area, centroid
 
 Floats = npt.NDArray[np.float64]
+
+ROUNDING = 1e-9  # of a distance: far more than computing it can lose
 
 
 def base_heights(
@@ -53,29 +55,50 @@ def carries(lower: Shape, upper: Shape, lower_poses: Floats, upper_poses: Floats
 
 
 def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
-    inside = PRIMITIVES["room"].evaluate
     areas = [_area(shape.footprint) for shape in shapes]
     order = sorted(range(len(shapes)), key=lambda k: (-areas[k], k))  # what may carry an object comes before it
-    heights = np.zeros(poses.shape[:2])
+    reach = np.array([reach_of(shapes[k].footprint) for k in order])
+    x, y = np.moveaxis(poses[:, order, :2], -1, 0)
+    kinds = kinds_of([shapes[k] for k in order])
+    heights = np.zeros(poses.shape[:2])  # in that order
     for place, upper in enumerate(order):
-        footprint, pose = shapes[upper].footprint, poses[:, upper].T
-        for lower in order[:place]:
-            below = poses[:, lower].T
-            carried = carries(shapes[lower], shapes[upper], poses[:, lower], poses[:, upper])
-            if not carried.any():
-                continue
-            pockets = None if solid else pocketed(shapes[lower])
-            floor = np.full(len(poses), shapes[lower].height if pockets is None else rim_of(shapes[lower]))
-            rooms = rooms_of(shapes[lower]) if pockets is None else ()
-            for room, height in () if solid else reversed(rooms):  # from the rim downwards
-                held = inside(NUMPY, footprint, room, *pose, *below) >= 0.0
-                floor = np.where(held, height, floor)
-            for surface in () if pockets is None else surfaces_of(shapes[lower]):
-                held = inside(NUMPY, footprint if surface.walled else POINT, surface.outline, *pose, *below) >= 0.0
-                floor = np.where(held, surface.height, floor)
-            top = np.where(carried, heights[:, lower] + floor, 0.0)
-            heights[:, upper] = np.maximum(heights[:, upper], top)
-    return heights
+        u, v, _ = _middle(shapes[upper].footprint, poses[:, upper])
+        apart = (x[:, :place] - u[:, None]) ** 2 + (y[:, :place] - v[:, None]) ** 2
+        scenes, lower = np.nonzero(apart <= (reach[:place] * (1.0 + ROUNDING)) ** 2)
+        for kind in np.unique(kinds[lower]):
+            some, below = (numbers[kinds[lower] == kind] for numbers in (scenes, lower))
+            carrier = shapes[order[below[0]]]
+            carried = _carried(carrier, shapes[upper], poses[some, np.take(order, below)], poses[some, upper], solid)
+            np.maximum.at(heights, (some, place), np.where(carried >= 0.0, heights[some, below] + carried, 0.0))
+    found = np.empty_like(heights)
+    found[:, order] = heights
+    return found
+
+
+def kinds_of(shapes: Sequence[Shape]) -> npt.NDArray[np.int64]:
+    """(objects,): a number for each shape, the same for equal ones, so that their pairs can be looked at together."""
+    numbers: dict[Shape, int] = {}
+    return np.array([numbers.setdefault(shape, len(numbers)) for shape in shapes], dtype=np.int64)
+
+
+def _carried(lower: Shape, upper: Shape, below: Floats, poses: Floats, solid: bool) -> Floats:
+    """(P,): how high above the lowest point of an object another one stands in it or on it, at poses (P, 3) each; -1
+    where it is not carried."""
+    inside = PRIMITIVES["room"].evaluate
+    carried = carries(lower, upper, below, poses)
+    if not carried.any():
+        return np.full(len(poses), -1.0)
+    pockets = None if solid else pocketed(lower)
+    floor = np.full(len(poses), lower.height if pockets is None else rim_of(lower))
+    rooms = rooms_of(lower) if pockets is None else ()
+    for room, height in () if solid else reversed(rooms):  # from the rim downwards
+        held = inside(NUMPY, upper.footprint, room, *poses.T, *below.T) >= 0.0
+        floor = np.where(held, height, floor)
+    for surface in () if pockets is None else surfaces_of(lower):
+        footprint = upper.footprint if surface.walled else POINT
+        held = inside(NUMPY, footprint, surface.outline, *poses.T, *below.T) >= 0.0
+        floor = np.where(held, surface.height, floor)
+    return np.where(carried, floor, -1.0)
 
 
 def _area(footprint: Footprint) -> float:

@@ -38,3 +38,8 @@ SECONDS: Mapping[str, float] = MappingProxyType(
         "download": 60.0,
     }
 )
+
+
+def most_scenes(objects: int) -> int:
+    """How many scenes of so many objects the page shows."""
+    return min(MAX_SCENES, max(1, MAX_POSES // max(1, objects)))

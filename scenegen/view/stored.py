@@ -15,7 +15,7 @@ from scenegen.pose import as_poses, row_count
 from scenegen.scene.data import SceneFile
 from scenegen.view.jobs.evaluate import scene_set, told
 from scenegen.view.jobs.source import with_numbers
-from scenegen.view.limits import MAX_POSES, MAX_SCENES
+from scenegen.view.limits import most_scenes
 
 Part = tuple[dict[str, int], dict[str, Any]]
 
@@ -30,7 +30,7 @@ def stored_scenes(file: Path) -> tuple[list[Part], Spec, SceneFile]:
     if not len(found):
         raise RequestError(NO_SCENES(file=file.name))
     parts = list(found.parts())
-    most = max(1, min(MAX_SCENES, MAX_POSES // max(1, len(found.objects))) // len(parts))
+    most = max(1, most_scenes(len(found.objects)) // len(parts))
     names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.declared.counts)}
     scenes: list[Part] = []
     for numbers, which in parts:

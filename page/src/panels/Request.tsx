@@ -8,7 +8,7 @@ export function RequestPanel() {
   if (!now) return <p class="empty">Mend the spec to ask for {boot.scenes?.motions ? "motions" : "scenes"}.</p>;
   const wanted = request.value;
   const methods = now.time ? ["auto", "rejection", "splitting"] : ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
-  const most = now.time ? Math.max(1, now.time.most) : 400;
+  const most = Math.max(1, now.most);
   const count = <input type="number" min={1} max={most} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, most) })} />;
   const two = Object.values(wanted.phi).some(([low, high]) => low !== null && high !== null);
   const held = Object.keys(wanted.fix);

@@ -1,16 +1,19 @@
 // A table with objects in three dimensions: what the large view and the small pictures share.
-import { AmbientLight, BoxGeometry, Color, DirectionalLight, Group, HemisphereLight, Mesh, MeshLambertMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer, type Texture } from "three";
-import type { PackedMesh, Pose, Spec } from "../types";
+import { AmbientLight, BoxGeometry, Color, DirectionalLight, Group, HemisphereLight, InstancedMesh, Matrix4, Mesh, MeshLambertMaterial, MeshStandardMaterial, Object3D, PCFShadowMap, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer, type Texture } from "three";
+import type { PackedMesh, Pose, Spec, Thing } from "../types";
 import { geometryOf, prism } from "./meshes";
 import { woodTexture } from "./wood";
 
+const HIDDEN = new Matrix4().makeScale(0, 0, 0);
 const BOARD = 0.01; // metres: how thick a board is, as in pictures of `scenegen render`
 
 export class Stage3d {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(32, 4 / 3, 0.02, 50);
   readonly renderer: WebGLRenderer;
-  readonly objects = new Group();
+  readonly objects = new Group(); // where each object is; it is not drawn itself
+  readonly alike = new Group(); // what is drawn: all objects of one look at once
+  private slots: [InstancedMesh, number][] = []; // of each object: its place there
   readonly boards = new Group();
   readonly sun = new DirectionalLight(0xfff1dd, 2.3);
   readonly center = new Vector3();
@@ -36,7 +39,7 @@ export class Stage3d {
     this.sun.shadow.radius = 4;
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.normalBias = 0.004;
-    this.scene.add(sky, new AmbientLight(0xffffff, 0.35), this.sun, this.sun.target, this.boards, this.objects);
+    this.scene.add(sky, new AmbientLight(0xffffff, 0.35), this.sun, this.sun.target, this.boards, this.alike);
   }
 
   background(color: string | null): void {
@@ -71,15 +74,32 @@ export class Stage3d {
       Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * this.side, far: 6 * this.side });
       camera.updateProjectionMatrix();
     }
+    this.setObjects(spec, packed);
+    this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  private setObjects(spec: Spec, packed: Record<string, PackedMesh>): void {
+    for (const one of this.alike.children) (one as InstancedMesh).dispose();
+    this.alike.clear();
     this.objects.clear();
+    const looks = new Map<string, Thing[]>();
     for (const thing of spec.objects) {
-      const mesh = new Mesh(geometryOf(thing, packed[thing.mesh]), this.material);
-      mesh.name = thing.name;
+      const place = new Object3D();
+      place.name = thing.name;
+      this.objects.add(place);
+      if (!looks.get(thing.mesh)?.push(thing)) looks.set(thing.mesh, [thing]);
+    }
+    const slots = new Map<string, [InstancedMesh, number]>();
+    for (const [look, things] of looks) {
+      const mesh = new InstancedMesh(geometryOf(things[0], packed[look]), this.material, things.length);
       mesh.castShadow = true;
       mesh.receiveShadow = true;
-      this.objects.add(mesh);
+      mesh.frustumCulled = false;
+      mesh.userData.names = things.map((one) => one.name);
+      things.forEach((one, k) => slots.set(one.name, [mesh, k]));
+      this.alike.add(mesh);
     }
-    this.renderer.shadowMap.needsUpdate = true;
+    this.slots = spec.objects.map((one) => slots.get(one.name)!);
   }
 
   /** Regions at a height are boards, whose tops are there. */
@@ -102,12 +122,17 @@ export class Stage3d {
   }
 
   setPoses(poses: Pose[], bases: number[]): void {
-    this.objects.children.forEach((mesh, at) => {
-      const pose = poses[at];
-      mesh.visible = !!pose;
-      if (!pose) return;
-      mesh.position.set(pose[0], pose[1], bases[at] ?? 0);
-      mesh.rotation.z = pose[2];
+    this.objects.children.forEach((place, at) => {
+      const pose = poses[at], [mesh, slot] = this.slots[at];
+      place.visible = !!pose;
+      if (pose) {
+        place.position.set(pose[0], pose[1], bases[at] ?? 0);
+        place.rotation.z = pose[2];
+        place.updateMatrix();
+      }
+      mesh.setMatrixAt(slot, pose ? place.matrix : HIDDEN);
+      mesh.instanceMatrix.needsUpdate = true;
+      mesh.boundingSphere = null; // what rays are compared with is computed anew
     });
     this.renderer.shadowMap.needsUpdate = true;
   }

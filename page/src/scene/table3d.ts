@@ -213,8 +213,8 @@ export class Table3d extends Stage3d {
 
   private under(): string | null {
     if (this.ring.visible && this.knob.visible && this.ray.intersectObject(this.knob).length) return this.knob.name;
-    const hit = this.ray.intersectObjects([...this.objects.children, ...this.boards.children], false)[0];
-    return hit?.object.name || null; // boards have no name: what they hide cannot be gripped
+    const hit = this.ray.intersectObjects([...this.alike.children, ...this.boards.children], false)[0];
+    return hit?.object.userData.names?.[hit.instanceId!] ?? null; // boards have no names: what they hide cannot be gripped
   }
 
   private onPlane(plane: Plane): Vector3 | null {
@@ -243,7 +243,7 @@ export class Table3d extends Stage3d {
 
   /** How far above its base an object was gripped, so that it stays under the pointer. */
   private grip(_event: PointerEvent, base: number): number {
-    const hit = this.ray.intersectObjects(this.objects.children, false)[0];
+    const hit = this.ray.intersectObjects(this.alike.children, false)[0];
     return hit ? Math.max(0, hit.point.z - base) : 0;
   }
 
@@ -310,8 +310,8 @@ export class Table3d extends Stage3d {
       const seen = at.clone().project(this.camera);
       if (seen.z < 1) tags.push({ x: ((seen.x + 1) / 2) * box.width, y: ((1 - seen.y) / 2) * box.height, text, kind });
     };
-    for (const mesh of this.objects.children) {
-      const thing = this.spec?.objects.find((one) => one.name === mesh.name);
+    for (const [k, mesh] of this.objects.children.entries()) {
+      const thing = this.spec?.objects[k];
       if (!thing || !mesh.visible) continue;
       if (this.names || mesh.name === this.chosen || thing.says)
         put(new Vector3(mesh.position.x, mesh.position.y - 1.1 * reach(thing.footprint), mesh.position.z), mesh.name, mesh.name === this.chosen ? "chosen" : "name");

@@ -22,6 +22,7 @@ from scenegen.scene.data import RAISED, ObjectData, RequestData, SceneFile, carr
 from scenegen.scene.stage import TALLEST, TALLEST_DECLARED, WOOD, Stage, Thing, stage_of
 from scenegen.view.jobs import timed
 from scenegen.view.jobs.tree import Trees
+from scenegen.view.limits import most_scenes
 
 
 def describe(spec: Spec) -> dict[str, Any]:
@@ -68,14 +69,15 @@ def describe(spec: Spec) -> dict[str, Any]:
         "requires": REQUIRE in trees,
         "trees": trees,
         "time": _time(spec),
+        "most": most_scenes(len(spec.objects)) if spec.horizon is None else timed.most_of(spec),
     }
 
 
 def _time(spec: Spec) -> dict[str, Any] | None:
-    """How long a motion lasts, and how many of them the page shows; None where the spec is about single scenes."""
+    """How long a motion lasts; None where the spec is about single scenes."""
     if spec.horizon is None:
         return None
-    return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves, "most": timed.most_of(spec)}
+    return {"steps": spec.horizon.steps, "dt": spec.horizon.dt, "moves": spec.moves}
 
 
 def numbers_data(family: Spec, numbers: dict[str, int]) -> list[dict[str, Any]]:

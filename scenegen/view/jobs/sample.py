@@ -24,7 +24,7 @@ from scenegen.errors.page import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
 from scenegen.view.jobs.calm import SLIGHTLY, calmly, give_way
 from scenegen.view.jobs.evaluate import told
 from scenegen.view.jobs.source import spec_of
-from scenegen.view.limits import MAX_POSES, MAX_SCENES
+from scenegen.view.limits import most_scenes
 
 if TYPE_CHECKING:
     from scenegen.api.model import Model
@@ -142,9 +142,10 @@ def fitted(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
     try:
         phi = {name: wanted["phi"].get(name, wanted["others"]) for name in spec.labels}
         fix = {name: pose for name, pose in wanted.get("fix", {}).items() if name in spec.objects}
-    except (TypeError, KeyError, AttributeError):
+        n = min(int(wanted.get("n", 16)), most_scenes(len(spec.objects)))
+    except (TypeError, KeyError, AttributeError, ValueError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
-    return {**wanted, "phi": phi, "fix": fix}
+    return {**wanted, "phi": phi, "fix": fix, "n": n}
 
 
 def spread(message: dict[str, Any]) -> Iterator[Any]:
@@ -180,7 +181,7 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
         from scenegen.view.jobs.timed import check_size
 
         check_size(spec, n)
-    most = min(MAX_SCENES, max(1, MAX_POSES // max(1, len(spec.objects))))
+    most = most_scenes(len(spec.objects))
     if not 1 <= n <= most:
         raise RequestError(TOO_MANY_SHOWN(most=most, count=n, what="scenes"))
     return {

@@ -127,6 +127,20 @@ def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(s
     assert not one.page.query_selector(".behind-note")
 
 
+def test_thousands_of_objects_are_drawn_together(serve, tab, tmp_path):
+    (tmp_path / "many.spec").write_text(
+        "object block[2000] = box(1 cm, 1 cm, 1 cm)\ntask: leftOf(block[1], block[2])\n"
+    )
+    one = tab(serve("many.spec").link)
+    one.until("$.result && $.poses.length === 2000 && window.table.frames")
+    assert one.state("$.request.n") == 10 and one.state("$.refusal") is None
+    assert one.page.evaluate("window.table.renderer.info.render.calls") < 40
+    place = one.page.evaluate("window.table.where('block[7]')")
+    one.page.mouse.click(place["x"], place["y"])
+    one.page.wait_for_selector(".chosen-thing b")
+    assert one.page.inner_text(".chosen-thing b").startswith("block[")
+
+
 def test_rare_specs_say_how_rare_they_are(serve, tab, tmp_path):
     """`range` cannot tell how rare some phi are that lie between others of which it can."""
     apart = "closeTo(block[i], block[i + 1], 9 cm) & abs(y(block[i]) - y(block[i + 1])) <= 1 cm"

@@ -3,7 +3,7 @@ import { editor, keepNow, openInEditor, replaceText } from "./editor/editor";
 import { path } from "./motions";
 import { table } from "./panels/Stage";
 import { connected, Failed, http } from "./server";
-import { about, conflict, message, movedScenes, request, result, saved, shown, unsaved, view } from "./state";
+import { about, alone, chooser, conflict, message, movedScenes, request, result, saved, shown, spec, text, unsaved, view } from "./state";
 import { check, forget } from "./store";
 
 export interface Listing {
@@ -109,6 +109,12 @@ export async function download(format: string): Promise<void> {
   }
   const found = result.value;
   if (!found) return;
+  if (alone) {
+    const name = format === "spec" ? `${base}.spec` : `${base}_${handMoved().length ? "poses" : found.motions ? "motions" : "scenes"}.json`;
+    give(new Blob([format === "spec" ? text.value : written()]), name);
+    message.value = `downloaded ${name}`;
+    return;
+  }
   // What is on the page: a scene that was moved by hand goes as it stands.
   const hand = (k: number) => movedScenes.get(found.poses[k]);
   const one = (k: number) => (found.motions ? (hand(k)?.path ?? found.motions[k]) : (hand(k)?.poses ?? found.poses[k]));
@@ -126,6 +132,30 @@ export async function download(format: string): Promise<void> {
   } catch (error) {
     tell(error);
   }
+}
+
+/** Of the shown scenes, by number, those that were moved by hand. */
+export function handMoved(): number[] {
+  return shown.value.filter((k) => movedScenes.has(result.value!.poses[k]));
+}
+
+/** The shown scenes as JSON that scenegen reads, without a server. Where some were moved by hand, whose phi nobody
+ * knows here, it holds poses alone. */
+function written(): string {
+  const found = result.value!, now = spec.value!;
+  const named = <T>(value: (index: number) => T) => Object.fromEntries(now.objects.map(({ name }, index) => [name, value(index)]));
+  const phi = (k: number) => Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values[k]]));
+  if (found.motions) return JSON.stringify({ ...alone!.file, motions: shown.value.map((k) => ({ poses: named((index) => found.motions![k].map((one) => one[index])), phi: phi(k) })) });
+  const bare = handMoved().length > 0;
+  const scenes = shown.value.map((k) => {
+    const hand = movedScenes.get(found.poses[k]), on = hand?.on ?? found.on?.[k];
+    const poses = named((index) => {
+      const [x, y, theta] = (hand?.poses ?? found.poses[k])[index], { name, surfaces } = now.objects[index];
+      return { x, y, theta, ...(on && surfaces.length > 1 ? { on: surfaces[on[chooser(now, name)] - 1] } : {}) };
+    });
+    return bare ? { poses } : { poses, phi: phi(k) };
+  });
+  return JSON.stringify(bare ? { scenes } : { ...alone!.file, scenes });
 }
 
 /** The top view as a picture. */

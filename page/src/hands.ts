@@ -1,7 +1,7 @@
 // Objects that are moved by hand, and how a motion is played back.
 import { batch } from "@preact/signals";
 import { askOne } from "./server";
-import { about, alone, edited, message, chooser, moment, motion, on, poses, replaying, request, result, selected, spec, type Motion } from "./state";
+import { about, alone, edited, message, chooser, moment, motion, movable, on, poses, replaying, request, result, selected, spec, type Motion } from "./state";
 import { change as changeMotion, playMotion, timed } from "./motions";
 import { explain, remember } from "./store";
 import type { Pose, Report } from "./types";
@@ -15,7 +15,7 @@ export function wrapped(theta: number): number {
 
 export function place(name: string, pose: Partial<{ x: number; y: number; theta: number }>): void {
   const now = spec.value;
-  if (!now || alone) return;
+  if (!now || !movable.value) return;
   const index = now.objects.findIndex((one) => one.name === name);
   if (index < 0 || now.objects[index].fixed) return;
   const { x, y } = now.workspace;
@@ -32,7 +32,7 @@ export function place(name: string, pose: Partial<{ x: number; y: number; theta:
     edited.value = true;
     if (name in request.value.fix) request.value = { ...request.value, fix: { ...request.value.fix, [name]: next } };
   });
-  if (!timed.value) record(name, next);
+  if (!timed.value && !alone) record(name, next);
   explain();
 }
 

@@ -8,7 +8,7 @@ import { table } from "./panels/Stage";
 import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
 import { band, justSolved } from "./rare";
-import { alone, heat, help, layout, names, pane, poses, spec, tab, thing, view } from "./state";
+import { alone, heat, help, layout, movable, names, pane, poses, spec, tab, thing, view } from "./state";
 import { next, putBack, sample, step, undo } from "./store";
 import { toggleTheme } from "./theme";
 
@@ -53,7 +53,7 @@ function nudge(event: KeyboardEvent, dx: number, dy: number, turn: number): bool
     stepBy(dx * (event.shiftKey ? 5 : 1));
     return true;
   }
-  if (!name || !now || alone) return false;
+  if (!name || !now || !movable.value) return false;
   const index = now.objects.findIndex((one) => one.name === name);
   if (index < 0) return false;
   const [x, y, theta] = poses.value[index];
@@ -84,7 +84,7 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   S: () => cycle(-1),
   h: () => void (thing.value && hold(thing.value)),
   u: () => void (thing.value && putOn(thing.value)),
-  z: () => void (alone || putBack()),
+  z: () => void (movable.value && putBack()),
   p: () => play(),
   v: () => void (view.value = view.value === "3d" ? "top" : "3d"),
   g: () => void (layout.value = layout.value === "many" ? "one" : "many"),
@@ -135,7 +135,7 @@ export function listen(): void {
       else thing.value = null;
       return;
     }
-    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !alone && !target.closest(".cm-editor, input:not([type=range]), textarea")) {
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && movable.value && !target.closest(".cm-editor, input:not([type=range]), textarea")) {
       event.preventDefault();
       undo();
       return;

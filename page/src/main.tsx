@@ -2,7 +2,7 @@
 import "./page.css";
 import { effect } from "@preact/signals";
 import { render } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { editor, mends, mountEditor, replaceText } from "./editor/editor";
 import { overwrite, takeFromDisk, watchDisk } from "./files";
 import { KEYS, listen } from "./keys";
@@ -100,7 +100,7 @@ function Panel() {
 
 function Help() {
   const close = useRef<HTMLButtonElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => { // before the page below is out of reach, which takes the focus from it
     const before = document.activeElement as HTMLElement | null;
     close.current?.focus();
     return () => requestAnimationFrame(() => before?.focus()); // once the page below can be reached again

@@ -70,6 +70,7 @@ export const moment = signal(0); // of the motion, in seconds
 
 export const scenes = computed(() => result.value?.poses.length ?? 0);
 export const stale = computed(() => scenes.value === 0 && (preview.value || busy.value === "sample")); // the large picture is of an older request
+export const movable = computed(() => !alone || !spec.value?.time); // motions are not moved without a server: nothing would score them
 export const unsaved = computed(() => saved.value.text !== text.value);
 
 /** The scenes that are shown: all, or in a page without a server those in the ranges. */

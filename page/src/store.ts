@@ -289,7 +289,7 @@ let telling: ReturnType<typeof setTimeout> | undefined;
 /** Keep the scene that is moved by hand: it stands so until it is put back, whatever else is looked at. */
 function keepMoved(): void {
   const of = result.value?.poses[selected.value];
-  if (!of || !edited.value || alone || playing.value || !report.value) return;
+  if (!of || !edited.value || playing.value || !report.value) return;
   movedScenes.set(of, { poses: spec.value?.time ? path.value[path.value.length - 1] : poses.value, on: on.value, path: path.value, report: report.value });
   clearTimeout(telling);
   telling = setTimeout(() => moves.value++, 120); // its small picture follows the hand a little later
@@ -377,12 +377,10 @@ let askAgain = false;
 
 /** Evaluate the scene as it stands. While an answer is under way, only the newest question waits. */
 export function explain(): void {
+  if (alone && edited.value) report.value = { phi: {}, require: null, bases: [bases.value] }; // nobody here knows
+  else if (alone && report.value) report.value = { ...report.value, ...alone.reports[selected.value] };
   keepMoved();
-  if (alone) {
-    const known = alone.reports[selected.value];
-    if (known && report.value) report.value = { ...report.value, ...known };
-    return;
-  }
+  if (alone) return;
   if (explaining.value) {
     askAgain = true;
     return;

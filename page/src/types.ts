@@ -181,5 +181,6 @@ export interface Boot {
     rarity: Rarity[];
     reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][] }[];
     command: string;
+    file: object; // the head of a file of the scenes, as scenegen writes it
   };
 }

@@ -18,6 +18,8 @@ from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.page import PAGE_TOO_LARGE
 from scenegen.formats.files import check_writable, write_whole
 from scenegen.lang.check import check_file
+from scenegen.scene.data import SceneFile
+from scenegen.scene.motions import MotionFile
 from scenegen.view.document import alone
 from scenegen.view.jobs.describe import describe, mesh_key, numbers_data, stage_of_spec
 from scenegen.view.jobs.evaluate import reasons, scene_set, told
@@ -49,7 +51,7 @@ def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "")
     spec, numbers = with_numbers(family, wanted_counts(opened.request))
     rare = rarity(spec)
     some = _motions if spec.over_time is not None else _scenes
-    shown, reports = some(opened, spec, rare, n, seed)
+    shown, reports, header = some(opened, spec, rare, n, seed)
     described = {**describe(spec), "numbers": numbers_data(family, numbers)}
     data = opened.data() | {
         "folder": "",
@@ -64,6 +66,7 @@ def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "")
             "meshes": {mesh_key(one): packed_mesh(one.shape, tuple(one.color)) for one in stage_of_spec(spec).things},
             "rarity": [rarity_data(one) for one in rare.labels],
             "reports": reports,
+            "file": header.model_dump(mode="json", exclude={"scenes", "motions"}),
             "command": command,
         },
     }
@@ -97,26 +100,26 @@ def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
 
 def _scenes(
     opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The scenes of the page, and why each has its phi."""
+) -> tuple[dict[str, Any], list[dict[str, Any]], SceneFile]:
+    """The scenes of the page, why each has its phi, and the head of a file of them."""
     if opened.scenes is not None:
         scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
     else:
         scenes = _sampled(spec, rare, n, seed)
     shown = {
         **told(spec, scenes, False),
-        "poses": scenes.poses.round(5).tolist(),
+        "poses": scenes.poses.tolist(),
         "sampler": scenes.header.sampler,
         "warnings": [],
         "notes": [],
         "took": 0.0,
     }
-    return shown, [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
+    return shown, [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))], scenes.header
 
 
 def _motions(
     opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+) -> tuple[dict[str, Any], list[dict[str, Any]], MotionFile]:
     """The same of a spec over time. Raises RequestError for more than the page shows."""
     from scenegen.view.jobs import motions, timed
 
@@ -129,13 +132,14 @@ def _motions(
         sampler = {"method": "exact", "seed": seed}
     shown = {
         **motions.told(spec, poses),
-        "motions": poses.round(5).tolist(),
+        "motions": poses.tolist(),
         "sampler": sampler,
         "warnings": [],
         "notes": [],
         "took": 0.0,
     }
-    return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses]
+    header = motions.motion_set(spec, poses, sampler, {"phi": {}, "n": len(poses)}).header
+    return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses], header
 
 
 def _drawn(spec: Spec, rare: SpecRarity, n: int, seed: int) -> Array:

@@ -104,7 +104,7 @@ export function Grid() {
             return (
               <button key={k} role="option" data-scene={k} aria-selected={k === selected.value} tabIndex={k === selected.value ? 0 : -1} onClick={() => select(k)} onDblClick={() => (layout.value = "one")} onMouseEnter={found.motions ? playSmall(k) : undefined} onMouseLeave={found.motions ? lastAgain(k) : undefined} aria-label={`${what} ${k + 1}, ${label.value} ${phi === undefined ? "" : signed(phi)}`}>
                 <canvas width={128} height={96} />
-                <span class={phi !== undefined && phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(each)}>{phi === undefined ? "" : signed(phi)}{hand ? " ✎" : ""}</span>
+                <span class={phi === undefined ? "" : phi >= 0 ? "good" : "bad"} data-phi={JSON.stringify(each)}>{phi !== undefined ? signed(phi) : hand ? "?" : ""}{hand ? " ✎" : ""}</span>
               </button>
             );
           })

@@ -1,5 +1,5 @@
 // What scenes are wanted.
-import { alone, boot, request, spec } from "../state";
+import { alone, boot, request, result, spec } from "../state";
 import { change, next, sample, setCount } from "../store";
 import { Handles } from "./Handles";
 
@@ -14,6 +14,7 @@ export function RequestPanel() {
   const held = Object.keys(wanted.fix);
   return (
     <div class="request">
+      {alone ? <p class="note">This page holds {result.value?.poses.length} {now.time ? "motions" : "scenes"} and has no server. The handles choose among {now.time ? "them" : "the scenes; objects can be moved"}, and <i>Download</i> saves what is shown. New {now.time ? "motions, moving objects" : "scenes, phi of a moved scene"} and changes of the text need <code>scenegen view</code>.</p> : null}
       {now.labels.map((one) => <Handles key={one.name} name={one.name} />)}
       {alone && !now.numbers?.length ? null : (
         <div class="fields">

@@ -5,7 +5,7 @@ import { Table3d, type Tag } from "../scene/table3d";
 import { marks, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, edited, finding, heat, label, meshes, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
+import { alone, bases, busy, chooser, edited, finding, heat, label, meshes, movable, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
 import { putBack, sample, step, undo } from "../store";
 import { Code, ticked } from "./Explain";
 import { degrees, signed } from "../words";
@@ -42,7 +42,7 @@ function Three() {
         move: (name, x, y) => place(name, { x, y }),
         turn: (name, theta) => place(name, { theta }),
         end: () => void moved(),
-        free: (name) => !alone && !spec.value?.objects.find((one) => one.name === name)?.fixed,
+        free: (name) => movable.value && !spec.value?.objects.find((one) => one.name === name)?.fixed,
       });
     } catch {
       setBroken(true); // no WebGL: the top view shows the same
@@ -92,20 +92,23 @@ function Phi() {
   const now = spec.value;
   const found = report.value;
   if (!now || !found || stale.value) return null;
-  const all: [string, number][] = Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
+  const unknown = alone && edited.value; // moved, and nothing here scores it
+  const all: [string, number][] = unknown ? now.labels.map(({ name }) => [name, NaN]) : Object.entries(found.phi).map(([name, values]) => [name, values[0]]);
   if (found.require && found.require[0] < 0) all.push(["require", found.require[0]]);
   return (
     <div class="phis" role="group" aria-label={`phi of the ${now.time ? "motion" : "scene"}`}>
       {all.map(([name, phi]) => (
-        <button key={name} class={`phi ${phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={`phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
-          <span>{name}</span> <b>{signed(phi)}</b>
+        <button key={name} class={`phi ${unknown ? "" : phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={unknown ? UNKNOWN : `phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
+          <span>{name}</span> <b>{unknown ? "?" : signed(phi)}</b>
         </button>
       ))}
       <button class="phi ask" aria-expanded={asking.value} aria-label="what phi is" title="what phi is" onClick={() => (asking.value = !asking.value)}>?</button>
-      {edited.value ? <span class="phi moved">{now.time ? "changed" : "moved"} by hand</span> : null}
+      {edited.value ? <span class="phi moved">{now.time ? "changed" : "moved"} by hand{unknown ? `; ${UNKNOWN}` : ""}</span> : null}
     </div>
   );
 }
+
+const UNKNOWN = "this page has no server that computes phi";
 
 const asking = signal(false); // somebody wants to know what phi is
 

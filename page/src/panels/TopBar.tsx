@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { before, command } from "../command";
 import { format } from "../editor/editor";
-import { download, list, openFile, openText, save, type Listing } from "../files";
+import { download, handMoved, list, openFile, openText, save, type Listing } from "../files";
 import { connected } from "../server";
 import { link } from "../share";
 import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved, wrong } from "../state";
@@ -143,7 +143,16 @@ function TakeMenu() {
   const moving = !!spec.value?.time, long = (spec.value?.time?.steps ?? 0) >= PLAYED;
   return (
     <Menu name="take">
-      {alone ? null : (
+      {alone ? (
+        <>
+          <h2>{shown.value.length} {moving ? "motions" : "scenes"}</h2>
+          <div class="formats">
+            <button data-format="json" disabled={!shown.value.length} onClick={close(() => void download("json"))}>JSON</button>
+            <button data-format="spec" onClick={close(() => void download("spec"))}>Spec</button>
+          </div>
+          {handMoved().length ? <p class="note">Some were moved by hand. The file then holds poses without phi: <code>scenegen eval {boot.name}.spec {boot.name}_poses.json</code> computes it.</p> : null}
+        </>
+      ) : (
         <>
           <h2>{shown.value.length} {moving ? "motions" : "scenes"}</h2>
           <div class="formats">

@@ -2,7 +2,7 @@
 import { useRef } from "preact/hooks";
 import { hold, moved, place } from "../hands";
 import { marks as measured, moments, trails } from "../motions";
-import { alone, bases, heat, names, poses, request, result, shown, spec, thing } from "../state";
+import { bases, heat, movable, names, poses, request, result, shown, spec, thing } from "../state";
 import { EDGES, lowestFirst, TINTS } from "../scene/top2d";
 import type { Footprint, Mark, Pose, Spec } from "../types";
 import { number } from "../words";
@@ -112,7 +112,7 @@ export function TopView() {
     event.stopPropagation();
     thing.value = name;
     const index = now.objects.findIndex((one) => one.name === name);
-    if (alone || now.objects[index].fixed) return;
+    if (!movable.value || now.objects[index].fixed) return;
     const [px, py] = where(event);
     held.current = { name, turn: turn || event.shiftKey, dx: poses.value[index][0] - px, dy: poses.value[index][1] - py };
     svg.current!.setPointerCapture(event.pointerId);
@@ -151,7 +151,7 @@ export function TopView() {
             <g key={one.name} transform={at(pose)} class={`thing${chosen ? " chosen" : ""}${one.fixed ? " fixed" : ""}`} onPointerDown={down(one.name, false)} onDblClick={() => hold(one.name)}>
               <path d={path(one.footprint)} fill={TINTS[k % TINTS.length]} stroke={EDGES[k % EDGES.length]} stroke-width={chosen ? 2.6 * line : 1.5 * line} stroke-dasharray={kept ? `${4 * line} ${2.5 * line}` : undefined} />
               <line x1={0} y1={0} x2={0.8 * r} y2={0} stroke={EDGES[k % EDGES.length]} stroke-width={1.2 * line} />
-              {chosen && !one.fixed && !alone ? <circle cx={1.25 * r + 0.012 * side} cy={0} r={0.016 * side} class="knob" onPointerDown={down(one.name, true)} /> : null}
+              {chosen && !one.fixed && movable.value ? <circle cx={1.25 * r + 0.012 * side} cy={0} r={0.016 * side} class="knob" onPointerDown={down(one.name, true)} /> : null}
             </g>
           );
         })}

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { useState } from "preact/hooks";
 import { frame, rest, seconds, seek, timed } from "../motions";
-import { decides, label, alone, pointed, report, spec, text } from "../state";
+import { decides, edited, label, alone, pointed, report, spec, text } from "../state";
 import type { Line } from "../types";
 import { number, signed } from "../words";
 
@@ -40,6 +40,7 @@ export function Why() {
       <ul class="tree" role="tree" aria-label={`formula of ${shown}`}>
         <Node line={now.trees[shown]} />
       </ul>
+      {alone && edited.value ? <p class="note">The scene was moved by hand: this page has no server that computes its phi.</p> : null}
       {report.value?.overlaps?.length ? <p class="note">Overlapping{now.time ? " in the end" : ""}: {report.value.overlaps.map((pair) => pair.join(" and ")).join(", ")}.</p> : null}
     </div>
   );

@@ -12,7 +12,7 @@ import pytest
 
 import scenegen
 
-from .conftest import TEXT, download, scenegen_eval, settled
+from .conftest import TEXT, download, drag, scenegen_eval, settled
 
 pytestmark = pytest.mark.browser
 
@@ -100,3 +100,48 @@ def test_a_page_without_a_server(tab, tmp_path):
         ".grid button[data-scene] span", "all => all.map(one => JSON.parse(one.dataset.phi).task)"
     )
     assert 0 < len(shown) < 40 and all(phi >= 0 for phi in shown)
+
+
+def exported(folder, text: str) -> str:
+    (folder / "two.spec").write_text(text)
+    command = [sys.executable, "-m", "scenegen", "view", "two.spec", "--export", "page.html", "-n", "12"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return (folder / "page.html").as_uri()
+
+
+def test_a_page_without_a_server_gives_its_scenes_back(tab, tmp_path):
+    text = (
+        "region board[2] = rect(0, 0.6, 1, 1) at 30 cm, 60 cm\nobject can on any of board, mug\n"
+        "require noCollision()\ntask: z(can) >= 10 cm & leftOf(can, mug)\n"
+    )
+    one = tab(exported(tmp_path, text))
+    one.until("$.result && $.report && $.report.decides")
+    phi, poses, on = one.state("$.result.phi.task"), one.state("$.result.poses"), one.state("$.result.on")
+    back = scenegen.read_scenes(path := download(one, "json", tmp_path))
+    assert (back.poses.tolist(), back.phi["task"].tolist(), back.on.astype(int).tolist()) == (poses, phi, on)
+    assert [each["task"] for each in scenegen_eval(tmp_path / "two.spec", path)] == phi
+    drag(one, "mug", 40, -25)
+    moved = one.state("$.poses")
+    assert moved != poses[0] and "no server" in one.page.inner_text(".phi.moved")
+    assert one.page.inner_text(".phi[data-label=task] b") == "?" and not one.page.query_selector(".decider")
+    one.page.click(".grid button[data-scene='1']")
+    one.until("$.report.decides")
+    one.page.click(".grid button[data-scene='0']")
+    assert one.state("$.poses") == moved
+    path = download(one, "json", tmp_path)
+    back = scenegen.read_scenes(path, spec=scenegen.parse(text))
+    assert back.poses.tolist() == [moved, *poses[1:]] and back.on.astype(int).tolist() == on
+    assert [each["task"] for each in scenegen_eval(tmp_path / "two.spec", path)][1:] == phi[1:]
+    assert download(one, "spec", tmp_path).read_text() == text
+    one.page.keyboard.press("Control+z")
+    one.until("$.report.decides")
+    assert one.state("$.poses") == poses[0] and not one.page.query_selector(".phi.moved")
+
+
+def test_a_page_without_a_server_gives_its_motions_back(tab, tmp_path):
+    text = "object mug, plate\ntime 4 steps\nrequire forall a in objects: speed(a) <= 20 cm/s\n"
+    one = tab(exported(tmp_path, text + "task: eventually leftOf(mug, plate)\n"))
+    one.until("$.result && $.report && $.report.decides")
+    back = scenegen.read_motions(download(one, "json", tmp_path))
+    assert back.poses.tolist() == one.state("$.result.motions")
+    assert back.phi["task"].tolist() == one.state("$.result.phi.task")

@@ -17,6 +17,7 @@ export const restored = signal(false); // what is in the editor was written earl
 export const spec = signal<Spec | null>(null);
 export const wrong = signal(false); // the text has a mistake: what is shown is of the last text that had none
 export const problems = signal<Problem[]>([]);
+export const judged = signal(""); // the text that has these problems
 export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.model ? "model" : "auto", spread: "flat", fix: {} });
 export const result = signal<Result | null>(null);
 export const preview = signal(false); // the scenes are a first look, the wanted ones are under way
@@ -86,6 +87,24 @@ export const shown = computed(() => {
       return phi !== undefined && (low === null || phi >= low) && (high === null || phi <= high);
     }),
   );
+});
+const CLASHES: Record<string, boolean> = { "cannot-be-satisfied": true, "requirement-cannot-be-met": true, "hardly-satisfied": false, "requirement-hardly-met": false }; // whether it is proved
+
+/** Parts of the text that clash so that scenes as they are wanted cannot be, or can hardly be: told once, as the list of
+ * problems has it. */
+export const clash = computed<{ refusal: Refusal; proved: boolean } | null>(() => {
+  if (judged.value !== text.value) return null;
+  for (const { message, code } of problems.value) {
+    if (!code || !(code in CLASHES)) continue;
+    const [title, ...rest] = message.split("\n");
+    const low = request.value.phi[title.match(/^`([^`]+)`/)?.[1] ?? ""]?.[0] ?? null;
+    if (title.includes("satisfied with ") || title.includes("met with ")) continue; // of some numbers of things
+    if (title.startsWith("`") && (low === null || low < 0)) continue; // nobody asks for it to be satisfied
+    const help = rest.find((line) => line.startsWith("help: ")) ?? "";
+    const note = rest.filter((line) => line !== help).join("\n");
+    return { refusal: { code, title, label: "", note, help: help.slice(6), text: message }, proved: CLASHES[code] };
+  }
+  return null;
 });
 export const decides = computed<Decides | null>(() => report.value?.decides?.[label.value] ?? null);
 

@@ -5,7 +5,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, edited, explaining, finding, label, meshes, message, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, clash, edited, explaining, finding, judged, label, meshes, message, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Pose, Report, Request, Result, Spec } from "./types";
 
 const MOTION_METHODS = ["auto", "rejection", "splitting"];
@@ -46,7 +46,7 @@ function quiet(): void {
 
 export async function check(): Promise<void> {
   if (alone) return;
-  const mine = ++checks;
+  const mine = ++checks, of = text.value;
   quiet();
   const early = sampled || !boot.scenes ? foresee() : null;
   busy.value = "check";
@@ -63,7 +63,13 @@ export async function check(): Promise<void> {
           busy.value = "";
         }
       } else if ("meshes" in part) meshes.value = { ...meshes.value, ...part.meshes };
-      else problems.value = part.problems ?? [];
+      else {
+        batch(() => {
+          problems.value = part.problems ?? [];
+          judged.value = of;
+        });
+        if (clash.value?.proved && busy.value === "sample") refuseClash();
+      }
     });
   } catch (error) {
     if (mine === checks && !(error instanceof Ended)) refuse(error);
@@ -174,6 +180,7 @@ export async function sample(early: Look | null = null): Promise<void> {
   const mine = ++samples;
   sampled = true;
   owed = false;
+  if (clash.value?.proved) return refuseClash();
   busy.value = "sample";
   finding.value = null;
   rested.value = false;
@@ -213,6 +220,25 @@ export async function sample(early: Look | null = null): Promise<void> {
   } finally {
     if (mine === samples) busy.value = "";
   }
+}
+
+/** Look no further for what is proved not to be there. */
+function refuseClash(): void {
+  giveUp();
+  refuse(new Refused(clash.value!.refusal));
+}
+
+/** End the sampling under way; what was found stays. */
+export function giveUp(): void {
+  samples++;
+  clearTimeout(waitingForSample);
+  void stop("sample");
+  leaveLook();
+  batch(() => {
+    outdated.value ||= !preview.value || !!finding.value;
+    preview.value = false;
+    busy.value = "";
+  });
 }
 
 /** Show those scenes that are known to lie in the ranges, until the wanted ones are there. */

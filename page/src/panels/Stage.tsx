@@ -5,11 +5,10 @@ import { Table3d, type Tag } from "../scene/table3d";
 import { marks, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, edited, finding, heat, label, meshes, movable, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
-import { putBack, sample, step, undo } from "../store";
+import { alone, bases, busy, chooser, clash, edited, finding, heat, label, meshes, movable, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
+import { giveUp, putBack, sample, step, undo } from "../store";
 import { Code, ticked } from "./Explain";
 import { degrees, signed } from "../words";
-import type { Problem, Refusal } from "../types";
 import { TopView } from "./TopView";
 
 export let table: Table3d | null = null;
@@ -204,33 +203,29 @@ function Working() {
   return <div class="working" role="progressbar" aria-label="sampling"><div ref={bar} /></div>;
 }
 
-const CLASHES = new Set(["cannot-be-satisfied", "hardly-satisfied"]);
-
-function asRefusal({ message, code }: Problem): Refusal {
-  const [title, ...rest] = message.split("\n");
-  const help = rest.find((line) => line.startsWith("help: ")) ?? "";
-  const note = rest.filter((line) => line !== help).join("\n");
-  return { code, title, label: "", note, help: help.slice(6), text: message };
+function giveUpHere(): void {
+  giveUp();
+  refusal.value = clash.value?.refusal ?? null;
 }
 
 function Trouble() {
   const found = scenes.value;
-  const clash = problems.value.find((one) => CLASHES.has(one.code ?? ""));
-  const told = refusal.value && (clash ? asRefusal(clash) : refusal.value); // one cause is told once, in the same words
   const working = busy.value === "sample";
+  const clashes = clash.value?.refusal;
+  const told = working ? clashes : refusal.value && (clashes ?? refusal.value); // one cause is told once, in the same words
   const some = finding.value;
   const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these come nearest"}; at most ${Math.ceil(some.left)} s more`;
   return (
     <>
       {working ? <Working /> : null}
       {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range")}</div> : null}
-      {told && !working ? (
+      {told && !(working && found) ? (
         <div class="trouble" role="alert">
           <b>{ticked(told.title)}</b>{told.code ? <Code code={told.code} /> : null}
           {told.label ? <p>{ticked(told.label)}</p> : null}
           {told.note ? <pre>{ticked(told.note)}</pre> : null}
           {told.help ? <p class="help">{ticked(told.help)}</p> : null}
-          <button class="chip" onClick={() => (refusal.value = null)}>close</button>
+          {working ? <p>Sampling still looks for such scenes, in case there are some. <button class="chip" onClick={giveUpHere}>Stop</button></p> : <button class="chip" onClick={() => (refusal.value = null)}>close</button>}
         </div>
       ) : null}
     </>

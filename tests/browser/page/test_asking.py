@@ -106,6 +106,27 @@ def test_what_is_impossible_says_what_clashes(served, tab):
     assert "task" in one.page.inner_text(".trouble")
 
 
+def test_a_clash_is_told_once_and_ends_the_search(served, tab):
+    one = tab(served.link)
+    one.ready()
+    same = "document.querySelector('.trouble b')?.innerText === document.querySelector('.problems b')?.innerText"
+    # without a proof, the search can be ended; it took 16 s, and then said to use fewer objects
+    jars = "object jar[3], lid\nrequire noOverlap()\ntask: forall i in 1..3: closeTo(jar[i], lid, 12 cm)\n"
+    one.write(jars)
+    one.page.click(".trouble button:has-text('Stop')")
+    one.until(f"!$.busy && !document.querySelector('.working') && {same}")
+    assert "can hardly be satisfied" in one.page.inner_text(".trouble")
+    # with a proof, it ends at once
+    one.write("object pot, lid\nrequire noOverlap()\ntask: closeTo(pot, lid, 12 cm)\n")
+    one.until(f"!$.busy && document.querySelector('.trouble')?.innerText.includes('can never') && {same}")
+    # nobody asks for it to be satisfied: what clashes is no matter
+    for field, value in (("from", "-0.2"), ("to", "-0.02")):
+        one.page.fill(f"input[aria-label='{field}, task']", value)
+        one.page.keyboard.press("Enter")
+    one.until("$.request.phi.task[1] === -0.02 && $.result && !$.busy && !$.preview && $.result.poses.length === 16")
+    assert not one.page.query_selector(".trouble")
+
+
 def test_numbers_of_things_are_chosen_and_a_mistake_says_that_scenes_are_older(serve, tab, tmp_path):
     one = tab(serve("breakfast").link)
     one.ready()

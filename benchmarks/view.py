@@ -2,7 +2,7 @@
 
 For every shipped spec: milliseconds from the last change of the text to the first scenes on the screen, and to the
 scenes that are wanted; and the CPU time of the server and of the browser until the first scenes, which a busy machine
-changes less. Then a handle is moved twice, by a step to lower phi and to `just solved`: milliseconds until every shown
+changes less. Then a handle is moved twice, by a step to lower phi and to `barely satisfied`: milliseconds until every shown
 scene lies in the new range, how many are shown then, and until all wanted scenes are there again. Last, how many
 pictures a second a drag of one of 40 objects has. Needs the extra `browser` and Chromium. Name specs to measure only
 these; `--first` measures only the first scenes, and does not wait for the others.
@@ -173,7 +173,7 @@ def measure(page: Any, only: list[str], quick: bool) -> None:
     from scenegen.resources import shipped_specs
 
     table: list[list[float]] = []
-    print(f"{'':<26}{'first scenes':^34}{'handle: a step':^30}{'handle: just solved':^30}")
+    print(f"{'':<26}{'first scenes':^34}{'handle: a step':^30}{'handle: barely satisfied':^30}")
     print(
         f"{'spec':<26}{'ms':>8}{'server':>9}{'browser':>9}{'all':>8}"
         + f"{'inside':>8}{'shown':>7}{'some':>7}{'all':>8}" * 2
@@ -191,7 +191,7 @@ def measure(page: Any, only: list[str], quick: bool) -> None:
             continue
         until(page, "!window.scenegen.busy")
         until(page, "window.scenegen.rested", 15.0)
-        for move in ("step", "just solved"):
+        for move in ("step", "barely satisfied"):
             row += page.evaluate(MOVED, move) or [math.nan] * 4
             until(page, "!window.scenegen.busy")
         table.append(row)

@@ -43,7 +43,7 @@ export async function compareWithDisk(path: string): Promise<void> {
   if (!found || (path === saved.value.path && found.sha === saved.value.sha)) return;
   if (path === saved.value.path && !unsaved.value) {
     takeFromDisk({ path, text: found.text, sha: found.sha });
-    message.value = `${path} was changed by another program: this is how it is now`;
+    message.value = `${path} was changed by another program: this is its new text`;
   } else conflict.value = { path, text: found.text, sha: found.sha };
 }
 

@@ -52,8 +52,8 @@ export function hold(name: string): void {
   const fix = { ...request.value.fix };
   if (name in fix) delete fix[name];
   else fix[name] = poses.value[index];
-  const choice = now.objects[index].surfaces.length > 1 ? "; its surface is still chosen" : "";
-  message.value = name in fix ? `${name} is held${choice}${timed.value ? ": other motions have it there all the time" : ""}` : `${name} is free`;
+  const choice = now.objects[index].surfaces.length > 1 ? "; its surface can still change" : "";
+  message.value = name in fix ? `${name} is kept in place${choice}${timed.value ? ": in new motions it stands there all the time" : ""}` : `${name} can move again`;
   request.value = { ...request.value, fix };
 }
 

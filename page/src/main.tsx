@@ -53,7 +53,7 @@ function Conflict() {
     <p class="restored conflict" role="alert">
       <span>{one.path} on the disk is another text than this one began with.</span>
       <button class="chip" onClick={() => (reading.value = { name: one.path, path: one.path, text: one.text, from: start, to: start })}>Look at it</button>
-      <button class="chip" onClick={() => takeFromDisk(one)}>Take it</button>
+      <button class="chip" onClick={() => takeFromDisk(one)}>Load it</button>
       <button class="chip" onClick={() => void overwrite(one)}>Save mine over it</button>
     </p>
   );
@@ -110,7 +110,7 @@ function Help() {
       <div class="help-box" role="dialog" aria-modal="true" aria-label="keys" onClick={(event) => event.stopPropagation()}>
         <header role="presentation"><h2>Keys</h2><button ref={close} onClick={() => (help.value = false)}>close <kbd>Esc</kbd></button></header>
         <dl>{KEYS.map(([key, what]) => <div key={key}><dt>{key.split(/(?<=\S), /).map((way, w) => [w ? <span key={`or ${w}`}>or</span> : null, ...way.split(/(?<=\S) (?=\S)/).map((one, k) => <kbd key={`${w} ${k}`}>{one}</kbd>)])}</dt><dd>{what}</dd></div>)}</dl>
-        <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click holds it. phi is the margin by which a scene satisfies the formula, in metres and radians: satisfied where it is at least 0, and the lower, the harder.</p>
+        <p>Drag an object to move it, its green knob (or Shift) to turn it. Double-click keeps it in place in new scenes. phi is the margin by which a scene satisfies the formula, in metres and radians: the formula is satisfied where phi is at least 0.</p>
         {alone ? null : <Offers />}
       </div>
     </div>

@@ -6,11 +6,11 @@ import re
 
 FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
 """The page's fields by argument, as page/src/panels/Request.tsx labels them."""
-CHOICES = {("spread", "base"): "as they occur", ("spread", "flat"): "flat in phi"}
+CHOICES = {("spread", "base"): "like random scenes", ("spread", "flat"): "evenly over phi"}
 
 
 def control(name: str, value: str | None = None) -> str:
-    """An argument as somebody at the page finds it: `spread: as they occur`, or `--timeout` where no field has it."""
+    """An argument as somebody at the page finds it: `spread: like random scenes`, or `--timeout` where no field has it."""
     if name in FIELDS:
         chosen = CHOICES.get((name, value or ""), value)
         return FIELDS[name] if chosen is None else f"{FIELDS[name]}: {chosen}"

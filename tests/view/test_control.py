@@ -16,7 +16,7 @@ PANEL = Path(__file__).parents[2] / "page/src/panels/Request.tsx"
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("spread", "base", "spread: as they occur"),
+        ("spread", "base", "spread: like random scenes"),
         ("method", "growth", "method: growth"),
         ("n", None, "scenes"),
         ("timeout", None, "--timeout of the command line"),
@@ -31,7 +31,7 @@ def test_control(name, value, said):
 def test_fields_are_those_of_the_page():
     panel = PANEL.read_text()
     assert all(f"<label>{field} " in panel for field in FIELDS.values())
-    assert "as they occur</option>" in panel and "flat in phi</option>" in panel
+    assert "like random scenes</option>" in panel and "evenly over phi</option>" in panel
 
 
 def test_refusal_speaks_of_the_page():

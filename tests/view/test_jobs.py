@@ -375,6 +375,6 @@ def test_scenes_that_only_touch_the_border_come_with_a_warning(tmp_path):
     text = "object mug, plate\ntask: leftOf(mug, plate) & rightOf(mug, plate)\n"
     (found,) = do("sample", tmp_path, text=text, request={"phi": {"task": [0, None]}, "n": 2})
     (warning,) = [one for one in found["warnings"] if one["code"] == "never-satisfied"]
-    assert "`task` is met at its border alone" in warning["title"] and max(found["phi"]["task"]) < 1e-9
+    assert "`task` is satisfied only at its border" in warning["title"] and max(found["phi"]["task"]) < 1e-9
     (found,) = do("sample", tmp_path, request={"phi": {"task": [0, None]}, "n": 2})
     assert found["warnings"] == []

@@ -193,7 +193,7 @@ export async function format(view: EditorView = editor): Promise<void> {
   const state = view.state;
   const found = await assist<{ range: any; newText: string }[] | null>(state, "formatting", 0).catch(() => null);
   if (!found || !view.state.doc.eq(state.doc)) return; // squiggles that came meanwhile change the state, not the text
-  if (!found.length) message.value = "the spec is formatted, or has mistakes to mend first";
+  if (!found.length) message.value = "nothing to format: correct the mistakes first, or the spec is formatted already";
   view.dispatch({
     changes: found.map((one) => ({ from: offset(state, one.range.start), to: offset(state, one.range.end), insert: one.newText })),
     userEvent: "format",

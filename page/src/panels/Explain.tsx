@@ -21,7 +21,7 @@ export function Explain() {
       <header role="presentation"><b class={one.severity === "warning" ? "warn" : "bad"}>{one.severity}</b> <code>{one.code}</code>{one.pinned ? <button onClick={closeCode}>close <kbd>Esc</kbd></button> : null}</header>
       {one.means.split(/\n\n+/).map((part, k) => <p key={k}>{ticked(part)}</p>)}
       {one.example ? <><h2>Example</h2><pre>{one.example}</pre></> : null}
-      {one.mended ? <><h2>Mended</h2><pre class="mended">{one.mended}</pre></> : null}
+      {one.mended ? <><h2>Corrected</h2><pre class="mended">{one.mended}</pre></> : null}
     </div>
   );
 }

@@ -141,17 +141,17 @@ export function Handles({ name }: { name: string }) {
           );
         })}
       </svg>
-      <p class="caption" hidden={name !== now.labels[0].name}>{area ? `Height: how common ${what} with such a phi are (each step down is much rarer). ` : ""}Left of 0 the formula is not met. Drag the handles to say which phi you want.</p>
+      <p class="caption" hidden={name !== now.labels[0].name}>{area ? `Height: how common ${what} with such a phi are (lower is much rarer). ` : ""}Left of 0 the formula is not satisfied. Drag the handles to choose the range of phi.</p>
       <div class="ends">
         {field(0, "from")}
         {field(1, "to")}
       </div>
       {wrong ? <p class="wrong" role="alert">{wrong.words}</p> : null}
       <div class="chips">
-        <Chip title={`the tenth of all ${what} with the lowest phi: farthest from being met`} disabled={!known?.bands.some((one) => one.name === "hard")} onClick={() => band("hard", name)}>hardest</Chip>
-        <Chip title={`phi in the middle of what ${what} have`} disabled={!known?.bands.some((one) => one.name === "medium")} onClick={() => band("medium", name)}>medium</Chip>
-        <Chip title="met, but barely: phi a little above 0" disabled={high <= 0} onClick={() => justSolved(name)}>just solved</Chip>
-        <Chip title="met: phi of 0 or more" disabled={high <= 0} onClick={() => setEnds(name, [0, null])}>solved</Chip>
+        <Chip title={`the tenth of all ${what} with the lowest phi: farthest from being satisfied`} disabled={!known?.bands.some((one) => one.name === "hard")} onClick={() => band("hard", name)}>lowest 10 %</Chip>
+        <Chip title={`a range around the median phi of all ${what}`} disabled={!known?.bands.some((one) => one.name === "medium")} onClick={() => band("medium", name)}>middle</Chip>
+        <Chip title="phi a little above 0" disabled={high <= 0} onClick={() => justSolved(name)}>barely satisfied</Chip>
+        <Chip title="phi of 0 or more" disabled={high <= 0} onClick={() => setEnds(name, [0, null])}>satisfied</Chip>
         <Chip title="any phi" onClick={() => setEnds(name, [null, null])}>{alone ? "all" : "any"}</Chip>
       </div>
     </section>

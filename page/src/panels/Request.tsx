@@ -5,7 +5,7 @@ import { Handles } from "./Handles";
 
 export function RequestPanel() {
   const now = spec.value;
-  if (!now) return <p class="empty">Mend the spec to ask for {boot.scenes?.motions ? "motions" : "scenes"}.</p>;
+  if (!now) return <p class="empty">Correct the spec to ask for {boot.scenes?.motions ? "motions" : "scenes"}.</p>;
   const wanted = request.value;
   const methods = now.time ? ["auto", "rejection", "splitting"] : ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
   const most = Math.max(1, now.most);
@@ -21,23 +21,23 @@ export function RequestPanel() {
           {(now.numbers ?? []).map((one) => (
             <label key={one.name}>
               {one.assets.length ? `${one.name}: which` : `number of ${one.name}`}
-              <select data-count={one.name} value={one.now} disabled={!!alone} title="the spec draws it anew for each scene; the page shows the scenes of one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
+              <select data-count={one.name} value={one.now} disabled={!!alone} title="the spec draws this for each scene; the page shows scenes with one choice" onChange={(event) => setCount(one.name, Number(event.currentTarget.value))}>
                 {Array.from({ length: one.most - one.least + 1 }, (_, k) => one.least + k).map((k) => <option key={k} value={k}>{one.assets[k - 1] ?? k}</option>)}
               </select>
             </label>
           ))}
           {alone ? null : <>{now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
-          <div class="joined"><label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label><button onClick={next} title={`other ${now.time ? "motions" : "scenes"}: the next seed (n)`} aria-label="next seed">↻</button></div>
+          <div class="joined"><label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label><button onClick={next} title={`new ${now.time ? "motions" : "scenes"}: use the next seed (n)`} aria-label="next seed">↻</button></div>
           <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
-          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">flat in phi</option><option value="base">as they occur</option></select></label></>}
-          {!alone && wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">Flat in phi needs a range with two ends: with an open end {now.time ? "motions" : "scenes"} come as they occur.</p> : null}
+          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">evenly over phi</option><option value="base">like random scenes</option></select></label></>}
+          {!alone && wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">“Evenly over phi” needs a range with two ends. With an open end, {now.time ? "motions" : "scenes"} are spread like random ones in the range.</p> : null}
         </div>
       )}
       {held.length ? (
         <div class="held">
-          <span>held:</span>
-          {held.map((name) => <button key={name} class="chip" onClick={() => { const fix = { ...wanted.fix }; delete fix[name]; change({ fix }); }} title="let it go">{name} ×</button>)}
-          <button class="chip strong" onClick={() => void sample()}>sample the rest</button>
+          <span>kept in place:</span>
+          {held.map((name) => <button key={name} class="chip" onClick={() => { const fix = { ...wanted.fix }; delete fix[name]; change({ fix }); }} title="let it move again">{name} ×</button>)}
+          <button class="chip strong" onClick={() => void sample()}>sample the others</button>
         </div>
       ) : null}
     </div>

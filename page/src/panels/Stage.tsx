@@ -21,9 +21,9 @@ export function Stage() {
       <Tools />
       <Warnings />
       <Trouble />
-      {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these are the scenes from before it</div> : null}
-      {!wrong.value && outdated.value && refusal.value && scenes.value ? <div class="first behind-note">{finding.value ? "no motion in the range was found; these come nearest" : "these are the scenes from before the last change"}</div> : null}
-      {!spec.value && problems.value.length ? <p class="hint">Mend the spec to see its scenes.</p> : null}
+      {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these scenes are of the text before it</div> : null}
+      {!wrong.value && outdated.value && refusal.value && scenes.value ? <div class="first behind-note">{finding.value ? "no motion in the range was found; these are the nearest ones" : "these scenes are of the request before the last change"}</div> : null}
+      {!spec.value && problems.value.length ? <p class="hint">Correct the spec to see its scenes.</p> : null}
     </section>
   );
 }
@@ -115,7 +115,7 @@ function AboutPhi() {
   if (!asking.value) return null;
   return (
     <p class="about" role="note">
-      <b>phi</b> says by how much a scene meets a formula, in metres or radians: 0 or more is met, less is not, and the nearer to 0, the closer the call. You ask for scenes by their phi: barely met, clearly met, or missed by a little.
+      <b>phi</b> says by how much a scene satisfies a formula, in metres or radians: at 0 or more the formula is satisfied, below 0 it is not. Choose a range of phi to get scenes that barely satisfy it, clearly satisfy it, or just fail to.
       <button class="chip" onClick={() => (asking.value = false)}>close</button>
     </p>
   );
@@ -152,10 +152,10 @@ function Chosen() {
       <b>{one.name}</b>
       <span class="pose">{x.toFixed(3)}, {y.toFixed(3)} m · {degrees(theta)}</span>
       <Standing name={one.name} surfaces={one.surfaces} column={chooser(now, one.name)} />
-      {one.fixed ? <span class="quiet">held by the spec</span> : alone ? null : (
+      {one.fixed ? <span class="quiet">fixed by the spec</span> : alone ? null : (
         <>
-          <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title={timed.value ? "other motions have it here, all the time (h)" : "keep it there when sampling (h)"}>{kept ? "Held" : "Hold"}</button>
-          {kept ? <button class="tool" onClick={() => void sample()} title="sample the other objects (Enter)">Sample the rest</button> : null}
+          <button class="tool" aria-pressed={kept} onClick={() => hold(one.name)} title={timed.value ? "in new motions it stands here all the time (h)" : "new scenes have it here (h)"}>Keep in place</button>
+          {kept ? <button class="tool" onClick={() => void sample()} title="sample the other objects (Enter)">Sample the others</button> : null}
         </>
       )}
       {edited.value ? <><button class="tool" onClick={undo} title="take the last move back (Ctrl+Z)">Undo</button><button class="tool" onClick={putBack} title="as it was sampled (z)">Put back</button></> : null}
@@ -170,7 +170,7 @@ function Standing({ name, surfaces, column }: { name: string; surfaces: string[]
   if (!surfaces.length || (column >= 0 && mine === undefined)) return null;
   if (column < 0 || alone) return <span class="quiet">on {surfaces[column < 0 ? 0 : mine! - 1]}</span>;
   return (
-    <label class="standing" title="the surface that it stands on, also while it is moved (u: the next)">
+    <label class="standing" title="the surface that it stands on, also while you move it (u: the next surface)">
       on <select value={mine} onChange={(event) => putOn(name, Number(event.currentTarget.value))}>{surfaces.map((one, k) => <option key={one} value={k + 1}>{one}</option>)}</select>
     </label>
   );
@@ -214,11 +214,11 @@ function Trouble() {
   const clashes = clash.value?.refusal;
   const told = working ? clashes : refusal.value && (clashes ?? refusal.value); // one cause is told once, in the same words
   const some = finding.value;
-  const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these come nearest"}; at most ${Math.ceil(some.left)} s more`;
+  const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these are the nearest ones"}; at most ${Math.ceil(some.left)} s more`;
   return (
     <>
       {working ? <Working /> : null}
-      {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the scenes you want are under way" : "sampling scenes in the new range")}</div> : null}
+      {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the wanted scenes are being sampled" : "sampling scenes in the new range")}</div> : null}
       {told && !(working && found) ? (
         <div class="trouble" role="alert">
           <b>{ticked(told.title)}</b>{told.code ? <Code code={told.code} /> : null}

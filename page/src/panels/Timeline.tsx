@@ -37,10 +37,10 @@ export function Timeline() {
       <div class="controls">
         <button class="tool" onClick={() => stepBy(-1)} aria-label="one step back" title="one step back (←)" disabled={frame.value === 0}>‹</button>
         <button class="strong play" onClick={playMotion} title="play (space)" aria-label={playing.value ? "pause" : "play"}>{playing.value ? "❚❚" : "▶"}</button>
-        <button class="tool" onClick={() => stepBy(1)} aria-label="one step on" title="one step on (→)" disabled={frame.value === now.steps}>›</button>
+        <button class="tool" onClick={() => stepBy(1)} aria-label="one step forward" title="one step forward (→)" disabled={frame.value === now.steps}>›</button>
         <span class="time"><b>{seconds(frame.value)}</b> <span class="of">of {seconds(now.steps)}</span></span>
         <label class="speed"><span>speed</span> <select aria-label="speed" value={String(speed)} onChange={(event) => (rate.value = Number(event.currentTarget.value))}>{EXPONENTS.map((k) => usual() * 2 ** k).concat(EXPONENTS.some((k) => usual() * 2 ** k === speed) ? [] : [speed]).map((value) => <option key={value} value={String(value)}>{times(value)}</option>)}</select></label>
-        {one && one.moment !== undefined ? <button class={`tool decided ${one.value >= 0 ? "good" : "bad"}`} onClick={() => { rest(); seek(one.moment!); }} title={`${asWritten(one)} decides ${one.required ? "the margin" : "phi"}, at this moment`}>decided at {seconds(one.moment)}</button> : null}
+        {one && one.moment !== undefined ? <button class={`tool decided ${one.value >= 0 ? "good" : "bad"}`} onClick={() => { rest(); seek(one.moment!); }} title={`${asWritten(one)} sets ${one.required ? "the margin" : "phi"} at this moment`}>phi is set at {seconds(one.moment)}</button> : null}
       </div>
       <div class="plot" ref={plot} onPointerDown={(event) => { held.current = true; plot.current!.setPointerCapture(event.pointerId); go(event); }} onPointerMove={(event) => held.current && go(event)} onPointerUp={() => (held.current = false)} onPointerCancel={() => (held.current = false)}>
         <svg viewBox={`0 0 ${WIDE} ${HIGH}`} preserveAspectRatio="none" role="img" aria-label={`phi of ${label.value} over time`}>
@@ -56,8 +56,8 @@ export function Timeline() {
         <span class="high">{signed(high)}</span>
         <span class="low">{signed(low)}</span>
       </div>
-      <input type="range" min={0} max={now.steps} step={1} value={frame.value} aria-label="moment" aria-valuetext={`${seconds(frame.value)}${typeof here === "number" ? `, phi from here on ${signed(here)}` : ""}`} onInput={(event) => { rest(); seek(Number(event.currentTarget.value)); }} />
-      <p class="legend"><span><i class="mine" />{label.value} from here on {typeof here === "number" ? <b class={here >= 0 ? "good" : "bad"}>{signed(here)}</b> : "–"}</span>{one && atom.length ? <span class="atom-name"><i class="atom" /><code>{asWritten(one)}</code> {typeof atom[frame.value] === "number" ? signed(atom[frame.value]!) : ""}</span> : null}</p>
+      <input type="range" min={0} max={now.steps} step={1} value={frame.value} aria-label="moment" aria-valuetext={`${seconds(frame.value)}${typeof here === "number" ? `, phi from this moment to the end ${signed(here)}` : ""}`} onInput={(event) => { rest(); seek(Number(event.currentTarget.value)); }} />
+      <p class="legend"><span><i class="mine" />{label.value} from this moment to the end {typeof here === "number" ? <b class={here >= 0 ? "good" : "bad"}>{signed(here)}</b> : "–"}</span>{one && atom.length ? <span class="atom-name"><i class="atom" /><code>{asWritten(one)}</code> {typeof atom[frame.value] === "number" ? signed(atom[frame.value]!) : ""}</span> : null}</p>
     </section>
   );
 }

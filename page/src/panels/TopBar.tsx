@@ -72,7 +72,7 @@ function Status() {
   }
   if (wrong.value) words = "the spec has a mistake";
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
-  if (connected.value === "full") words = "this server has as many pages open as it takes: close another one";
+  if (connected.value === "full") words = "this server allows no more open pages: close another one";
   return <span class={`status${connected.value === "lost" || connected.value === "full" ? " bad" : ""}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
 }
 
@@ -109,7 +109,7 @@ function FileMenu() {
       <button onClick={close(() => (welcome.value = true))}>Examples with pictures… <kbd>y</kbd></button>
       {found?.specs.length ? <h2>{boot.folder}</h2> : null}
       {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
-      <h2>shipped with scenegen</h2>
+      <h2>examples of scenegen</h2>
       {found?.shipped.map((one) => <button key={one.name} data-shipped={one.name} onClick={close(() => void openText(one.name, one.text))}><span>{one.name}</span><small>{one.title}</small></button>)}
     </Menu>
   );

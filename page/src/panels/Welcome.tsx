@@ -44,7 +44,7 @@ export function Welcome() {
       <header>
         <div>
           <h2>Scenes from a text</h2>
-          <p>Write what must hold on a table. scenegen draws scenes for it: solved, nearly solved, or far from it, as you choose.</p>
+          <p>Write what must hold on a table. scenegen samples scenes that satisfy it, barely satisfy it, or fail to, as you choose.</p>
         </div>
         <span class="buttons">
           <button class="strong" onClick={() => { leave(); tour.value = 0; }}>Take the tour</button>
@@ -79,10 +79,10 @@ interface Step {
 
 const STEPS: Step[] = [
   { at: ".editor .code", title: "1. Write", words: "This text says which objects there are and what must hold. Change a number, or type a new line: the scenes follow while you type.", show: () => (pane.value = "spec") },
-  { at: ".stage", title: "2. Look and drag", words: "One of the scenes that were drawn for the text. Drag an object: phi says by how much the formula holds. It is satisfied where phi is at least 0; the lower, the harder.", show: () => (pane.value = "scenes") },
-  { at: ".panel", title: "3. Pull a handle", words: "Each label has two handles: the range of phi that you want. Pull them to the left for harder scenes. The curve says how rare a phi is.", show: () => { tab.value = "request"; pane.value = "panel"; } },
-  { at: ".panel", title: "4. Ask why", words: "The formula as a tree, with the value of each part in this scene. The framed part decides phi; it is underlined in the text and drawn into the scene.", show: () => { tab.value = "why"; pane.value = "panel"; } },
-  { at: ".bar", title: "5. Take it away", words: "Download has the scenes as files for Python and for simulators, and the command that makes as many of them as you like.", show: () => (pane.value = "scenes") },
+  { at: ".stage", title: "2. Look and drag", words: "One of the scenes sampled for the text. Drag an object: phi says by how much the formula is satisfied. It is satisfied where phi is at least 0.", show: () => (pane.value = "scenes") },
+  { at: ".panel", title: "3. Pull a handle", words: "Each label has two handles: the range of phi that you want. Further left, scenes are farther from satisfying the formula. The curve says how rare a phi is.", show: () => { tab.value = "request"; pane.value = "panel"; } },
+  { at: ".panel", title: "4. Ask why", words: "The formula as a tree, with the value of each part in this scene. The framed part sets phi; it is underlined in the text and drawn in the scene.", show: () => { tab.value = "why"; pane.value = "panel"; } },
+  { at: ".bar", title: "5. Download", words: "Download has the scenes as files for Python and for simulators, and the command that makes as many of them as you like.", show: () => (pane.value = "scenes") },
 ];
 
 export function Tour() {

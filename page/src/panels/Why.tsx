@@ -10,7 +10,7 @@ const wholly = signal(true); // of a motion: the values that count for the whole
 
 export function Why() {
   const now = spec.value;
-  if (!now) return <p class="empty">Mend the spec to see its formula.</p>;
+  if (!now) return <p class="empty">Correct the spec to see its formula.</p>;
   const labels = Object.keys(now.trees);
   const shown = labels.includes(label.value) ? label.value : labels[0];
   const one = decides.value;
@@ -29,19 +29,19 @@ export function Why() {
         })}
       </div>
       {one ? (
-        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code> decides{one.moment === undefined ? "" : <> <button class="when" onClick={() => { rest(); seek(one.moment!); }}>at {seconds(one.moment)}</button></>}{phi === undefined || phi === one.value ? `: it alone sets ${margin}.` : `, with ${signed(one.value)}, apart from a part that is the same in every scene: that part keeps ${margin} at ${signed(phi)}.`}</p>
+        <p class="decider"><span class={`dot ${one.value >= 0 ? "good" : "bad"}`} /> <code>{asWritten(one)}</code>{one.moment === undefined ? "" : <> <button class="when" onClick={() => { rest(); seek(one.moment!); }}>at {seconds(one.moment)}</button></>}{phi === undefined || phi === one.value ? ` sets ${margin}.` : ` is ${signed(one.value)}. Another part, the same in every scene, keeps ${margin} at ${signed(phi)}.`}</p>
       ) : null}
       {now.time ? (
         <div class="segment small" role="group" aria-label="values">
           <button aria-pressed={wholly.value} onClick={() => (wholly.value = true)}>of the whole motion</button>
-          <button aria-pressed={!wholly.value} onClick={() => (wholly.value = false)} disabled={!report.value?.over} title={report.value?.over ? "from the moment that is shown on" : alone ? "a page without a server has the values of the whole motion alone" : "there are too many moments and formulas for this"}>from {seconds(frame.value)} on</button>
+          <button aria-pressed={!wholly.value} onClick={() => (wholly.value = false)} disabled={!report.value?.over} title={report.value?.over ? "from the shown moment to the end" : alone ? "a page without a server has only the values of the whole motion" : "there are too many moments and formulas for this"}>from {seconds(frame.value)} to the end</button>
         </div>
       ) : null}
       <ul class="tree" role="tree" aria-label={`formula of ${shown}`}>
         <Node line={now.trees[shown]} />
       </ul>
       {alone && edited.value ? <p class="note">The scene was moved by hand: this page has no server that computes its phi.</p> : null}
-      {report.value?.overlaps?.length ? <p class="note">Overlapping{now.time ? " in the end" : ""}: {report.value.overlaps.map((pair) => pair.join(" and ")).join(", ")}.</p> : null}
+      {report.value?.overlaps?.length ? <p class="note">Overlapping{now.time ? " at the last moment" : ""}: {report.value.overlaps.map((pair) => pair.join(" and ")).join(", ")}.</p> : null}
     </div>
   );
 }
@@ -79,7 +79,7 @@ function Node({ line }: { line: Line }) {
         onMouseEnter={() => (pointed.value = line.line)} onMouseLeave={() => (pointed.value = null)}>
         {line.parts.length ? <button class="twist" aria-label={open ? "fold" : "unfold"} onClick={() => setOpen(!open)}>{open ? "▾" : "▸"}</button> : <span class="twist" />}
         {line.kind !== "atom" ? <span class={`kind ${line.kind}`}>{line.kind === "time" ? line.text : line.kind === "all" ? "all of" : "one of"}</span> : null}
-        {when !== undefined ? <button class="when" title="the moment at which it counts" onClick={() => { rest(); seek(when); }}>{seconds(when)}</button> : null}
+        {when !== undefined ? <button class="when" title="the moment that counts" onClick={() => { rest(); seek(when); }}>{seconds(when)}</button> : null}
         <code>{line.count ? `${line.count} × ` : ""}{words}</code>
         <span class="value">{value === null ? "" : signed(value)}</span>
       </div>

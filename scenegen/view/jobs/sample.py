@@ -61,7 +61,7 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     data = scenes_data(spec, found)
     data["warnings"] += [
-        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is met at its border alone: phi is 0 in all scenes"}
+        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is satisfied only at its border: phi is 0 in all scenes"}
         for name, values in found.phi.items()
         if _touches(wanted["phi"].get(name), values)
     ]

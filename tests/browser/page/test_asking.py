@@ -18,7 +18,7 @@ def test_a_moved_handle_shows_known_scenes_at_once(served, tab):
     one.ready()
     found = one.page.evaluate(
         """() => {
-          const chip = [...document.querySelectorAll(".chip")].find((one) => one.textContent === "just solved");
+          const chip = [...document.querySelectorAll(".chip")].find((one) => one.textContent === "barely satisfied");
           chip.click();
           const { request, result, preview } = window.scenegen;
           return [request.phi.task, result.phi.task ?? [], preview];
@@ -184,7 +184,7 @@ def test_rare_specs_say_how_rare_they_are(serve, tab, tmp_path):
     one.page.keyboard.press("Enter")
     one.until("$.request.phi.row[0] === -0.02")
     assert one.page.inner_text(".label-box .rare").startswith("1 in 10^")
-    one.page.click(".chip:has-text('just solved')")
+    one.page.click(".chip:has-text('barely satisfied')")
     one.until("$.request.phi.row[1] !== null")
     assert one.page.inner_text(".label-box .rare").startswith("1 in 10^")
 
@@ -202,7 +202,7 @@ def test_fields_say_what_they_do_not_take(served, tab):
     one.page.keyboard.press("Enter")
     one.until("$.request.phi.task[0] === 0.02")
     assert not one.page.query_selector(".wrong")
-    assert one.page.query_selector(".fields .caption")  # flat in phi, with an open end
+    assert one.page.query_selector(".fields .caption")  # evenly over phi, with an open end
     one.page.fill("input[aria-label='to, task']", "10 mm")
     one.page.keyboard.press("Enter")
     one.page.wait_for_selector(".wrong:has-text('from is larger than to')")
@@ -225,4 +225,4 @@ def test_dialogs_keep_the_keyboard_and_give_it_back(served, tab):
     one.page.keyboard.press("Escape")
     one.until("document.activeElement.getAttribute('aria-label') === 'keys'")
     one.page.click(".phi.ask")
-    assert "0 or more is met" in one.page.inner_text(".about")
+    assert "at 0 or more the formula is satisfied" in one.page.inner_text(".about")

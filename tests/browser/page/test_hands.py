@@ -79,8 +79,8 @@ def test_a_held_object_stays_while_the_rest_is_sampled(served, tab):
     drag(one, "plate", -20, -10)
     settled(one)
     held = one.state("$.poses[1]")
-    one.page.click("button:has-text('Hold')")
-    one.page.click("button:has-text('Sample the rest')")
+    one.page.click("button:has-text('Keep in place')")
+    one.page.click("button:has-text('Sample the others')")
     one.ready()
     poses = one.state("$.result.poses")
     assert all(scene[1] == held for scene in poses) and len({str(scene[0]) for scene in poses}) > 10

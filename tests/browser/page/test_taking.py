@@ -36,7 +36,7 @@ def test_each_format_can_be_downloaded_and_evaluated(served, tab, tmp_path):
 def test_the_command_makes_the_same_scenes(served, tab, tmp_path):
     one = tab(served.link)
     one.ready()
-    one.page.click(".chip:has-text('just solved')")
+    one.page.click(".chip:has-text('barely satisfied')")
     one.ready()
     one.page.click("button:has-text('Download')")
     words = shlex.split(one.page.inner_text("code.command"))
@@ -94,7 +94,7 @@ def test_a_page_without_a_server(tab, tmp_path):
     one = tab((tmp_path / "page.html").as_uri())
     one.until("$.result && $.report && $.report.decides")
     assert one.page.locator(".grid button[data-scene]").count() == 40
-    one.page.click(".chip:has-text('solved') >> nth=1")
+    one.page.click(".chip:text-is('satisfied')")
     one.until("document.querySelectorAll('.grid button[data-scene]').length < 40")
     shown = one.page.eval_on_selector_all(
         ".grid button[data-scene] span", "all => all.map(one => JSON.parse(one.dataset.phi).task)"

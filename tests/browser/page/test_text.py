@@ -232,7 +232,7 @@ def test_what_another_program_writes_is_noticed(serve, tab, tmp_path):
     one.page.wait_for_selector(".reader")
     assert "# theirs again" in one.page.inner_text(".reader .cm-content")
     one.page.keyboard.press("Escape")
-    one.page.click(".conflict button:has-text('Take')")
+    one.page.click(".conflict button:has-text('Load')")
     assert content(one) == text + "# theirs again\n"
     one.page.click(".cm-content")
     one.page.keyboard.press("Control+z")
@@ -301,7 +301,7 @@ def test_the_thirteenth_page_says_why_it_gets_no_answer(served, tab, browser):
     )
     assert more == 11
     last = tab(served.link, context)
-    last.page.wait_for_selector(".status:has-text('as many pages open as it takes')")
+    last.page.wait_for_selector(".status:has-text('allows no more open pages')")
     first.page.evaluate("window.sockets.pop().close()")
     last.until("$.result && !$.busy")
     last.faults.clear()  # the browser reports the refused connection, too

@@ -42,7 +42,7 @@ def test_codes_are_explained_and_other_files_are_read(served, tab, tmp_path):
     one.ready()
     one.write('import "own.spec"\nobject mug, plate\ntask: near(mug, plate) & leftof(mug, plate)')
     one.page.hover(".problems .diagnostic-code")
-    one.page.wait_for_selector(".explained:has-text('Mended')")
+    one.page.wait_for_selector(".explained:has-text('Corrected')")
     one.page.hover(".cm-content")
     one.page.wait_for_selector(".explained", state="detached")
     one.page.click(".problems .diagnostic-code")

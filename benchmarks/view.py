@@ -2,8 +2,8 @@
 
 For every shipped spec: milliseconds from the last change of the text to the first scenes on the screen, and to the
 scenes that are wanted; and the CPU time of the server and of the browser until the first scenes, which a busy machine
-changes less. Then a handle is moved twice, by a step to lower phi and to `barely satisfied`: milliseconds until every shown
-scene lies in the new range, how many are shown then, and until all wanted scenes are there again. Last, how many
+changes less. Then a handle is moved twice, by a step to lower phi and to `barely satisfied`: milliseconds until every
+shown scene lies in the new range, how many are shown then, and until all wanted scenes are there again. Last, how many
 pictures a second a drag of one of 40 objects has. Needs the extra `browser` and Chromium. Name specs to measure only
 these; `--first` measures only the first scenes, and does not wait for the others.
 """

@@ -10,7 +10,7 @@ CHOICES = {("spread", "base"): "like random scenes", ("spread", "flat"): "evenly
 
 
 def control(name: str, value: str | None = None) -> str:
-    """An argument as somebody at the page finds it: `spread: like random scenes`, or `--timeout` where no field has it."""
+    """An argument as the page names it: `spread: like random scenes`, or `--timeout` where no field has it."""
     if name in FIELDS:
         chosen = CHOICES.get((name, value or ""), value)
         return FIELDS[name] if chosen is None else f"{FIELDS[name]}: {chosen}"

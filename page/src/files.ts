@@ -166,7 +166,7 @@ async function drawing(): Promise<Blob | null> {
   const old = [svg, ...svg.querySelectorAll<SVGElement>("*")], fresh = [copy, ...copy.querySelectorAll<SVGElement>("*")];
   old.forEach((one, k) => {
     const style = getComputedStyle(one);
-    for (const name of ["fill", "fill-opacity", "stroke", "opacity", "font-family", "font-weight"]) fresh[k].style.setProperty(name, style.getPropertyValue(name));
+    for (const name of ["fill", "fill-opacity", "stroke", "stroke-width", "paint-order", "opacity", "font-family", "font-weight", "font-style"]) fresh[k].style.setProperty(name, style.getPropertyValue(name));
   });
   const { width, height } = svg.viewBox.baseVal;
   copy.setAttribute("width", "1600");

@@ -20,6 +20,10 @@ export function openMenu(which: "file" | "take" | "save"): void {
   if (menu.value === "save") wanted.value = saved.value.path ?? `${saved.value.name}.spec`;
 }
 
+function toggleGrid(): void {
+  layout.value = layout.value === "many" ? "one" : "many";
+}
+
 export async function saveOrAsk(): Promise<void> {
   if (!saved.value.path) openMenu("save");
   else await save();
@@ -50,7 +54,7 @@ export function TopBar() {
       )}
       <Status />
       <span class="buttons">
-        <button class="wide" aria-pressed={layout.value === "many"} onClick={() => (layout.value = layout.value === "many" ? "one" : "many")} title="many scenes or one (g)">{layout.value === "many" ? "One" : "Grid"}</button>
+        <button class={alone ? "" : "wide"} aria-pressed={layout.value === "many"} onClick={toggleGrid} title="many scenes or one (g)">{layout.value === "many" ? "One" : "Grid"}</button>
         <button aria-haspopup="menu" aria-expanded={menu.value === "take"} onClick={() => openMenu("take")} title="download, command, link (k)">Download ▾</button>
         <button class="icon" onClick={toggleTheme} aria-label={theme.value === "dark" ? "light colours" : "dark colours"} title="light or dark (t)">{theme.value === "dark" ? "☀" : "☾"}</button>
         <button class="icon" onClick={() => (help.value = !help.value)} aria-label="keys" title="keys (?)">?</button>
@@ -105,6 +109,9 @@ function FileMenu() {
   const found = listing.value;
   return (
     <Menu name="specs">
+      <button class="narrow" disabled={!unsaved.value && !!saved.value.path} onClick={close(() => void saveOrAsk())}>Save</button>
+      <button class="narrow" onClick={close(() => void format())}>Format</button>
+      <button class="narrow" onClick={close(toggleGrid)}>{layout.value === "many" ? "One large scene" : "Many small scenes"}</button>
       <button onClick={() => openMenu("save")}>Save as… <kbd>Ctrl S</kbd></button>
       <button onClick={close(() => (welcome.value = true))}>Examples with pictures… <kbd>y</kbd></button>
       {found?.specs.length ? <h2>{boot.folder}</h2> : null}

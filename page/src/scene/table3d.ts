@@ -23,7 +23,8 @@ export interface Tag {
 
 const SLOW = 34; // ms between two pictures above which they get coarser while something moves
 const COARSEST = 0.4;
-const COVERED = 48; // pixels at the top and the bottom that phi and the buttons cover
+const COVERED = { top: 82, bottom: 48 }; // pixels that phi, what is said of the chosen object, and the buttons cover
+const MOST_COVERED = 0.28; // of the height
 
 export class Table3d extends Stage3d {
   readonly controls: OrbitControls;
@@ -129,8 +130,7 @@ export class Table3d extends Stage3d {
   resize(width: number, height: number): void {
     if (width < 2 || height < 2) return;
     this.seen = { width, height };
-    const share = Math.min(COVERED / height, 0.16);
-    this.covered = { top: share, bottom: share };
+    this.covered = { top: Math.min(COVERED.top / height, MOST_COVERED), bottom: Math.min(COVERED.bottom / height, MOST_COVERED) };
     const first = this.camera.aspect;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;

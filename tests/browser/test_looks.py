@@ -57,7 +57,8 @@ def faults(tab) -> list[str]:
         return []
     # the page's own policy forbids to add a script from a text: the test adds it by the debugger
     tab.page.evaluate(Path(AXE).read_text(encoding="utf-8"))
-    found = tab.page.evaluate("axe.run(document, {resultTypes: ['violations'], rules: {'target-size': {enabled: true}}})")
+    rules = "{'target-size': {enabled: true}}"
+    found = tab.page.evaluate(f"axe.run(document, {{resultTypes: ['violations'], rules: {rules}}})")
     return [
         f"{one['id']}: {one['nodes'][0]['html'][:200]} ({len(one['nodes'])})"
         for one in found["violations"]

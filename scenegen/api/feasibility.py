@@ -104,7 +104,7 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
             wanted = dict.fromkeys(one.labels.values(), ENDS)
             result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
         if result is None or not result.proved:
-            crowded = None if required else _too_full(spec, name)
+            crowded = _too_full(spec, name)
             if crowded is not None or result is None:
                 found.append(crowded or Doubt(name, False, None))
                 continue
@@ -204,7 +204,7 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
     try:
         with np.errstate(all="ignore"):
             problem = make_problem(spec, SampleRequest({} if label == REQUIRE else {label: Range(0.0)}))
-            proof = too_full(make_graph(problem), spec.core.objects)
+            proof = too_full(make_graph(problem), spec)
     except RequestError:
         return None  # there is no such scene for another reason, which the search for clashes names
     if not proof:
@@ -215,7 +215,7 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
         for index in sorted(_atoms(problem.core, problem.core.labels[label]))
         if isinstance(one := nodes[index], Atom)
     )
-    return Doubt(label, True, replace(TABLE_TOO_FULL(here, proof=proof), severity="warning"))
+    return Doubt(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))
 
 
 def _of_members(spec: CheckedSpec) -> list[Doubt]:

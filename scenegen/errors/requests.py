@@ -290,8 +290,8 @@ TOO_FEW_IN_CELL = Kind(
     "too-few-in-cell",
     _FOUND,
     help=(
-        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}{_KEEP}",
-        f"{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}",
+        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}{_KEEP}",
+        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}",
         f"{{found:?}}{_TIME}, ask for fewer scenes{_KEEP}",
         f"{_TIME}, or ask for fewer scenes",
     ),

@@ -122,6 +122,26 @@ _RELATIONS = {
 }  # fmt: skip
 RELATIONS = {name: instead for names, instead in _RELATIONS.items() for name in names}
 
+SIGNS = {  # operators and terms that are no keywords
+    "~": PRIOR,
+    "=": "write abs(a - b) <= 1 cm for two numbers, !(a != b) for two things; `=` only stands in statements",
+    "==": "write abs(a - b) <= 1 cm for two numbers, !(a != b) for two things",
+    "!=": "a != b says that two things, or two numbers of a round, differ",
+    "!": "not: !a has phi of minus a",
+    "&": "and: phi of a & b is the smaller one of the two",
+    "|": "or: phi of a | b is the larger one of the two",
+    "->": "implies: a -> b is !a | b",
+    "<=": "a <= b has phi of b - a, in the unit of both; `<` is the same",
+    ">=": "a >= b has phi of a - b, in the unit of both; `>` is the same",
+    ":": "name: formula makes a label; scenes are sampled at a range of its phi",
+    "phi": "how far a scene is from the border of a formula: 0 or more where it holds, in metres or radians",
+    "robustness": "see phi: `scenegen explain phi`",
+    "label": "a formula with a name, as in task: leftOf(a, b); scenes are sampled at a range of its phi",
+    "always": "always FORMULA: at every moment from now; needs `time`",
+    "eventually": "eventually FORMULA: at some moment from now; needs `time`",
+    "until": "a until b: a holds up to a moment at which b does; needs `time`",
+    "mirror": "mirrored(...) is a relation; `scenegen export --mirrored` and scenes.mirrored() make mirrored copies",
+}
 INFIX = {
     "on": ON,
     "in": "write insideOf({a}, {b}); what {a} stands in is declared: object {a} on {b}",

@@ -86,7 +86,7 @@ def _centimetres(placed: Sequence[Placed], scope: Scope, space: Workspace) -> It
                 measured = [(node, most) for node, most in measured if _named(node) in OUTLINES]
             case ast.Region(shape=ast.Call() as shape):
                 measured = [(shape, far)]
-            case ast.Workspace():
+            case ast.Workspace() if max(space.x[1] - space.x[0], space.y[1] - space.y[0]) > WIDE:
                 measured = [(one.statement, WIDE)]
         for node, most in measured if scope.is_own(one.source) else ():
             here = node.span(one.source)

@@ -36,6 +36,8 @@ WORK = 2000  # visits of nodes that one label's search for clashes may take: abo
 TOTAL = 2 * WORK  # that all labels together may take
 MOST = 24  # labels that are searched for clashes; of more, bounds alone decide
 
+SMALLER = {"cm": 0.01, "mm": 0.001}
+
 _NUMBER = re.compile(r"(?<![\w.\[])(?:\d|[A-Z][A-Z0-9_]+\b)")  # or a constant of one's own, in the text of a part
 _BARE = re.compile(r"[,=<>≤≥]\s*(\d+(?:\.\d+)?)\s*\)?$")  # a number without a unit at its end
 
@@ -104,15 +106,20 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
             wanted = dict.fromkeys(one.labels.values(), ENDS)
             result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
         if result is None or not result.proved:
-            crowded = None if required else _too_full(spec, name)
+            crowded = _too_full(spec, name)
             if crowded is not None or result is None:
                 found.append(crowded or Doubt(name, False, None))
                 continue
+        unit: dict[str, str] = {}
+        if len(result.nodes) == 1 and isinstance(alone := one.nodes[result.nodes[0]], Atom) and alone.spans:
+            unit = _unit(alone, alone.spans[0], spec)
         if name == REQUIRE:
-            problem = explain(one, result, REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET)
+            problem = explain(
+                one, result, REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET, **unit
+            )
         else:
             kind = CANNOT_BE_SATISFIED if result.proved else HARDLY_SATISFIED
-            problem = explain(one, result, kind, name=name, most=most)
+            problem = explain(one, result, kind, name=name, most=most, **unit)
         found.append(Doubt(name, result.proved, problem))
         if name == REQUIRE:
             break  # without it nothing else matters
@@ -153,7 +160,7 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
                 first = core.nodes[min(mine)]
                 assert isinstance(first, Atom)
                 here = next((span for span in first.spans if span.source.name == spec.name), first.spans[0])
-                found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(first, here))
+                found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(first, here, spec))
     for span, atoms in parts.items():
         low, high = min(float(bounds[one].lo) for one in atoms), max(float(bounds[one].hi) for one in atoms)
         first = core.nodes[atoms[0]]
@@ -161,7 +168,7 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
             continue
         assert isinstance(first, Atom)
         ends = {"least": low} if low > 0.0 else {"most": high}
-        found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(first, span))
+        found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(first, span, spec))
     return found
 
 
@@ -181,14 +188,18 @@ def _atoms(core: Core, root: int) -> set[int]:
     return found
 
 
-def _unit(atom: Atom, here: Span) -> dict[str, str]:
-    """The bare number at the end of an atom's text, where a smaller unit is likely meant, with both units."""
+def _unit(atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
+    """The bare number at the end of an atom's text, where a smaller unit is likely meant, with both units: the largest
+    in which it is no longer than the table."""
     bare = _BARE.search(here.text)
     if bare is None or float(bare[1]) < 1.0:
         return {}
-    turns = "rad" in str(atom.unit)
-    unit, small, large = ("radians", "deg", "rad") if turns else ("metres", "cm", "m")
-    return {"number": bare[1], "unit": unit, "small": small, "large": large}
+    if "rad" in str(atom.unit):
+        return {"number": bare[1], "unit": "radians", "small": "deg", "large": "rad"}
+    space = spec.workspace
+    most = math.hypot(space.x[1] - space.x[0], space.y[1] - space.y[0])
+    small = next((unit for unit, length in SMALLER.items() if float(bare[1]) * length <= most), None)
+    return {"number": bare[1], "unit": "metres", "small": small, "large": "m"} if small else {}
 
 
 def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
@@ -204,7 +215,7 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
     try:
         with np.errstate(all="ignore"):
             problem = make_problem(spec, SampleRequest({} if label == REQUIRE else {label: Range(0.0)}))
-            proof = too_full(make_graph(problem), spec.core.objects)
+            proof = too_full(make_graph(problem), spec)
     except RequestError:
         return None  # there is no such scene for another reason, which the search for clashes names
     if not proof:
@@ -215,7 +226,7 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
         for index in sorted(_atoms(problem.core, problem.core.labels[label]))
         if isinstance(one := nodes[index], Atom)
     )
-    return Doubt(label, True, replace(TABLE_TOO_FULL(here, proof=proof), severity="warning"))
+    return Doubt(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))
 
 
 def _of_members(spec: CheckedSpec) -> list[Doubt]:

@@ -44,7 +44,8 @@ def explain(
     from scenegen.errors import RequestError
     from scenegen.errors.catalog import GROUPS, catalog
     from scenegen.errors.program import UNKNOWN_CODE
-    from scenegen.lang.other_words import of_relation
+    from scenegen.lang.other_words import SIGNS, of_relation
+    from scenegen.lsp.vocabulary import CLAUSES, KEYWORDS
     from scenegen.resources import PAGES, shipped_pages
 
     entries = catalog()
@@ -64,7 +65,7 @@ def explain(
         typer.echo(shipped_pages()[code].read_text(encoding="utf-8"), nl=False)
     elif relation := list(described(code)):
         typer.echo("\n".join(relation))
-    elif instead := of_relation(code, ()):
+    elif instead := {**KEYWORDS, **CLAUSES, **SIGNS}.get(code) or of_relation(code, ()):
         typer.echo(f"{code}: {instead}")
     else:
         raise RequestError(UNKNOWN_CODE(name=code, known=[*entries, *PAGES]))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from scenegen.errors.diagnostic import NEAREST, Kind
 
 # objects and regions
+BARE_NUMBER = "a bare number is in {unit}: write {number} {small}, or {number} {large} if you mean it"
+
 NO_OBJECTS = Kind("no-objects", "there are no objects", "none is declared", "declare them: object mug, plate")
 TOO_MANY_OBJECTS = Kind("too-many-objects", "more than {limit:,} objects", help="declare fewer")
 EMPTY_ARRAY = Kind("empty-array", "an array cannot have {count} elements", "it has one or more", "{instead}")
@@ -33,8 +35,13 @@ NOT_AN_OUTLINE = Kind("not-an-outline", "this is no outline", help='write {kind}
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
     "unlikely-shape",
-    ("{path} measures {size:,.3g} m", "{path} lies {distance:,.3g} m from its origin, which is where the object is"),
+    (
+        "{path} measures {size:,.3g} m",
+        "this measures {largest:,.4g} m",
+        "{path} lies {distance:,.3g} m from its origin, which is where the object is",
+    ),
     help=(
+        "a bare number is in metres: write {mended}, or {written} m if you mean it",
         "if its numbers are centimetres, {remedy}",
         'poses are those of the origin: move the mesh to it, or write asset("NAME") with center = true in assets.toml',
     ),
@@ -170,7 +177,7 @@ ALWAYS_SATISFIED = Kind(
     ),
     "",
     (
-        "a bare number is in {unit}: write {number} {small}, or {number} {large} if you mean it",
+        BARE_NUMBER,
         "make it stricter, or leave it out",
     ),
     severity="warning",
@@ -179,7 +186,7 @@ CANNOT_BE_SATISFIED = Kind(
     "cannot-be-satisfied",
     "`{name}` can never be satisfied[[ with {counted}]][[: phi is at most {most:.4g}]]",
     "{clash}",
-    ("{meant}", "change one of the parts that clash"),
+    (BARE_NUMBER, "{meant}", "change one of the parts that clash"),
     "{others}",
     severity="warning",
 )
@@ -187,7 +194,7 @@ REQUIREMENT_CANNOT_BE_MET = Kind(
     "requirement-cannot-be-met",
     "what the spec requires can never be met[[ with {counted}]]",
     "{clash}",
-    ("{meant}", "change one of the parts that clash"),
+    (BARE_NUMBER, "{meant}", "change one of the parts that clash"),
     "{others}",
     severity="warning",
 )

@@ -225,14 +225,20 @@ NO_ROOM = Kind(
     "no room was found for {names:quoted8}: {placed} of {count} objects could be placed, in {tried}",
     "[[`{clause}` refused {share:.0%} of the poses]]",
     ("{crowded:?}use fewer or smaller objects, or a larger area", "widen the range, or what the spec requires"),
-    "the footprints of the {count} objects take {filled:.0%} of the workspace"
+    "the footprints of the {standing} objects take {filled:.0%} of {where}"
     "[[; of {tries:,} poses of `{first}`, {crowded:,} met all else and none was clear of what stands there]]"
     "[[; also refused: {others}]]",
 )
 TABLE_TOO_FULL = Kind(
     "table-too-full",
-    "no scene meets what is asked for: the table is too full",
-    help="use fewer or smaller objects, a larger area, or smaller distances",
+    (
+        "no scene meets what is asked for: too much stands on {surfaces}",
+        "no scene meets what is asked for: the table is too full",
+    ),
+    help=(
+        "{surfaces:?}use fewer or smaller objects, a larger surface or one more, or smaller distances",
+        "use fewer or smaller objects, a larger area, or smaller distances",
+    ),
     note="{proof}",
 )
 NO_TIME_TO_GROW = Kind(
@@ -241,8 +247,11 @@ NO_TIME_TO_GROW = Kind(
         "time was up after {tried}: {placed} of {count} objects could be placed[[, with {counted}]]",
         "time was up after {tried}: all {count} objects could be placed, but no scenes were ready[[, with {counted}]]",
     ),
-    help="give it more time with <timeout>, or ask for fewer scenes",
-    note="the footprints of the {count} objects take {filled:.0%} of the workspace",
+    help=(
+        "{tight:?}use fewer or smaller objects, or a larger area; or give it more time with <timeout>",
+        "give it more time with <timeout>, or ask for fewer scenes",
+    ),
+    note="the footprints of the {standing} objects take {filled:.0%} of {where}",
 )
 NO_TIME_TO_CHECK = Kind(
     "no-time-to-check",
@@ -281,8 +290,8 @@ TOO_FEW_IN_CELL = Kind(
     "too-few-in-cell",
     _FOUND,
     help=(
-        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}{_KEEP}",
-        f"{{cells:?}}ask for `<spread=base>`, or a narrower range; or widen the range, {_TIME}",
+        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}{_KEEP}",
+        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}",
         f"{{found:?}}{_TIME}, ask for fewer scenes{_KEEP}",
         f"{_TIME}, or ask for fewer scenes",
     ),

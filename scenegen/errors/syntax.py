@@ -119,7 +119,11 @@ KEYWORD_AS_NAME = Kind(
 )
 KEYWORD_CASE = Kind("keyword-case", "unknown word `{word}`", help="keywords are lower case: `{keyword}`")
 UNKNOWN_STATEMENT = Kind("unknown-statement", "unknown statement `{name}`", help=NEAREST)
-UNKNOWN_UNIT = Kind("unknown-unit", "unknown unit `{name}`", help="units are m, cm, mm, rad, deg and turn[[; {times}]]")
+UNKNOWN_UNIT = Kind(
+    "unknown-unit",
+    "unknown unit `{name}`",
+    help="[[write {instead}; ]]units are m, cm, mm, rad, deg and turn[[; {times}]]",
+)
 UNIT_AFTER_NAME = Kind(
     "unit-after-name", "`{name}` cannot have a unit", help="a unit follows a written number: {name} * 1 {unit}"
 )
@@ -134,7 +138,7 @@ EQUALITY = Kind(
 STRAY_EQUAL = Kind(
     "stray-equal",
     "`=` only stands in `const`, `def`, `object` and `region`",
-    help="to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm",
+    help=("{instead}", "to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm"),
 )
 SEMICOLON = Kind("semicolon", "statements cannot be separated with `;`", help="start the next statement on a new line")
 COMMA_BETWEEN_FORMULAS = Kind(

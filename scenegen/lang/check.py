@@ -185,7 +185,7 @@ def _expand(
     alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
     drawn = tuple(one for one in scope.counts.values() if one.name not in counts and one.name not in alone)
     text = canonical(placed, bare, scope, shapes, {**alone, **counts}, kinds)
-    warnings = [*unused(placed, bare, scope, used, lowering.used), *headings_compared(core), *lowering.noticed]
+    warnings = [*unused(placed, bare, scope, space, used, lowering.used), *headings_compared(core), *lowering.noticed]
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
         source.name,

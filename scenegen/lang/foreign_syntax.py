@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from scenegen.assets.palette import NAMED
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import UNKNOWN_RELATION
 from scenegen.errors.syntax import (
@@ -29,15 +30,19 @@ from scenegen.errors.syntax import (
     OBJECTS_WITHOUT_NAMES,
     UNEXPECTED,
     UNIT_AFTER_NAME,
+    UNKNOWN_UNIT,
 )
-from scenegen.lang.other_words import COUNTING, FILLERS, INFIX, RELATIONS, between, known, plain
+from scenegen.lang.other_words import COLOR, COUNTING, FILLERS, INFIX, RELATIONS, between, known, plain
 from scenegen.lang.tokens import ending
 from scenegen.pose import NAMES
 from scenegen.primitives import PRIMITIVES
 
-_UNITS = ("m", "cm", "mm", "rad", "deg", "turn")
+NAME = r"[A-Za-z_][\w.]*(?:\[[^\[\]\n]*\])?"  # of a thing, an element or a surface
+UNITS = ("m", "cm", "mm", "rad", "deg", "turn")
 
 # characters of word processors and of other alphabets -> what to type instead
+INCHES = {"in": 2.54, "inch": 2.54, "inches": 2.54, "ft": 30.48, "foot": 30.48, "feet": 30.48}  # in cm
+
 _QUOTES = "write names without quotes; file names in straight ones"
 _LOOKALIKES = {  # what they are, and what to write
     "°": ("not a unit", "write 90 deg"),
@@ -79,6 +84,10 @@ def explain_foreign_syntax(source: Source, start: int, end: int, depth: int, acc
         return NESTED_ARRAY(here)
     if word == ":":
         return _colon(source, here, line, depth, accepts)
+    if word == "(" and (named := ending(r"\b(?:object|,)\s*([A-Za-z_]\w*)[ \t]*$", line)) and "EQUAL" in accepts:
+        if re.match(r"\s*colou?r\b", text[end:]):
+            return CANNOT_BE_SAID(here, word="color", instead=COLOR)
+        return UNEXPECTED(here, found="`(`", expected="`=` and a shape", instead=f"write object {named[1]} = box(...)")
     if word == "," and depth and (problem := _range(source, here)) is not None:
         return problem
     if re.match(r"\w", word) and "NAME" not in accepts and "COLON" not in accepts:
@@ -110,7 +119,10 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
     """A property or a statement that other languages have, and this one has not."""
     text, word = source.text, here.text
     before = ending(r"(\w+|\)|\])[ \t]*$", line)
-    if word in _UNITS and before is not None and before[1] in (")", "]"):
+    if word in INCHES and (number := ending(r"(?<![\w.])(\d+(?:\.\d+)?)[ \t]*$", line)) is not None:
+        instead = f"{float(number[1]) * INCHES[word]:.4g} cm"
+        return UNKNOWN_UNIT(here, name=word, instead=instead)
+    if word in UNITS and before is not None and before[1] in (")", "]"):
         instead = f"a unit follows each number: [0 {word}, 40 {word}]"
         return UNEXPECTED(here, found=f"`{word}`", expected="no unit", instead=instead)
     if word in ("iff", "xor", "XOR") and "_AND" in accepts:
@@ -123,7 +135,10 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
         return UNEXPECTED(here, found="`in`", expected="a comparison", instead=instead)
     after = re.match(r"[ \t]+(\w+)", text[here.end :])
     words = [(here.start, here.end)]
-    if word in ("with", "has", "having", "at") and after is not None:
+    if before is not None and ending(r"\b(?:object|,)\s*\w+[ \t]*$", line) and before[1].lower() in NAMED:
+        start = here.start - len(before[0])
+        return CANNOT_BE_SAID(Span(source, start, start + len(before[1])), word=before[1], instead=COLOR)
+    if word in ("with", "has", "having", "at", "of") and after is not None:
         words = [(here.end + after.start(1), here.end + after.end(1))]
     if before is not None and re.fullmatch(r"\s*\w+[ \t]*", line) and before[1] not in ("object", "region"):
         words.append((here.start - len(before[0]), here.start - len(before[0]) + len(before[1])))
@@ -172,7 +187,7 @@ def _sides(words: Sequence[str]) -> tuple[str, Sequence[str], str]:
 def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | None:
     """Two words beside each other."""
     text, word = source.text, here.text
-    before = ending(r"([A-Za-z_]\w*)[ \t]*$", line)
+    before = ending(rf"({NAME})[ \t]*$", line)
     if before is None:
         return None
     previous = before[1]
@@ -183,15 +198,23 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
     if word == "of" and after is not None and declared and (on := ending(r"(\S+)\s+on\s+top\s*$", line)) is not None:
         instead = f"write `{on[1]} on {after[1]}`"
         return INFIX_RELATION(here, name="on", first=on[1], second=after[1], instead=instead)
+    same = re.match(rf"is[ \t]+(not[ \t]+)?({NAME})(?![ \t]*(?!and\b|or\b|implies\b)[\w.(\[])", text[here.start :])
+    if same is not None and not declared and plain(same[2]) not in RELATIONS | INFIX:
+        unlike = f"{previous} != {same[2]}"
+        instead = f"write {unlike}" if same[1] else f"write !({unlike})"
+        return INFIX_RELATION(here, name="is", first=previous, second=same[2], instead=instead)
     if previous == "if":
         return NO_IF(Span(source, here.start - len(before[0]), here.end), word="if")
     if word == "then":
         return NO_IF(here, word="then")
-    if word in _UNITS and previous not in ("object", "const", "region"):
+    if word in UNITS and previous not in ("object", "const", "region"):
         return UNIT_AFTER_NAME(here, name=previous, unit=word)
     if after is not None and after[1] not in ("and", "or", "implies", "in", "at") and not depth:
         phrase = re.match(r"[A-Za-z_]\w*([ \t]+[A-Za-z_]\w*)*", text[here.start :])
-        first, said, second = _sides([previous, *(phrase[0].split() if phrase else ())])
+        words = [previous, *(phrase[0].split() if phrase else ())]
+        if phrase is not None and (more := re.match(r"(?:\.\w+|\[[^\[\]\n]*\])+", text[here.start + phrase.end() :])):
+            words[-1] += more[0]  # cabinet.drawer[1]
+        first, said, second = _sides(words)
         name = said[0] + "".join(one[:1].upper() + one[1:] for one in said[1:])
         told = between(first, said, second, declared=declared)
         if word == "or" and re.search(rf"\bon[ \t]+{previous}[ \t]*$", line):

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 THE_TABLE = "the table is called `workspace`; things stand on it if nothing is declared"
+TABLES = ("table", "tabletop", "floor", "ground", "desk", "countertop", "surface", "world")
 
 MORE = "`scenegen explain not-here` says more"
 PRIOR = f"places and headings are uniform; for any other distribution weight the scenes afterwards, in Python; {MORE}"
@@ -18,6 +19,9 @@ COLOR = f'a plain shape has a colour: box(10 cm, 6 cm, 4 cm, color = "red"); of 
 BODY = f"a spec says where things stand; mass and friction are those of the library or of an index; {MORE}"
 LYING = f"objects stand upright, and turn about the vertical alone; {MORE}"
 MATHS = "of functions there are abs, min, max, sum, mean, sin, cos and wrap; for a power write a product: a * a"
+STATE = f"a spec says where things stand, not the state that they are in; {MORE}"
+OPEN = "how far a drawer is open is declared: object cabinet = cabinet(3, open = [0.5, 0, 0]); it does not change"
+WAY = "of hands from above write reachableFromAbove({a}); of what stands around it gap({a}, {b}) >= 5 cm"
 COUNTING = f"formulas do not count; for two or more write exists p, q in list: ...; {MORE}"
 
 # Names in small letters without `_` -> what to write for a relation of {a} and {b}.
@@ -83,7 +87,16 @@ _RELATIONS = {
         MATHS,
     ("atan2",): "write bearing({a}, {b}): the direction of {b} seen from {a}",
     ("count", "counts", "number", "atleast", "atmost", "exactly", "howmany", "len"): COUNTING,
+    ("blocked", "isblocked", "blocks", "blockedby", "obstructed", "isobstructed", "obstructs", "obstructedby",
+     "unobstructed", "unblocked", "accessible", "isaccessible", "inaccessible", "free", "isfree", "clear", "isclear",
+     "uncovered", "covered", "iscovered", "coveredby"): f"write what is meant: {WAY}",
     # what cannot be said
+    ("open", "opened", "isopen", "closed", "isclosed", "shut", "ajar", "openness", "joint", "articulated"): OPEN,
+    ("clean", "dirty", "dusty", "stained", "soaked", "wet", "dry", "hot", "cold", "warm", "cooked", "burnt", "frozen",
+     "sliced", "cut", "broken", "full", "empty", "filled", "toggledon", "toggled", "switchedon", "turnedon",
+     "poweredon", "folded", "unfolded", "attached", "held", "holding", "handempty", "carrying", "ingripper",
+     "temperature", "state"):
+        STATE,
     ("normal", "gaussian", "uniform", "truncatednormal", "truncnorm", "lognormal", "beta", "gamma", "exponential",
      "poisson", "discrete", "discreterange", "categorical", "bernoulli", "random", "rand", "randint", "randn",
      "choice", "options", "weighted", "weights", "sample", "prior", "prob", "probability", "distribution",
@@ -109,6 +122,26 @@ _RELATIONS = {
 }  # fmt: skip
 RELATIONS = {name: instead for names, instead in _RELATIONS.items() for name in names}
 
+SIGNS = {  # operators and terms that are no keywords
+    "~": PRIOR,
+    "=": "write abs(a - b) <= 1 cm for two numbers, !(a != b) for two things; `=` only stands in statements",
+    "==": "write abs(a - b) <= 1 cm for two numbers, !(a != b) for two things",
+    "!=": "a != b says that two things, or two numbers of a round, differ",
+    "!": "not: !a has phi of minus a",
+    "&": "and: phi of a & b is the smaller one of the two",
+    "|": "or: phi of a | b is the larger one of the two",
+    "->": "implies: a -> b is !a | b",
+    "<=": "a <= b has phi of b - a, in the unit of both; `<` is the same",
+    ">=": "a >= b has phi of a - b, in the unit of both; `>` is the same",
+    ":": "name: formula makes a label; scenes are sampled at a range of its phi",
+    "phi": "how far a scene is from the border of a formula: 0 or more where it holds, in metres or radians",
+    "robustness": "see phi: `scenegen explain phi`",
+    "label": "a formula with a name, as in task: leftOf(a, b); scenes are sampled at a range of its phi",
+    "always": "always FORMULA: at every moment from now; needs `time`",
+    "eventually": "eventually FORMULA: at some moment from now; needs `time`",
+    "until": "a until b: a holds up to a moment at which b does; needs `time`",
+    "mirror": "mirrored(...) is a relation; `scenegen export --mirrored` and scenes.mirrored() make mirrored copies",
+}
 INFIX = {
     "on": ON,
     "in": "write insideOf({a}, {b}); what {a} stands in is declared: object {a} on {b}",
@@ -173,12 +206,14 @@ def known(words: Sequence[str]) -> str | None:
 def between(first: str, words: Sequence[str], second: str, *, declared: bool) -> str | None:
     """What to write instead of `first words second`, in an object statement or in a formula; None of other words."""
     name = known(words) or plain("".join(words))
+    if name == "is" and plain(second) in RELATIONS:  # `mug is clean`
+        return RELATIONS[plain(second)].format(a=first, b="b")
     if declared and name in DECLARED:
         return f"write `{first} on {second}`"
     table = RELATIONS | INFIX
     if name not in table:
         return None
-    if not declared and name in ("on", *DECLARED) and second == "table":
+    if not declared and name in ("on", *DECLARED) and second.lower() in TABLES:
         return f"things stand on the table if nothing is declared: leave this out, or write restsOn({first}, workspace)"
     if not declared and name == "on" and second == "any":
         return f"a choice is declared, object {first} on any of [...]; each surface is asked for with restsOn"

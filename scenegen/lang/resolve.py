@@ -37,7 +37,7 @@ from scenegen.errors.language import (
 from scenegen.errors.temporal import TIME_MISSING
 from scenegen.lang import ast, traversal
 from scenegen.lang.imports import Placed
-from scenegen.lang.other_words import PRIOR, RELATIONS, THE_TABLE, of_relation, plain
+from scenegen.lang.other_words import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
 from scenegen.lang.parse import MOST_ERRORS
 from scenegen.lang.print import print_expr
 from scenegen.lang.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
@@ -195,7 +195,7 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
             yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
         known = {*scope.values(), *bound}
-        instead = THE_TABLE if node.id.lower() == "table" else None
+        instead = THE_TABLE if plain(node.id) in TABLES else None
         yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things), instead=instead)
 
 

@@ -10,6 +10,7 @@ import re
 
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
+from scenegen.assets.library import has_picture
 from scenegen.errors import Diagnostic, Source, Span, nearest
 from scenegen.errors.declarations import NESTED_CHOICE
 from scenegen.errors.syntax import (
@@ -41,8 +42,8 @@ from scenegen.errors.syntax import (
 )
 from scenegen.lang.brackets import BINARY, bracket, open_brackets, unclosed
 from scenegen.lang.expected import expected, shown
-from scenegen.lang.foreign_syntax import explain_foreign_syntax
-from scenegen.lang.other_words import PRIOR, one_list
+from scenegen.lang.foreign_syntax import UNITS, explain_foreign_syntax
+from scenegen.lang.other_words import PRIOR, RELATIONS, one_list, plain
 from scenegen.lang.time_syntax import UNITS_OF_TIME, explain_time
 from scenegen.lang.tokens import KEYWORDS, STATEMENTS, column, ending, has_time
 
@@ -122,6 +123,11 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
     line = text[text.rfind("\n", 0, start) + 1 : start].strip()
     if text[start] == "=" and re.fullmatch(r"def\s+\w+", line):
         return DEFINITION_WITHOUT_PARAMETERS(Span(source, start, start + 1), head=line)
+    if text[start] == "=" and line.removesuffix(":").rstrip().isidentifier() and line.endswith(":"):
+        return FOREIGN_OPERATOR(Span(source, text.rfind(":", 0, start), start + 1), operator=":=", instead="`:`")
+    if text[start] == "%" and (share := ending(r"(\d+(?:\.\d+)?)\s*$", text[:start])) is not None:
+        instead = f"the share as a number, {float(share[1]) / 100:g}, times a length"
+        return FOREIGN_OPERATOR(Span(source, start, start + 1), operator="%", instead=instead)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
         return MISSING_LABEL_COLON(Span(source, start, start + 1), name=line, formula="...")
     if text[start : start + 2] == "!=" or text[start - 1 : start + 1] == "!=":
@@ -140,8 +146,30 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
             operand = re.search(r"(\w+|[)\]])$", line)
             if found == "~" and operand is not None and operand[1] not in KEYWORDS:
                 return CANNOT_BE_SAID(here, word="~", instead=PRIOR)  # a name and its distribution
+            if found in ("=", "=="):
+                return _equal(here, line)
             return kind(here, operator=found, instead=instead)
     return None
+
+
+def _equal(here: Span, line: str) -> Diagnostic:
+    """`=` or `==` in a formula, after the rest of its line."""
+    text = here.source.text
+    after = re.match(r"[ \t]*(-?[\w.]+(?:\[\w+\])?)(\s*\([^()\n]*\))?[ \t]*([a-z]*)", text[here.end :])
+    before = ending(r"([A-Za-z_][\w.]*(?:\[\w+\])?|\w+\([^()]*\))$", line)
+    if after is not None and RELATIONS.get(plain(after[1])) == PRIOR:
+        start = here.end + after.start(1)
+        return CANNOT_BE_SAID(Span(here.source, start, start + len(after[1])), word=after[1], instead=PRIOR)
+    instead = None
+    if before is not None and after is not None:
+        a, b = before[1], after[1] + (after[2] or "")
+        if "(" not in a + b and not re.search(r"\d\.|\.\d", b):  # two things, or a number of a round
+            instead = f"write !({a} != {b})"
+        elif "(" in a:
+            small = "0.1" if a.startswith(("theta", "bearing")) else "1 cm"
+            unit = after[3] if after[3] in UNITS else ""
+            instead = f"allow a tolerance: abs({a} - {f'{b} {unit}'.strip()}) <= {small}"
+    return (EQUALITY if here.text == "==" else STRAY_EQUAL)(here, operator=here.text, instead=instead)
 
 
 def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -212,12 +240,19 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
         return UNEXPECTED(here, found=f"`{word}`", expected="another object", instead=instead)
     if "LABEL" in accepts and word.isidentifier():
         rest = here.source.text[here.end :].lstrip()
+        if drawn := re.match(r"\([^()\n]*\)\s*(~)", rest):
+            place = len(here.source.text) - len(rest) + drawn.start(1)
+            return CANNOT_BE_SAID(Span(here.source, place, place + 1), word="~", instead=PRIOR)
         if rest.startswith("("):
             return UNNAMED_FORMULA(here, formula=f"{word}(...)")
         if re.match(r"[A-Za-z_]\w*\s*\(", rest):
             return MISSING_LABEL_COLON(here, name=word, formula="...")
         wanted = "`,` or a statement" if "COMMA" in accepts else expected(accepts)
-        return UNEXPECTED(here, found=f"`{word}`", expected=wanted, instead="separate names in a list with `,`")
+        instead = "separate names in a list with `,`"
+        first = re.search(r"\b(?:object|region|,)\s*([A-Za-z_]\w*)[ \t]*$", before)
+        if first is not None and not has_picture(first[1]):
+            instead = f"a name is one word: write {first[1]}_{word}; {instead}"
+        return UNEXPECTED(here, found=f"`{word}`", expected=wanted, instead=instead)
     return UNEXPECTED(here, found=shown(word), expected=expected(accepts))
 
 

@@ -1,20 +1,32 @@
-"""Warnings about names: what is defined and never used, what hides something else, and misspelt objects."""
+"""Warnings about what is written: names that are never used, that hide something else or are misspelt, and sizes
+without a unit that are hardly metres."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence, Set
+from dataclasses import replace
 
 from scenegen.assets import meant_by
 from scenegen.errors import Diagnostic, Source
-from scenegen.errors.declarations import STANDS_IN
+from scenegen.errors.declarations import STANDS_IN, UNLIKELY_SHAPE
 from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
 from scenegen.lang import ast, traversal
+from scenegen.lang.declare import LARGE, OUTLINES
 from scenegen.lang.imports import Placed
 from scenegen.lang.scope import Scope
+from scenegen.scene.workspace import Workspace
+
+WIDE = 10.0  # metres: a table is shorter
+SMALL = 0.5  # numbers below this are metres, whatever the others are
 
 
 def unused(
-    placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, by_formulas: Set[str], by_anything: Set[str]
+    placed: Sequence[Placed],
+    bare: ast.Expr | None,
+    scope: Scope,
+    space: Workspace,
+    by_formulas: Set[str],
+    by_anything: Set[str],
 ) -> list[Diagnostic]:
     """The warnings of the spec's own statements, in the order of the text.
 
@@ -50,7 +62,7 @@ def unused(
             out.extend(_variables(expr, scope, one.source))
     if bare is not None:
         out.extend(_variables(bare, scope, scope.source))
-    return [*out, *_misspelt(scope)]
+    return [*out, *_misspelt(scope), *_centimetres(placed, scope, space)]
 
 
 def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
@@ -61,6 +73,49 @@ def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
         if meant is not None:
             inferred = thing.declaration is None or None
             yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
+
+
+def _centimetres(placed: Sequence[Placed], scope: Scope, space: Workspace) -> Iterator[Diagnostic]:
+    """Shapes, regions and a workspace with bare numbers that are too large for metres."""
+    far = max(LARGE, *map(abs, (*space.x, *space.y)))
+    for one in placed:
+        measured: list[tuple[ast.Expr | ast.Workspace, float]] = []
+        match one.statement:
+            case ast.Objects(declarations):
+                measured = [(each.shape, far) for each in declarations if isinstance(each.shape, ast.Call)]
+                measured = [(node, most) for node, most in measured if _named(node) in OUTLINES]
+            case ast.Region(shape=ast.Call() as shape):
+                measured = [(shape, far)]
+            case ast.Workspace() if max(space.x[1] - space.x[0], space.y[1] - space.y[0]) > WIDE:
+                measured = [(one.statement, WIDE)]
+        for node, most in measured if scope.is_own(one.source) else ():
+            here = node.span(one.source)
+            numbers = [
+                (part.start - here.start, part.end - here.start, abs(float(part.number)), part.number)
+                for root in (traversal.expressions(node) if isinstance(node, ast.Workspace) else (node,))
+                for part in _quantities(root)
+                if not part.unit and abs(float(part.number)) >= SMALL
+            ]
+            *_, largest, written = max(numbers, key=lambda number: number[2], default=(0, 0, 0.0, ""))
+            if largest > most:
+                mended, unit = here.text, "cm" if largest <= 100.0 * most else "mm"
+                for _, end, _, _ in sorted(numbers, reverse=True):
+                    mended = f"{mended[:end]} {unit}{mended[end:]}"
+                facts = {"largest": largest, "mended": mended, "written": written}
+                yield replace(UNLIKELY_SHAPE(here, **facts), severity="warning")
+
+
+def _named(node: object) -> str:
+    return node.function.id if isinstance(node, ast.Call) else ""
+
+
+def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
+    stack: list[ast.Expr | ast.Argument] = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Quantity):
+            yield node
+        stack.extend(traversal.children(node))
 
 
 def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:

@@ -58,7 +58,7 @@ def placed(
         if name not in scenes.objects:
             raise RequestError(UNKNOWN_CHOICE(what="object", name=str(name), known=scenes.objects))
         if axis not in UPRIGHT:
-            raise RequestError(UNKNOWN_CHOICE(what="axis", name=str(axis), known=tuple(UPRIGHT)))
+            raise RequestError(UNKNOWN_CHOICE(what="axis", plural="axes", name=str(axis), known=tuple(UPRIGHT)))
         a, b, c, d = UPRIGHT[axis]
         which = scenes.objects.index(name)
         w, k = poses[:, which, 3].copy(), poses[:, which, 6].copy()

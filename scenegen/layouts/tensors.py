@@ -72,7 +72,11 @@ class Layouts:
         if device is not None:
             need("torch", "for tensors")
         if quaternion not in ORDERS:
-            raise RequestError(UNKNOWN_CHOICE(what="order of a quaternion", name=str(quaternion), known=ORDERS))
+            raise RequestError(
+                UNKNOWN_CHOICE(
+                    what="order of a quaternion", plural="orders of a quaternion", name=str(quaternion), known=ORDERS
+                )
+            )
         self.spec, self.objects = spec, spec.objects
         self._phi = read_phi(spec, phi)
         self._order = [0, 1, 2, 3, 4, 5, 6] if quaternion == "wxyz" else [0, 1, 2, 4, 5, 6, 3]

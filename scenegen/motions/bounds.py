@@ -1,8 +1,8 @@
 """What a spec over time says about single steps: how far each object may go and turn, and what phi can be at most.
 
-A bound on a step is a conjunct of the requirement of the form `speed(a) <= c`, `displacement(a) <= c` or `spin(a) <= c`
-(`still(a)` is two of them). It is the disc, or the interval, from which a step is drawn; as a requirement it holds
-anyway.
+A bound on a step is a conjunct of the requirement that says `speed(a) <= c`, `displacement(a) <= c` or `spin(a) <= c`,
+however it is written (`still(a)` is two of them, and `always` changes nothing). It is the disc, or the interval, from
+which a step is drawn; as a requirement it holds anyway.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from scenegen.bounds import label_bounds
 from scenegen.bounds.effort import Effort
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Moment
+from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, Moment, Window
 from scenegen.lang.timed import Numpy, Signal, Timed, over_time
 from scenegen.pose import THETA, X, Y
 
@@ -29,9 +29,7 @@ def step_bounds(timed: Timed) -> tuple[Array, Array]:
     count = len(timed.objects)
     far, turn = np.full(count, np.inf), np.full(count, np.inf)
     for margin in _required_margins(timed):
-        found = _bound(timed.state, margin, count)
-        if found is not None:
-            thing, angle, limit = found
+        for thing, angle, limit in _bounds(timed.state, margin, count) or ():
             bounds = turn if angle else far
             bounds[thing] = min(bounds[thing], max(limit, 0.0))
     return far, turn
@@ -52,7 +50,7 @@ def without_step_bounds(timed: Timed) -> Timed:
             match nodes[index]:
                 case Junction("min", args):
                     waiting += args
-                case Moment("steps", arg):
+                case Moment("steps", arg) | Window("min", arg, 0 | 1, _):
                     waiting.append(arg)
                 case _:
                     pass
@@ -62,7 +60,7 @@ def without_step_bounds(timed: Timed) -> Timed:
         match node:
             case Junction("min", args):
                 nodes.append(replace(node, args=tuple(place[arg] for arg in args)))
-            case Moment("steps", arg):
+            case Moment("steps", arg) | Window("min", arg, 0 | 1, _):
                 nodes.append(replace(node, arg=place[arg]))
             case Signal(signal):
                 kept = _rest(timed, roots[signal])
@@ -85,8 +83,8 @@ def _rest(timed: Timed, root: int) -> tuple[int, ...]:
             case Junction("min", args):
                 waiting += reversed(args)
             case Atom(margin):
-                found = _bound(timed.state, margin, len(timed.objects))
-                if found is None or found[2] < 0.0:
+                found = _bounds(timed.state, margin, len(timed.objects))
+                if found is None or any(limit < 0.0 for _, _, limit in found):
                     kept.append(index)
             case _:
                 kept.append(index)
@@ -102,7 +100,7 @@ def _required_margins(timed: Timed) -> Iterator[int]:
         match timed.nodes[waiting.pop()]:
             case Junction("min", args):
                 waiting += args
-            case Moment("steps", arg):
+            case Moment("steps", arg) | Window("min", arg, 0 | 1, _):  # the first step leads to moment 1
                 waiting.append(arg)
             case Signal(place):
                 states.append(roots[place])
@@ -118,44 +116,66 @@ def _required_margins(timed: Timed) -> Iterator[int]:
                 pass
 
 
-def _bound(core: Core, margin: int, count: int) -> tuple[int, bool, float] | None:
-    """The object, whether it is its turn, and the limit, where a margin is `c - displacement` or `c - turn`."""
+def _bounds(core: Core, margin: int, count: int) -> list[tuple[int, bool, float]] | None:
+    """Objects, whether it is their turn, and the limit, where a margin that is at least 0 says nothing but that their
+    displacements or turns are at most that: c - displacement, or (c - displacement) / c. None of other margins."""
     nodes = core.nodes
-    match nodes[margin]:
-        case Apply("sub", (left, right)) if isinstance(nodes[left], Const):
-            limit = _constant(core, left)
-        case _:
-            return None
-    node = nodes[right]
-    match node:
-        case Apply("div", (value, by)) if isinstance(nodes[by], Const):
-            limit, node = limit * _constant(core, by), nodes[value]
-        case _:
-            pass
-    match node:
+    found = []
+    waiting = [(margin, 1.0, 0.0)]  # of a sum of a constant and a node times a factor, which is at least 0
+    while waiting:
+        index, factor, constant = waiting.pop()
+        node = nodes[index]
+        values = [nodes[arg] for arg in node.args] if isinstance(node, Apply) else []
+        match node, values:
+            case Apply("neg", (arg,)), _:
+                waiting.append((arg, -factor, constant))
+            case Apply("add", (arg, _)), [_, Const(value)]:
+                waiting.append((arg, factor, constant + factor * value))
+            case Apply("add", (_, arg)), [Const(value), _]:
+                waiting.append((arg, factor, constant + factor * value))
+            case Apply("sub", (arg, _)), [_, Const(value)]:
+                waiting.append((arg, factor, constant - factor * value))
+            case Apply("sub", (_, arg)), [Const(value), _]:
+                waiting.append((arg, -factor, constant + factor * value))
+            case (Apply("mul", (arg, _)), [_, Const(value)]) | (Apply("mul", (_, arg)), [Const(value), _]):
+                waiting.append((arg, factor * value, constant))
+            case Apply("div", (arg, _)), [_, Const(value)] if value != 0.0:
+                waiting.append((arg, factor / value, constant))
+            case (Apply("max", args), _) if factor < 0.0:
+                waiting += [(arg, factor, constant) for arg in args]
+            case (Apply("min", args), _) if factor > 0.0:
+                waiting += [(arg, factor, constant) for arg in args]
+            case _:
+                step = _step(core, index, count) if factor < 0.0 else None
+                if step is None:
+                    return None
+                thing, angle = step
+                limit = -constant / factor
+                found.append((thing, angle, min(limit, math.pi) if angle else limit))
+    return found
+
+
+def _step(core: Core, index: int, count: int) -> tuple[int, bool] | None:
+    """The object of which a number is the displacement in a step, or else (True) the turn."""
+    nodes = core.nodes
+    thing = None
+    match nodes[index]:
         case Apply("dist", args) if len(args) == 4:
             thing = _same_object(core, args[:2], args[2:], (X, Y), count)
-            return None if thing is None else (thing, False, limit)
+            return None if thing is None else (thing, False)
         case Apply("abs", (arg,)):
             match nodes[arg]:
                 case Apply("wrap", (difference,)):
                     match nodes[difference]:
                         case Apply("sub", (now, before)):
                             thing = _same_object(core, (now,), (before,), (THETA,), count)
-                            return None if thing is None else (thing, True, min(limit, math.pi))
                         case _:
                             pass
                 case _:
                     pass
         case _:
             pass
-    return None
-
-
-def _constant(core: Core, index: int) -> float:
-    node = core.nodes[index]
-    assert isinstance(node, Const)
-    return node.value
+    return None if thing is None else (thing, True)
 
 
 def _same_object(

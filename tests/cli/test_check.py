@@ -177,7 +177,12 @@ def test_shapes_and_sizes_of_all_objects(scenegen, here):
         "object plate[40]\nrequire noOverlap()\ntask: leftOf(plate[1], plate[2])": True,
         "object plate[40]\ntask: noOverlap() & insideWorkspace()": True,
         "object tray, plate[40] on tray\nrequire noCollision()\ntask: leftOf(plate[1], plate[2])": True,
+        "object tray, mug[12] on tray\nrequire noCollision()\ntask: leftOf(mug[1], mug[2])": True,
+        "object shelfunit, book[40] on shelfunit.shelf[1]\nrequire noCollision()\ntask: leftOf(book[1], book[2])": True,
+        "object tray, mug[12] on tray\nrequire insideWorkspace()\ntask: noCollision(mug)": True,
         "object plate[40]\ntask: leftOf(plate[1], plate[2])": False,  # they may overlap
+        "object tray, mug[12] on tray\ntask: leftOf(mug[1], mug[2])": False,
+        "object tray, mug[12] on any of [tray, workspace]\nrequire noCollision()\ntask: leftOf(mug[1], mug[2])": False,
         "object plate[40]\ntask: noOverlap() | leftOf(plate[1], plate[2])": False,
         "object plate[12]\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(plate[1], plate[2])": False,
         f"object plate[8] on [workspace, {', '.join(f'plate[{k}]' for k in range(1, 8))}], tray\n"
@@ -194,9 +199,31 @@ def test_a_table_that_cannot_hold_what_is_on_it(scenegen, here, text, proved):
 
 
 @pytest.mark.parametrize(
+    ("text", "advice"),
+    {
+        "task: farFrom(fork, mug, 25)": "write 25 cm, or 25 m",
+        "require farFrom(fork, mug, 250)\ntask: leftOf(fork, mug)": "write 250 mm, or 250 m",
+        "object a = box(10, 6, 4), b\ntask: leftOf(a, b)": "write box(10 cm, 6 cm, 4 cm), or 10 m",
+        "object a = box(0.1, 0.06, 40), b\ntask: leftOf(a, b)": "write box(0.1, 0.06, 40 cm), or 40 m",
+        "workspace [0, 90] x [0, 60]\ntask: leftOf(a, b)": "write workspace [0, 90 cm] x [0, 60 cm], or 90 m",
+        "region r = rect(10, 10, 40, 40)\ntask: leftOf(a, b) | inside(a, r)": "rect(10 cm, 10 cm, 40 cm, 40 cm)",
+        "workspace [0 m, 90 m] x [0 m, 60 m]\ntask: leftOf(a, b)": "",
+        "object a = box(3 m, 2 m, 1), b\ntask: leftOf(a, b)": "",
+        "workspace [0, 9] x [0, 6]\nobject a = box(3, 2, 1), b\ntask: leftOf(a, b)": "",
+    }.items(),
+)
+def test_bare_numbers_that_are_hardly_metres(scenegen, here, text, advice):
+    (here / "bare.spec").write_text(text)
+    err = scenegen("check", "bare.spec").err
+    assert advice in err if advice else "a bare number is in metres" not in err
+
+
+@pytest.mark.parametrize(
     ("text", "title", "advice"),
     [
         ("closeTo(mug, plate, 20)", "every scene satisfies `task`: phi is at least 18.59", "write 20 cm, or 20 m"),
+        ("closeTo(mug, plate, 250)", "every scene satisfies `task`: phi is at least 248.6", "write 250 mm, or 250 m"),
+        ("workspace [0, 5] x [0, 5]\ntask: closeTo(mug, plate, 250)", "every scene satisfies `task`", "write 250 cm"),
         (
             "closeTo(mug, plate, 20) & leftOf(mug, plate)",
             "`closeTo(mug, plate, 20)` holds in every scene: its margin is at least 18.59",

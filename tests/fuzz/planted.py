@@ -212,7 +212,7 @@ def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
         if find(core, *made.member.box(), problem.wanted(), work=int(work / 1000)).verdict == "no":
             found.append(f"{what}: search")
         with np.errstate(all="ignore"):
-            found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), core.objects)] if proof]
+            found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), problem.spec)] if proof]
             for mine, wanted in (("range", problem.wanted()), ("cell", problem.wanted(max(cell, 0)))):
                 try:
                     if not make_cover(problem, wanted, (1, 2), Effort(most=work)).parts:

@@ -100,6 +100,17 @@ def test_motions_are_in_range_and_keep_their_bounds(name):
         ("still(mug)", 0.001, 0.001),
         ("speed(mug) <= 10 cm/s | speed(mug) <= 20 cm/s", np.inf, np.inf),
         ("speed(mug) >= 10 cm/s", np.inf, np.inf),
+        ("always speed(mug) <= 10 cm/s", 0.05, np.inf),
+        ("always[1, 2] speed(mug) <= 10 cm/s", 0.05, np.inf),  # the first step leads to moment 1
+        ("always[2, 2] speed(mug) <= 10 cm/s", np.inf, np.inf),
+        ("eventually speed(mug) <= 10 cm/s", np.inf, np.inf),
+        ("!(eventually speed(mug) > 10 cm/s)", 0.05, np.inf),
+        ("!(eventually (speed(mug) > 10 cm/s | spin(mug) > 90 deg/s))", 0.05, np.pi / 4),
+        ("always (10 cm/s > speed(mug) & x(mug) >= 0.1)", 0.05, np.inf),
+        ("(always eventually x(mug) >= 0.1) & always 0 <= speed(mug) <= 0.2 / 2", 0.05, np.inf),
+        ("always 2 * displacement(mug) - height(mug) <= 0.5 cm", 0.05, np.inf),
+        ("always max(speed(mug), 2 * speed(mug)) <= 0.2", 0.05, np.inf),
+        ("always (leftOf(mug, (0.5, 0.5)) -> speed(mug) <= 10 cm/s)", np.inf, np.inf),
     ],
 )
 def test_bounds_of_steps_are_read_from_requirements(required, far, turn):
@@ -107,6 +118,9 @@ def test_bounds_of_steps_are_read_from_requirements(required, far, turn):
         f"object mug\ntime [0, 1 s] every 0.5 s\nrequire {required}\ntask: eventually leftOf(mug, (0.5, 0.5))"
     )
     found = step_bounds(spec.over_time)
+    if np.isfinite(far):  # what is drawn, and left out of what is scored, holds
+        made = scenegen.sample_motions(spec, (-1.0, None), n=20)
+        assert (spec.trace_robustness().required(torch.from_numpy(made.poses)) >= 0.0).all()
     assert np.allclose(np.concatenate(found), [far, turn])
 
 

@@ -4,7 +4,8 @@ growth is chosen."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,13 +28,13 @@ WORTH = 8e4  # moving ones from which on a population costs about twice as much 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stalled:
-    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` says that there is none for
-    all of them, or it is `dear`: it takes longer than was allowed."""
+    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` (facts of
+    TABLE_TOO_FULL) says that there is none for all of them, or it is `dear`: it takes longer than was allowed."""
 
     machine: Machine | None
     stuck: Stuck | None
     evaluations: float
-    proof: str = ""
+    proof: Mapping[str, str] = field(default_factory=dict)
     dear: bool = False
 
     @property
@@ -56,7 +57,7 @@ class First:
         with np.errstate(all="ignore"):
             try:
                 machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
-                proof = too_full(machine.graph, self.problem.core.objects)
+                proof = too_full(machine.graph, self.problem.spec)
                 if proof:
                     return Stalled(machine, None, 0.0, proof)
                 machine.longest = self.longest

@@ -55,12 +55,27 @@ def flat(core: Core, index: int) -> list[int]:
     return list(found)
 
 
+def ways_of(core: Core, index: int) -> list[int]:
+    """The numbers of which a formula's value is the largest: those of a disjunction's atoms, and of a `max` in them."""
+    found: dict[int, None] = {}
+    waiting = [index]
+    while waiting:
+        index = waiting.pop()
+        match core.nodes[index]:
+            case Junction("max", args) | Apply("max", args):
+                waiting += reversed(args)
+            case Atom(margin=margin):
+                waiting.append(margin)
+            case _:
+                found[index] = None
+    return list(found)
+
+
 def offset_of(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | None:
-    """A margin as sign times a clearance or distance, plus a constant: its node, the sign, the constant."""
+    """An atom's margin, or a number, as sign times a clearance or distance, plus a constant: its node, the sign, the
+    constant."""
     node = nodes[index]
-    if not isinstance(node, Atom):
-        return None
-    index, sign, constant = node.margin, 1.0, 0.0
+    index, sign, constant = node.margin if isinstance(node, Atom) else index, 1.0, 0.0
     while True:
         node = nodes[index]
         if not isinstance(node, Apply):

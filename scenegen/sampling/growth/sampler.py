@@ -257,7 +257,7 @@ def no_growth(problem: Problem, end: Stalled) -> RequestError:
     """What to say where growth came to nothing."""
     tried = f"{int(end.evaluations):,} evaluations of growth"
     if end.proof:
-        return RequestError(TABLE_TOO_FULL(proof=end.proof))
+        return RequestError(TABLE_TOO_FULL(**end.proof))
     if end.machine is None:
         return RequestError(too_early(problem, tried, problem.cells.count))
     if end.stuck is None:

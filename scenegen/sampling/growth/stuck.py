@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
-from scenegen.errors import Diagnostic, Span
+from scenegen.errors import Diagnostic, Span, quoted
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW
+from scenegen.lang.choices import options_of
 from scenegen.lang.core import Atom, Core, Junction
 from scenegen.pose import FLAT, row_of
 from scenegen.primitives import NUMPY, PRIMITIVES
@@ -26,6 +27,7 @@ Array = npt.NDArray[np.float64]
 
 TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
 SHOWN = 3
+TIGHT = 0.5  # of an area: more than objects that are put down at random take
 MORE = 3  # further objects of which it is seen whether they are refused, too
 SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least
 
@@ -69,7 +71,7 @@ def why_stuck(machine: Machine, end: Stuck, placed: tuple[int, tuple[int, ...]],
         "names": tuple(names[one] for one in refused_things),
         "placed": str(most),
         "count": len(order),
-        "filled": _filled(machine),
+        **_filled(machine, thing),
     }
     refused = _refused(machine, end)
     if end.placed.attracted > 0:
@@ -90,14 +92,21 @@ def how_far(machine: Machine, tried: str) -> Diagnostic:
     """What to say where time is up while scenes grow."""
     count = len(machine.order)
     placed = None if machine.furthest == count else str(machine.furthest)
-    return NO_TIME_TO_GROW(tried=tried, placed=placed, count=count, filled=_filled(machine))
+    fullest = max((_filled(machine, thing) for thing in machine.order), key=lambda facts: facts["filled"])
+    return NO_TIME_TO_GROW(tried=tried, placed=placed, count=count, tight=fullest["filled"] >= TIGHT or None, **fullest)
 
 
-def _filled(machine: Machine) -> float:
-    """The share of the workspace that the objects' footprints take together."""
-    shapes = machine.problem.spec.shapes
-    things = (one for one in machine.order if one < len(shapes))  # the others say which surface a thing stands on
-    return sum(area(shapes[one].footprint) for one in things) / _table(machine)
+def _filled(machine: Machine, thing: int) -> dict[str, Any]:
+    """How full the surfaces are on which an object can stand: the share of their area that the footprints take of those
+    that stand nowhere else; of the workspace where it stands on nothing."""
+    spec = machine.problem.spec
+    options = {one: options_of(one, spec.supports, spec.choices) for one in machine.order if one < len(spec.shapes)}
+    mine = options.get(thing, ())
+    things = [one for one, own in options.items() if set(own) <= set(mine) and bool(own) == bool(mine)]
+    space = sum(area(one.outline) for one in mine) if mine else _table(machine)
+    where = quoted([one.name for one in mine]) if mine else "the workspace"
+    filled = sum(area(spec.shapes[one].footprint) for one in things) / space
+    return {"standing": len(things), "filled": filled, "where": where}
 
 
 def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Span | None, float]]]:

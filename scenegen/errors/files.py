@@ -51,6 +51,7 @@ UNKNOWN_ENDING = Kind(
     ("{path} has the ending `{name}`: not a format of scene files", "{path} has no ending of a format of scene files"),
     help=(
         "sample to {scenes}, then: `scenegen export {scenes} <out={path}>`",
+        "{instead}",
         NEAREST,
         "use {known:list}",
     ),
@@ -67,7 +68,7 @@ FILE_FOR_FOLDER = Kind(
 NO_FORMAT = Kind(
     "no-format",
     "no format was given, and {path} does not tell it by its ending",
-    help="say which with <to>: {known:list}",
+    help=("{instead}", "say which with <to>: {known:list}"),
 )
 
 # scene files

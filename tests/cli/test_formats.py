@@ -67,11 +67,35 @@ def test_a_file_of_scenes_is_completed(scenegen, here):
     assert made.status == 0 and "7 scenes (completed, " in made.err
     before, after = (json.loads((here / name).read_text())["scenes"] for name in ("a.json", "b.json"))
     assert [one["poses"]["can"] for one in before] == [one["poses"]["can"] for one in after]
+    assert scenegen("sample", "w.spec", "--fix-from", "a.json", "--fix", "can", "-n", "7").status == 0
     for words, said in (
         (["--fix-from", "a.json"], "error[all-held]"),
         (["--fix-from", "a.json", "--fix", "cup"], "error[unknown-object]"),
         (["--fix-from", "a.json", "--fix", "can", "--out", "set/"], "error[out-of-place]: --fix-from"),
         (["--fix-from", "none.json", "--fix", "can"], "error[cannot-read]"),
+        (["--fix-from", "a.json", "--fix", "can=0.5,0.5"], "error[out-of-place]: --fix can=0.5,0.5 has no place"),
+        (["--fix-from", "a.json", "--fix", "can", "-n", "16"], "error[out-of-place]: n does not go with given scenes"),
     ):
         refused = scenegen("sample", "w.spec", "--satisfied", *words)
         assert refused.status == 1 and refused.err.startswith(said), refused.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--to", "pybullet", "--out", "o"), "scenegen.load_pybullet"),
+        (("--to", "csv", "--out", "o.csv"), "to_csv"),
+        (("--to", ".CSV", "--out", "o.csv"), "to_csv"),
+        (("--out", "o.csv"), "to_csv"),
+        (("--out", "o.PNG"), "scenegen render"),
+        (("--to", "drake", "--out", "o"), "the format for drake is `sdf`"),
+        (("--to", "urdf", "--out", "o"), "`mjcf`, `sdf` or `usd`"),
+    ],
+    ids=" ".join,
+)
+def test_what_is_no_format_names_what_does_it(words, said, scenegen, here):
+    assert scenegen("sample", "good.spec", "-n", "1", "--out", "s.json").status == 0
+    outcome = scenegen("export", "s.json", *words)
+    assert outcome.status == 1 and outcome.err.count("error[") == 1 and said in outcome.err
+    if "--to" not in words:
+        assert said in scenegen("sample", "good.spec", "-n", "1", *words).err

@@ -45,7 +45,6 @@ Index = npt.NDArray[np.intp]
 STREAM = 17  # the stream of random numbers of completed scenes
 ROUND = 65_536  # candidates that are scored together
 ROUNDS = 64
-USUAL = 16  # scenes, where nobody says how many
 
 
 def many_given(fix: object) -> bool:
@@ -84,11 +83,11 @@ def _plain(values: Any) -> Any:
     return values.detach().cpu().numpy() if hasattr(values, "detach") else values
 
 
-def complete(spec: Spec | Model, request: SampleRequest, fix: Any, draw: Draw) -> SceneSet:
-    """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare.
-    Within the range the scenes are
-    spread as the request says, as far as what is given allows. Raises RequestError for a request that does not go with
-    given scenes, and where one cannot be completed in time, unless `keep_partial`."""
+def complete(spec: Spec | Model, request: SampleRequest, fix: Any, draw: Draw, n: int | None = None) -> SceneSet:
+    """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare, and
+    `n` is how many there are, if the caller says it. Within the range the scenes are spread as the request says, as far
+    as what is given allows. Raises RequestError for a request that does not go with given scenes, and where one cannot
+    be completed in time, unless `keep_partial`."""
     began = time.monotonic()
     if not isinstance(spec, Spec):
         raise RequestError(OUT_OF_PLACE(option="fix", rule="of many scenes is for specs", remedy="give a spec"))
@@ -97,7 +96,7 @@ def complete(spec: Spec | Model, request: SampleRequest, fix: Any, draw: Draw) -
     if not len(given):
         raise RequestError(NO_SCENES())
     for name, odd in (
-        ("n", request.n not in (USUAL, len(given))),
+        ("n", n not in (None, len(given))),
         ("settle", request.settle),
         ("method", request.method not in ("auto", "rejection")),
     ):

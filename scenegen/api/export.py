@@ -26,7 +26,7 @@ NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # format
 CALLED = {  # what formats are called elsewhere, mostly after what reads them
     **dict.fromkeys(("mujoco", "mjx", "mujocoplayground", "dmcontrol", "robosuite", "maniskill", "xml"), "mjcf"),
     **dict.fromkeys(("isaac", "isaacsim", "isaaclab", "omniverse", "openusd", "usda", "usdc", "usdz"), "usd"),
-    **dict.fromkeys(("gazebo", "gz", "ignition", "gzsim", "world"), "sdf"),
+    **dict.fromkeys(("gazebo", "gz", "ignition", "gzsim", "world", "drake"), "sdf"),
     **dict.fromkeys(("bddl", "planner", "strips"), "pddl"),
 }
 
@@ -40,10 +40,10 @@ def chosen(to: str | None, out: Path) -> str:
             return table.ENDINGS[ending]
         if ending in table.FORMATS:
             return ending.removeprefix(".")
-        raise RequestError(NO_FORMAT(path=out, known=known, name=""))
+        raise RequestError(NO_FORMAT(path=out, known=known, name="", instead=table.INSTEAD.get(ending[1:])))
     if to not in known:
-        meant = CALLED.get(to.casefold().replace("_", "").replace("-", "").replace(" ", ""))
-        instead = None if meant is None else f"the format for {to} is `{meant}`"
+        name = to.casefold().translate({ord(odd): None for odd in "_-. "})
+        instead = f"the format for {to} is `{CALLED[name]}`" if name in CALLED else table.INSTEAD.get(name)
         raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=known, instead=instead))
     return to
 

@@ -13,17 +13,24 @@ import numpy.typing as npt
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate, scene_set
-from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors import DataError, RequestError
 from scenegen.errors.counts import NUMBERS_DISAGREE
-from scenegen.errors.files import COLUMN_NOT_A_NUMBER, NO_SURFACE_GIVEN, NOT_SCENES, OTHER_SPEC, OTHER_SURFACE
+from scenegen.errors.files import (
+    COLUMN_NOT_A_NUMBER,
+    NO_SURFACE_GIVEN,
+    NOT_SCENES,
+    OTHER_SPEC,
+    OTHER_SURFACE,
+    TABLE_COLUMN,
+    TABLE_UNUSED,
+)
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.errors.temporal import TRAJECTORY_COLUMN, TRAJECTORY_UNUSED
 from scenegen.formats import registry as table
 from scenegen.formats.blocks import Reading, counts_in
 from scenegen.formats.files import read_bytes
 from scenegen.formats.header import not_scenes, parse
 from scenegen.formats.locations import as_location, is_set
-from scenegen.formats.plain import Table, is_plain, read_table
+from scenegen.formats.plain import Table, doubts, is_plain, read_table
 from scenegen.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.formats.settled import is_settled, read_settled
 from scenegen.lang.check import check_text
@@ -173,7 +180,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
         if halves.any():
             scene, thing = np.argwhere(halves)[0].tolist()
             facts = {"column": f"{spec.objects[thing]}.{NAMES[X]}", "scene": scene + 1}
-            raise DataError(COLUMN_NOT_A_NUMBER(path=path, **facts))
+            raise DataError(COLUMN_NOT_A_NUMBER(path=path, own=True, **facts))
     else:
         found = read_scenes(path)
         found.refuse_rest(path)
@@ -184,7 +191,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
                 poses[:, index] = found.poses[:, known[name]]
     for name in names:
         if np.isnan(poses[:, spec.objects.index(name), X]).all():
-            raise DataError(TRAJECTORY_COLUMN(file=path, name=f"{name}.x", known=[]))
+            raise DataError(TABLE_COLUMN(file=path, name=f"{name}.x", known=[]))
     others = [k for k, name in enumerate(spec.objects) if names and name not in names]
     poses[:, others] = math.nan
     if np.isnan(poses).all():
@@ -200,6 +207,7 @@ def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
     spare = {f"{one.name}[{k}]" for one in header.counts for k in range(one.least + 1, one.most + 1)}
     spare |= {f"{one.name}:{asset}" for one in header.counts for asset in one.assets}
     poses = np.empty((given.count, len(spec.objects), len(NAMES)))
+    missing: list[str] = []
     for index, name in enumerate(spec.objects):
         each = [given.axis(name, axis) for axis in NAMES]
         for place, (axis, values) in enumerate(zip(NAMES, each, strict=True)):
@@ -208,12 +216,16 @@ def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
             if values is None and index in spec.fixed and place < len(spec.fixed[index]):
                 values = np.full(given.count, spec.fixed[index][place])
             if values is None:
-                raise DataError(TRAJECTORY_COLUMN(file=given.name, name=f"{name}.{axis}", known=_known(spec, given)))
+                missing.append(f"{name}.{axis}")
+                continue
             bad = np.isinf(values) if name in spare else ~np.isfinite(values)
             if bad.any():
                 facts = {"column": f"{name}.{axis}", "scene": int(bad.argmax()) + 1}
-                raise DataError(COLUMN_NOT_A_NUMBER(path=given.name, **facts))
+                raise DataError(COLUMN_NOT_A_NUMBER(path=given.name, own=True, **facts))
             poses[:, index, place] = values
+    if missing:
+        facts = {"missing": missing if len(missing) > 1 else None, "known": [*_known(spec, given), *given.unused]}
+        raise DataError(TABLE_COLUMN(file=given.name, name=missing[0], **facts))
     on = _surfaces(header, given)
     if header.counts:
         rows = as_rows(poses) if on is None else np.concatenate([as_rows(poses), on.T])
@@ -221,9 +233,12 @@ def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
             counts_in(header, rows)
         except ValueError as error:
             raise DataError(NUMBERS_DISAGREE(file=given.name, scene=str(error))) from None
-    notes: tuple[Diagnostic, ...] = ()
+    columns = (
+        (f"{name}.{axis}", poses[:, k, a]) for k, name in enumerate(spec.objects) for a, axis in enumerate(NAMES)
+    )
+    notes = tuple(doubts(given.name, columns, spec.workspace))
     if given.unused:
-        notes = (TRAJECTORY_UNUSED(file=given.name, columns=list(given.unused)),)
+        notes = (*notes, TABLE_UNUSED(file=given.name, columns=list(given.unused)))
     bare = SceneSet(poses, {}, header, on=on)
     return SceneSet(poses, evaluate(spec, bare), header, notes, on=on, trusted=True)
 
@@ -321,7 +336,7 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
             for axis, value in zip(NAMES, values, strict=len(values) == len(NAMES)):
                 if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
                     column = f"{thing}.{axis}"
-                    raise DataError(COLUMN_NOT_A_NUMBER(path=name, column=column, scene=number + 1))
+                    raise DataError(COLUMN_NOT_A_NUMBER(path=name, column=column, scene=number + 1, own=True))
                 columns[f"{thing}.{axis}"][number] = value
             if len(values) != len(NAMES):
                 raise DataError(not_scenes(name, f"scene {number + 1} has no x, y and theta of `{thing}`"))

@@ -16,7 +16,7 @@ from scenegen.api.spec import Spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
 from scenegen.pose import as_poses, row_count
-from scenegen.sampling.request import MAX_SCENES, FixedPose, Progress, SampleRequest
+from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.processes.reserve import Reserve
@@ -27,7 +27,7 @@ IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a
 def sample(
     source: Spec | Model,
     phi: Phi | None = None,
-    n: int = 16,
+    n: int | None = None,
     *,
     seed: int = 0,
     method: str = "auto",
@@ -41,7 +41,7 @@ def sample(
     progress: Progress | None = None,
     on_note: Note | None = None,
 ) -> SceneSet:
-    """n scenes whose phi lies in the wanted range of every label, re-scored by the exact spec in float64.
+    """n scenes (16 if left out) whose phi lies in the wanted range of every label, re-scored by the exact spec.
 
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free, and of a
     spec's only label the range itself will do. With two ends the range is cut into cells that get equal shares of the
@@ -53,8 +53,8 @@ def sample(
     model's own output instead, neither moved nor filtered. `fix` holds objects where they are, (x, y) or (x, y, theta)
     by name, so that the others complete a given scene. Of many scenes, as arrays (n, 2) or (n, 3) by name, an array
     (n, N, 3) with NaN for what is free, or a SceneSet, each is completed once, in their order, at a small part of the
-    cost of n calls; `n` is then theirs. `settle` drops every scene in PyBullet for one simulated second and returns
-    those in which no object moves more than 1 cm or turns more than 5 degrees.
+    cost of n calls; `n` is then their number, or left out. `settle` drops every scene in PyBullet for one simulated
+    second and returns those in which no object moves more than 1 cm or turns more than 5 degrees.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises
@@ -66,11 +66,11 @@ def sample(
     many = many_given(fix)
     alone = cast("Mapping[str, FixedPose | tuple[float, ...]]", {} if fix is None or many else fix)
     request = SampleRequest(
-        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix=alone,
+        read_phi(source, phi), USUAL if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
         settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
     )  # fmt: skip
     if many:
-        return complete(source, request, fix, draw_scenes)
+        return complete(source, request, fix, draw_scenes, n)
     return draw_scenes(source, request, progress=progress, on_note=on_note)
 
 

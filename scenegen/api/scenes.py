@@ -276,6 +276,7 @@ def compare(spec: CheckedSpec, scenes: SceneSet, name: str | Path) -> Iterator[D
 def _picked(index: object, count: int) -> Picked:
     """What picks some of `count` scenes, once it is a thing that does: numpy makes something else of None, of tuples
     and of lists of lists. Raises RequestError, also for a mask of another length."""
+    holes: list[bool] = []
     with contextlib.suppress(TypeError, ValueError):  # slices of words, ragged lists
         if isinstance(index, slice):
             range(count)[index]
@@ -286,7 +287,10 @@ def _picked(index: object, count: int) -> Picked:
             mask = chosen.dtype == np.bool_ and len(chosen) == count
             if chosen.ndim == 1 and (mask or np.issubdtype(chosen.dtype, np.integer)):
                 return chosen
-    raise RequestError(NOT_AN_INDEX(value=reprlib.repr(index), count=count))
+            holes = [str(one) in ("None", "<NA>", "nan") for one in chosen.tolist()] if len(chosen) == count else []
+    if any(holes):
+        raise RequestError(NOT_AN_INDEX(value=f"a mask without a value at {holes.index(True)}", count=count, hole=True))
+    raise RequestError(NOT_AN_INDEX(value=" ".join(reprlib.repr(index).split()), count=count))
 
 
 def from_file(file: SceneFile) -> SceneSet:

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.api.batches import Batches, Group
 from scenegen.api.scenes import SceneSet, scene_set
-from scenegen.errors import DataError, RequestError
+from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.formats.blocks import Block, joined
 from scenegen.formats.locations import as_location, inside
@@ -26,19 +25,6 @@ from scenegen.scene.workspace import turned
 from scenegen.validation import as_int
 
 Array = npt.NDArray[np.float64]
-
-
-class _Asked(BaseModel):
-    """What cards and reports say of a set's request."""
-
-    model_config = ConfigDict(defer_build=True)
-
-    phi: dict[str, tuple[float | None, float | None]]
-    n: int
-    seed: int
-    spread: str
-    scenegen: str
-    numpy: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,17 +129,10 @@ class StoredSet:
 def open_set(location: str | Path) -> StoredSet:
     """A set of scenes in a folder or at a URL (s3://bucket/set/). Only its manifest is read; every shard is compared
     with it when it is opened. Raises DataError."""
-    from scenegen.errors.stores import NOT_A_SET
-    from scenegen.formats.sets import MANIFEST, read_manifest, set_header
+    from scenegen.formats.sets import read_manifest, set_header
 
     store = open_store(as_location(location))
     manifest = read_manifest(store)
-    try:
-        _Asked.model_validate(manifest.request)
-    except ValidationError as error:
-        wrong = error.errors(include_url=False)[0]
-        reason = f"`request.{'.'.join(map(str, wrong['loc']))}` in {MANIFEST}: {wrong['msg'].lower()}"
-        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?")) from None
     return StoredSet(store.location, manifest, set_header(store, manifest), store)
 
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_START, TRAJECTORY_UNUSED
+from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED
+from scenegen.errors.temporal import NOT_OVER_TIME, TRAJECTORY_START
 from scenegen.formats.trajectories import motion, read_tables
 from scenegen.lang.moments import Scored, score
 from scenegen.lang.timed import Timed
@@ -38,15 +38,19 @@ def read_trajectories(
     times = np.arange(horizon.moments, dtype=np.float64) * np.float64(horizon.dt)
     found: dict[int | None, npt.NDArray[np.float64]] = {}
     left_out: list[str] = []
-    starts = []
+    starts: list[float] = []
+    warnings: list[Diagnostic] = []
     for table in read_tables(path):
-        found[table.number], left_out, start = motion(table, timed.objects, spec.declared.fixed, times, resample)
+        found[table.number], left_out, start, doubts = motion(
+            table, timed.objects, spec.declared.fixed, times, spec.declared.workspace, resample
+        )
         starts.append(start)
+        warnings = warnings or doubts
         moved = held_elsewhere(spec.declared, as_rows(found[table.number]))
         if moved is not None:
             place = f"at moment {moved[1]}" + (f" of motion {table.number}" if table.number is not None else "")
             raise DataError(HELD_ELSEWHERE(**held(spec.declared, moved[0]), place=f"{place} in {path}"))
-    notes = [TRAJECTORY_UNUSED(file=path, columns=left_out)] if left_out else []
+    notes = warnings + ([TABLE_UNUSED(file=path, columns=left_out)] if left_out else [])
     return found, notes + ([TRAJECTORY_START(file=path, start=max(starts))] if any(starts) else [])
 
 

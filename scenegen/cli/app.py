@@ -13,13 +13,14 @@ import importlib
 import inspect
 import itertools
 import os
+import re
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import typer
 
-from scenegen.cli.options import Quiet, Verbose
+from scenegen.cli.options import Quiet, Verbose, all_whole, option_called
 from scenegen.cli.output import Voice, complain, flag, print_message, voice
 from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
@@ -111,12 +112,13 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             voice.reset(before)
 
     signature = inspect.signature(command, eval_str=True)
+    given = signature.parameters.values()
     more = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
         for name, kind in (("quiet", Quiet), ("verbose", Verbose))
     ]
     run_command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[*signature.parameters.values(), *more]
+        parameters=[*(one.replace(annotation=all_whole(one.annotation)) for one in given), *more]
     )
     return run_command
 
@@ -225,5 +227,8 @@ def _usage(error: Any) -> int:
     bad_value = isinstance(error, exceptions.BadParameter) and not isinstance(error, exceptions.MissingParameter)
     command = error.ctx.command_path if error.ctx is not None else "scenegen"
     message = error.format_message().rstrip(".")
+    unexpected = re.search(r"unexpected extra argument\S* \((\S+?)[ )]", message)
+    option = unexpected and option_called(unexpected[1], error.ctx)
+    message += f"; an option begins with a dash: {option}" if option else ""
     complain(COMMAND_LINE(message=message[:1].lower() + message[1:], command=command))
     return 1 if bad_value else 2

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenegen.cli.options import seconds
 from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.errors.stores import DATA_ARGUMENTS, FAULTY_SHARDS
 
@@ -66,7 +67,10 @@ def data(
     timeout: Annotated[
         float,
         typer.Option(
-            "--timeout", help="Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard."
+            "--timeout",
+            help="Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard.",
+            parser=seconds,
+            metavar="SECONDS",
         ),
     ] = FRESH,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,

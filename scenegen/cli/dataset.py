@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenegen.cli.many import Address, Engine, exit_status, folder_for, names_of, say_why
-from scenegen.cli.options import Root, all_found, spec_names, whole
+from scenegen.cli.options import Root, all_found, seconds, spec_names, whole
 
 if TYPE_CHECKING:
     from scenegen.engine.many import Ended
@@ -25,7 +25,7 @@ def dataset(
             help="Spec files, or names of shipped specs; all shipped specs where none is named.",
             metavar="[SPEC]...",
             show_default=False,
-            callback=lambda paths: all_found(paths or []),
+            callback=all_found,
             autocompletion=spec_names,
         ),
     ] = None,
@@ -36,7 +36,10 @@ def dataset(
     shard_size: Annotated[
         int, typer.Option("--shard-size", help="Scenes of each file at most, a multiple of 65536.", metavar="N")
     ] = 65_536,
-    timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give a shard up.")] = 600.0,
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", help="Seconds after which to give a shard up.", parser=seconds, metavar="SECONDS"),
+    ] = 600.0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the shards that are not there yet.")] = False,
     license: Annotated[
         str, typer.Option("--license", help="What the cards say of it, as dataset hubs name it.", metavar="ID")

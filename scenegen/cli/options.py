@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -64,14 +65,35 @@ def parse_counts(options: list[str] | None) -> dict[str, str]:
 
 
 def whole(text: str | int) -> int:
-    """A number of things as typed: 1000000, 1_000_000 or 1e6. Raises typer.BadParameter."""
+    """A whole number as typed: 1000000, 1_000_000 or 1e6. Raises typer.BadParameter."""
     try:
         return int(text)
     except ValueError:
         value = float(text) if re.fullmatch(r"\d+(\.\d+)?[eE]\+?\d{1,2}", str(text)) else 0.5
         if not value.is_integer():
-            raise typer.BadParameter(f"'{text}' is not a whole number") from None
+            raise typer.BadParameter(f"'{text}' is not a whole number; write 1000, 1_000 or 1e3") from None
         return int(value)
+
+
+def all_whole(annotation: Any) -> Any:
+    """The same type of an option; one that takes any whole number takes it as `whole` does."""
+    kind, *more = get_args(annotation) or (annotation,)
+    if kind not in (int, int | None) or not more or more[0].parser or more[0].min is not None:
+        return annotation
+    option = copy.copy(more[0])
+    option.parser, option.metavar = whole, option.metavar or "N"
+    return Annotated[kind, option]
+
+
+def seconds(text: str | float) -> float:
+    """A span of time as typed: seconds, or with a unit of the language, 90s or 2min. Raises typer.BadParameter."""
+    from scenegen.primitives.units import quantity
+
+    found = re.fullmatch(r"\s*(.*?)\s*(ms|s|min|)\s*", str(text))
+    try:
+        return quantity(*found.groups())[0] if found else float(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is no time; write seconds, 60, or a unit: 90s, 2min") from None
 
 
 def spec_names(incomplete: str) -> list[str]:
@@ -87,10 +109,16 @@ def spec_names(incomplete: str) -> list[str]:
     return [name for name in shipped_specs() if name.startswith(incomplete)]
 
 
-def find_spec(path: Path) -> Path:
+def option_called(word: str, context: Any) -> str | None:
+    """The option of a command, such as -n, that a word would be with its dashes."""
+    options = (option for one in context.command.params for option in one.opts if option.startswith("-"))
+    return next((option for option in options if option.lstrip("-") == word), None)
+
+
+def find_spec(path: Path, context: Any = None) -> Path:
     """The file that a spec's name stands for: the file of that name, NAME.spec, or else the shipped spec NAME.
 
-    Raises DataError if there is none.
+    Raises DataError if there is none, which names the option of the command in `context` that may be meant.
     """
     from scenegen.errors import DataError
     from scenegen.formats.files import is_stream
@@ -113,7 +141,8 @@ def find_spec(path: Path) -> Path:
         return shipped[path.name]
     from scenegen.formats.files import missing_help
 
-    remedy = missing_help(path, "a spec")
+    option = None if context is None else option_called(path.name, context)
+    remedy = missing_help(path, "a spec") if option is None else f"an option begins with a dash: {option}"
     raise DataError(SPEC_NOT_FOUND(path=path, name=path.name, known=shipped, remedy=remedy))
 
 
@@ -127,12 +156,12 @@ def named(path: Path) -> str:
     return path.stem if path.is_absolute() and shipped_specs().get(path.stem) == path else str(path)
 
 
-def _found(path: Path) -> Path:
-    return find_spec(path)
+def _found(context: typer.Context, path: Path) -> Path:
+    return find_spec(path, context)
 
 
-def all_found(paths: list[Path]) -> list[Path]:
-    return [find_spec(path) for path in paths]
+def all_found(context: typer.Context, paths: list[Path] | None) -> list[Path]:
+    return [find_spec(path, context) for path in paths or ()]
 
 
 SpecFile = Annotated[

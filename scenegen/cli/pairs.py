@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, parse_counts, whole
+from scenegen.cli.options import Counts, Root, SpecFile, parse_counts, seconds, whole
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
@@ -57,7 +57,10 @@ def pairs(
     workers: Annotated[
         int | None, typer.Option("--workers", help="Processes; default: one.", show_default=False)
     ] = None,
-    timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", help="Seconds after which to give up.", parser=seconds, metavar="SECONDS"),
+    ] = 60.0,
     root: Root = None,
 ) -> None:
     """Draw pairs of a start and a goal: rearrangement tasks for planners and goal-conditioned learners.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts
+from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts, seconds
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -34,7 +34,11 @@ def range_(
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout", help="Seconds after which to end with what is known; default: none.", show_default=False
+            "--timeout",
+            help="Seconds after which to end with what is known; default: none.",
+            parser=seconds,
+            metavar="SECONDS",
+            show_default=False,
         ),
     ] = None,
     count: Counts = None,

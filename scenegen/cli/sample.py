@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenegen.cli.options import Counts, Root, all_found, spec_names, whole
+from scenegen.cli.options import Counts, Root, all_found, seconds, spec_names, whole
 from scenegen.cli.render import Most
 from scenegen.cli.sample_runs import Storing, Wishes, sample_many, sample_one
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, OUT_OF_PLACE, RESUME_WITHOUT_FILE
@@ -48,7 +48,16 @@ def sample(
     violated: Annotated[
         bool, typer.Option("--violated", help="phi <= 0 for every label that --phi does not name.")
     ] = False,
-    n: Annotated[int, typer.Option("-n", help="How many scenes.", parser=whole, metavar="N")] = 16,
+    n: Annotated[
+        int | None,
+        typer.Option(
+            "-n",
+            help="How many scenes; default: 16, with --fix-from as many as are given.",
+            parser=whole,
+            metavar="N",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
     out: Annotated[
         str | None,
@@ -133,7 +142,10 @@ def sample(
             show_default=False,
         ),
     ] = None,
-    timeout: Annotated[float, typer.Option("--timeout", help="Seconds after which to give up.")] = 60.0,
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", help="Seconds after which to give up.", parser=seconds, metavar="SECONDS"),
+    ] = 60.0,
     keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
     raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
     steps: Annotated[

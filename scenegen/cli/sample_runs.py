@@ -28,7 +28,7 @@ class Wishes:
     phi: list[str]
     satisfied: bool
     violated: bool
-    n: int
+    n: int | None
     seed: int
     method: str
     spread: str
@@ -145,7 +145,7 @@ def _sample(
     if render is not None:
         check_folder(render, path)
         need("pybullet", "to draw pictures")
-    if out is not None and (stored or storing.resume or wishes.n > BLOCK):
+    if out is not None and (stored or storing.resume or request.n > BLOCK):
         from scenegen.api.reading import read_scenes
         from scenegen.api.stream import write_scenes
 
@@ -190,8 +190,12 @@ def _complete(
     if stored or storing.resume or isinstance(subject, Model):
         rule = "completes scenes of a spec, in memory"
         raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
+    for text in wishes.fix:
+        if "=" in text:
+            rule, name = "has no place beside --fix-from, whose scenes say where things are", text.partition("=")[0]
+            raise RequestError(OUT_OF_PLACE(option=f"--fix {text}", rule=rule, remedy=f"write --fix {name}"))
     given = part_of_scenes(subject.checked, wishes.fix_from, wishes.fix)
-    scenes = complete(subject, request, given, draw_scenes)
+    scenes = complete(subject, request, given, draw_scenes, wishes.n)
     complain(*scenes.warnings)
     _hand_out(scenes, path, render, storing.pictures)
 
@@ -236,7 +240,7 @@ def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleReque
     from scenegen.api.model import Model
     from scenegen.cli.output import detail
     from scenegen.sampling.fixed_objects import parse_fix
-    from scenegen.sampling.request import Range, SampleRequest, parse_phi
+    from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_phi
 
     labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
     ranges = parse_phi(wishes.phi, labels)
@@ -246,7 +250,7 @@ def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleReque
     wanted = ", ".join(f"{name}={one}" for name, one in ranges.items()) or "any phi"
     detail(f"read {source} (labels {', '.join(labels)}); wanted: {wanted}")
     return SampleRequest(
-        ranges, wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread,
+        ranges, USUAL if wishes.n is None else wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread,
         fix={} if wishes.fix_from is not None else parse_fix(wishes.fix),
         settle=wishes.settle, raw=wishes.raw, timeout=_left(wishes.timeout), workers=wishes.workers,
         keep_partial=wishes.keep_partial,

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from scenegen.cli import options
 from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Meshes, PosesOf
 from scenegen.errors.requests import WRONG_VALUE
@@ -34,7 +35,9 @@ def settle(
     simulator: Annotated[
         str, typer.Option("--in", help="mujoco or pybullet.", metavar="SIMULATOR", show_default=True)
     ] = "mujoco",
-    seconds: Annotated[float, typer.Option("--seconds", help="Simulated seconds.")] = 2.0,
+    seconds: Annotated[
+        float, typer.Option("--seconds", help="Simulated seconds.", parser=options.seconds, metavar="SECONDS")
+    ] = 2.0,
     max_shift: Annotated[
         str, typer.Option("--max-shift", help="How far an object may move.", metavar="LENGTH")
     ] = "2mm",

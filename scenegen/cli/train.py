@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, whole
+from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, seconds, whole
 from scenegen.formats.locations import names_set
 
 
@@ -129,7 +129,8 @@ def train(
         typer.Option(
             "--timeout",
             help="Seconds after which to stop; left out, there is no limit.",
-            metavar="SEC",
+            parser=seconds,
+            metavar="SECONDS",
             show_default=False,
         ),
     ] = None,

@@ -22,8 +22,9 @@ from scenegen.curriculum.views import Views, make_views
 from scenegen.errors import RequestError, ScenegenError, quoted
 from scenegen.errors.requests import CHOICES_NOT_HERE, MISSING_ARGUMENT, WRONG_VALUE
 from scenegen.errors.temporal import TIME_NOT_HERE
+from scenegen.lang.core import Coord, part
 from scenegen.lang.levels import chosen
-from scenegen.pose import TWO_PI, is_angle
+from scenegen.pose import TWO_PI, is_angle, owner
 from scenegen.sampling.request import Range
 
 Array = npt.NDArray[np.float64]
@@ -146,6 +147,20 @@ def _refuse_surfaces(target: Goal) -> None:
     raise refused(CHOICES_NOT_HERE(what="an environment", name=spec.objects[which], why=why))
 
 
+def _refuse_idle(target: Goal, move: object, rows: npt.NDArray[np.intp]) -> None:
+    """Raises gymnasium.error.Error where no object that moves has a part in phi of the goal: it would stay what it is
+    at the start. Others may move beside those that do: they can be in the way."""
+    spec, label = target.spec.drawn, target.names[target.goal]
+    cores = [one.core for one in spec.members or (spec,)]
+    read = {
+        core.objects[node.object] for core in cores for node in part(core, (label,)).nodes if isinstance(node, Coord)
+    }
+    decide = [name for name in spec.objects if name in read]
+    if read.isdisjoint(spec.objects[owner(row)] for row in rows.tolist()):
+        wanted = f"an object that phi of `{label}` depends on: {quoted(decide)}" if decide else "another goal"
+        raise refused(WRONG_VALUE(argument="move", value=repr(move), wanted=wanted))
+
+
 def make_rules(
     spec: Spec,
     *,
@@ -164,6 +179,8 @@ def make_rules(
         _refuse_surfaces(target)
     made, length = make_moves(spec.drawn, moves, move, step, turn)
     changed = np.unique(made.rows)
+    if move is not None:
+        _refuse_idle(target, move, changed)
     angles = np.array([is_angle(row) for row in changed], dtype=bool)
     flat, turning = changed[~angles], changed[angles]
     low, high = (ends[flat][:, None] for ends in spec.drawn.box())

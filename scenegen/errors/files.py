@@ -51,6 +51,7 @@ UNKNOWN_ENDING = Kind(
     ("{path} has the ending `{name}`: not a format of scene files", "{path} has no ending of a format of scene files"),
     help=(
         "sample to {scenes}, then: `scenegen export {scenes} <out={path}>`",
+        "{instead}",
         NEAREST,
         "use {known:list}",
     ),
@@ -67,7 +68,7 @@ FILE_FOR_FOLDER = Kind(
 NO_FORMAT = Kind(
     "no-format",
     "no format was given, and {path} does not tell it by its ending",
-    help="say which with <to>: {known:list}",
+    help=("{instead}", "say which with <to>: {known:list}"),
 )
 
 # scene files
@@ -129,7 +130,29 @@ COLUMN_TYPE = Kind("column-type", "column `{column}` of {path} holds {found}, no
 COLUMN_NOT_A_NUMBER = Kind(
     "column-not-a-number",
     "{path} is damaged: no number stands in column `{column}` of scene {scene}",
-    help=_SAMPLE,
+    help=("{own:?}every x, y and theta is a finite number", _SAMPLE),
+)
+TABLE_COLUMN = Kind(
+    "table-column",
+    "{file} has no column `{name}`",
+    help=("missing are {missing:list}[[; its columns are {known:list}]]", NEAREST, "its columns are {known:list}"),
+)
+TABLE_ROW = Kind(
+    "table-row",
+    "{file}: row {row} has {given} values, not {wanted}",
+    help="a row has a value for every column; numbers have a decimal point, and `,`, `;` or a tab stands between them",
+)
+TABLE_CELL = Kind(
+    "table-cell",
+    "{file}: `{name}` in row {row} is `{value}`, not a finite number",
+    help="numbers have a decimal point: {point}",
+)
+TABLE_UNUSED = Kind("table-unused", "{file} has columns that the spec does not need: {columns:list}", severity="note")
+DOUBTFUL_POSE = Kind(
+    "doubtful-pose",
+    "{file}: `{name}` in row {row} is {value:g}: {doubt}",
+    help="{remedy}",
+    severity="warning",
 )
 COLUMN_TWICE = Kind(
     "column-twice",

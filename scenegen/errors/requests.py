@@ -53,7 +53,10 @@ NOT_A_SCENE = Kind("not-a-scene", "one scene is needed here, not {value}", help=
 NOT_AN_INDEX = Kind(
     "not-an-index",
     "{value} does not pick scenes",
-    help="pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values",
+    help=(
+        "{hole:?}say yes or no of each scene: mask.fillna(False) in pandas, fill_null(False) in polars",
+        "pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values",
+    ),
 )
 UNKNOWN_SHIPPED_SPEC = Kind(
     "unknown-shipped-spec",

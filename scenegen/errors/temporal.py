@@ -134,13 +134,6 @@ NOT_A_TRAJECTORY = Kind(
     "{file} is not a trajectory: {reason}",
     help="a trajectory is a table (.csv, .jsonl, .parquet) with the columns t, mug.x, mug.y, mug.theta",
 )
-TRAJECTORY_COLUMN = Kind(
-    "trajectory-column",
-    "{file} has no column `{name}`",
-    help=(NEAREST, "its columns are {known:list}"),
-)
-TRAJECTORY_ROW = Kind("trajectory-row", "{file}: row {row} has {given} values, not {wanted}")
-TRAJECTORY_CELL = Kind("trajectory-cell", "{file}: `{name}` in row {row} is `{value}`, not a finite number")
 TRAJECTORY_ORDER = Kind(
     "trajectory-order",
     "{file}: time goes from {before:g} s to {time:g} s in row {row}",
@@ -160,11 +153,6 @@ TRAJECTORY_TOO_LONG = Kind(
     "trajectory-too-long",
     "{file} has {rows:,} rows, and motions of the spec have {moments:,} moments",
     help="let `time` last longer; with <resample> rows beyond its end are not looked at",
-)
-TRAJECTORY_UNUSED = Kind(
-    "trajectory-unused",
-    "{file} has columns that the spec does not need: {columns:list}",
-    severity="note",
 )
 TRAJECTORY_START = Kind(
     "trajectory-start",

@@ -11,7 +11,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,11 @@ import numpy.typing as npt
 
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.diagnostic import Kind
-from scenegen.errors.temporal import TRAJECTORY_CELL, TRAJECTORY_COLUMN, TRAJECTORY_ROW
+from scenegen.errors.files import DOUBTFUL_POSE, TABLE_CELL, TABLE_COLUMN, TABLE_ROW
 from scenegen.formats.files import read_bytes
 from scenegen.needs import need
+from scenegen.pose import NAMES, THETA, TWO_PI, X
+from scenegen.scene.workspace import Workspace
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +56,7 @@ class Table:
         """The numbers of a column. Raises DataError where it is not there, or holds anything else; with `holes`, empty
         cells, null and NaN are NaN."""
         if name not in self.names:
-            raise DataError(TRAJECTORY_COLUMN(file=self.file, name=name, known=sorted(filter(None, self.names))))
+            raise DataError(TABLE_COLUMN(file=self.file, name=name, known=sorted(filter(None, self.names))))
         if self.names.count(name) > 1:
             raise DataError(self.wrong(file=self.file, reason=f"two columns have the name `{name}`"))
         cells = self.cells(name)[self.start : self.stop]
@@ -64,7 +66,9 @@ class Table:
             if holes and (cell is None or str(cell).strip().lower() in ("", "nan")):
                 continue
             shown = cell if isinstance(cell, str) else str(cell) if isinstance(cell, float) else json.dumps(cell)
-            raise DataError(TRAJECTORY_CELL(file=self.file, row=row, name=name, value=str(shown)[:40]))
+            point = re.fullmatch(r"\s*([+-]?\d+),(\d+)\s*", shown)
+            facts = {"value": shown[:40], "point": None if point is None else ".".join(point.groups())}
+            raise DataError(TABLE_CELL(file=self.file, row=row, name=name, **facts))
         return np.asarray(found, dtype=np.float64)
 
     def part(self, start: int, stop: int, number: int) -> Table:
@@ -90,8 +94,14 @@ def read_table(path: Path, what: str, wrong: Kind) -> Table:
 
 
 def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
+    heading = next((line for line in text.splitlines() if line.strip()), "")
+    between = next((one for one in ",;\t" if one in heading), ",")
+    odd = re.search(r"\S( |\|| \| )\S", heading)
+    if between not in heading and odd:
+        reason = f"its columns are separated by `{odd[1]}`; it takes `,`, `;` and tabs"
+        raise DataError(wrong(file=path, reason=reason))
     try:
-        lines = [line for line in csv.reader(io.StringIO(text), strict=True) if line]
+        lines = [line for line in csv.reader(io.StringIO(text), strict=True, delimiter=between) if line]
     except csv.Error as error:
         raise DataError(wrong(file=path, reason=str(error))) from None
     names = [name.strip() for name in lines.pop(0)] if lines else []
@@ -99,7 +109,7 @@ def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[
         names.pop()
     for number, line in enumerate(lines, 1):
         if len(line) < len(names) or any(cell.strip() for cell in line[len(names) :]):
-            raise DataError(TRAJECTORY_ROW(file=path, row=number, given=len(line), wanted=len(names)))
+            raise DataError(TABLE_ROW(file=path, row=number, given=len(line), wanted=len(names)))
 
     def cells(name: str) -> list[str]:
         place = names.index(name)
@@ -142,6 +152,31 @@ def is_plain(path: Path) -> bool:
     return ending == ".csv"
 
 
+def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
+    """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
+    at most one of each. `first` is the row of their first number."""
+    found: dict[bool, Diagnostic] = {}
+    for name, values in columns:
+        axis = name.rpartition(".")[2]
+        turns = axis == NAMES[THETA]
+        if turns:
+            low, high = -TWO_PI, TWO_PI
+            doubt, remedy = "more than a turn", "headings are in radians: numpy.radians(90) is 1.5708"
+        else:
+            every = [(table.x, table.y), *(one[1:] for one in table.own)]
+            ends = [one[axis != NAMES[X]] for one in every]
+            low, high = min(one[0] for one in ends), max(one[1] for one in ends)
+            doubt = f"outside of the workspace, which ends at {low:g} and {high:g}"
+            remedy = "places are in metres, in the frame of the spec's workspace"
+        slack = 1e-9 * (high - low)
+        odd = np.flatnonzero((values < low - slack) | (values > high + slack))
+        if turns not in found and len(odd):
+            row, value = first + int(odd[0]), float(values[odd[0]])
+            facts = {"row": row, "value": value, "doubt": doubt, "remedy": remedy}
+            found[turns] = DOUBTFUL_POSE(file=file, name=name, **facts)
+    return list(found.values())
+
+
 def _number(cell: Any) -> float:
     """NaN for what is none."""
     try:
@@ -173,7 +208,7 @@ def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
         kind = schema.field(name).type
         text = bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
         if not (text or is_number(kind)):
-            raise DataError(TRAJECTORY_CELL(file=path, row=1, name=name, value=str(kind)))
+            raise DataError(TABLE_CELL(file=path, row=1, name=name, value=str(kind)))
         read.append(name)
         check_rows(path, parquet, len(read))
         with refused(damaged):

@@ -44,6 +44,17 @@ ENDINGS: dict[str, str] = {
     ".pddl": "pddl",
 }
 
+_TABLE = "write .parquet, which pandas and polars read; in Python: scenes.to_pandas().to_csv(FILE), or scenes.poses"
+_MESHES = "`mjcf` and `sdf` write meshes of the objects beside the scenes"
+_PYBULLET = "in Python scenegen.load_pybullet(scenes[0]); files that PyBullet reads are `sdf`"
+INSTEAD = {  # what is no format here, by name or ending, and what does it
+    **dict.fromkeys(("pybullet", "bullet"), _PYBULLET),
+    **dict.fromkeys(("csv", "tsv", "xlsx", "excel", "pandas", "numpy", "npy", "npz", "hdf5", "h5", "feather"), _TABLE),
+    **dict.fromkeys(("png", "jpg", "jpeg", "svg", "pdf", "gif", "mp4", "image"), "`scenegen render` draws pictures"),
+    **dict.fromkeys(("urdf", "xacro"), "scenes for a robot's world are `mjcf`, `sdf` or `usd`"),
+    **dict.fromkeys(("obj", "stl", "mesh"), _MESHES),
+}
+
 EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs
 
 
@@ -53,7 +64,11 @@ def format_of(path: Path) -> Any:
     module = FORMATS.get(path.suffix.lower())
     if module is None:
         export = path.with_suffix(".json") if path.suffix.lower() in ENDINGS else None
-        raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, known=FORMATS, scenes=export))
+        raise RequestError(
+            UNKNOWN_ENDING(
+                path=path, name=path.suffix, known=FORMATS, scenes=export, instead=INSTEAD.get(path.suffix.lower()[1:])
+            )
+        )
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:

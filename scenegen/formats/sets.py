@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
@@ -33,7 +33,7 @@ from scenegen.formats import parquet
 from scenegen.formats.blocks import BLOCK, MOST, Array, Block, Reading
 from scenegen.formats.files import UNFINISHED, inside
 from scenegen.formats.header import load_header
-from scenegen.formats.made import Made, Rareness
+from scenegen.formats.made import Asked, Count, Made, Rareness, Sha256
 from scenegen.formats.packed import Packed, Sink
 from scenegen.formats.stores import Store
 from scenegen.pose import row_count
@@ -58,14 +58,15 @@ Name = Annotated[str, AfterValidator(inside)]  # of a file of the set
 class PhiOf(_Strict):
     """phi of one label over some scenes."""
 
-    lowest: float
-    mean: float
-    highest: float
+    lowest: FiniteFloat
+    mean: FiniteFloat
+    highest: FiniteFloat
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if not self.lowest <= self.highest:
-            raise ValueError("the lowest is above the highest")
+        slack = 1e-9 * (abs(self.lowest) + abs(self.highest))  # a mean is rounded
+        if not (self.lowest <= self.highest and self.lowest - slack <= self.mean <= self.highest + slack):
+            raise ValueError("lowest, mean and highest are not in this order")
         return self
 
 
@@ -74,10 +75,10 @@ class Shard(_Strict):
     if it has one."""
 
     file: Name
-    scenes: Annotated[int, Field(ge=1)]
-    bytes: int
-    sha256: str
-    pieces: int
+    scenes: Count
+    bytes: Count
+    sha256: Sha256
+    pieces: Annotated[int, Field(ge=0)]
     phi: dict[str, PhiOf]
     made: Made | None = None
 
@@ -106,7 +107,7 @@ class Manifest(_Strict):
     complete: bool = False
     request: dict[str, Any]
     labels: list[str]
-    shard_size: int
+    shard_size: Count
     shards: list[Shard] = []
     sampler: dict[str, Any] = {}
     header: dict[str, Any]
@@ -118,9 +119,20 @@ class Manifest(_Strict):
     def _agree(self) -> Self:
         if len(set(self.labels)) < len(self.labels):
             raise ValueError("two labels are the same")
+        if self.rarity is not None and set(self.rarity) != set(self.labels):
+            raise ValueError("`rarity` is not that of the labels")
+        if len({shard.file for shard in self.shards}) < len(self.shards):
+            raise ValueError("two shards have the same `file`")
         for shard in self.shards:
+            if not shard.file.endswith(".parquet"):
+                raise ValueError(f"`file` of a shard is `{shard.file}`, which does not end in .parquet")
             if list(shard.phi) != self.labels:
                 raise ValueError(f"phi of {shard.file} is not that of the labels")
+            if shard.scenes > self.shard_size:
+                raise ValueError(f"{shard.file} has more `scenes` than the `shard_size` {self.shard_size}")
+            made = shard.made
+            if made is not None and (made.n != shard.scenes or not made.phi.keys() <= set(self.labels)):
+                raise ValueError(f"`made` of {shard.file} is not what it was made for")
         return self
 
     @property
@@ -239,19 +251,48 @@ def write_manifest(store: Store, manifest: Manifest) -> None:
 
 
 def read_manifest(store: Store) -> Manifest:
-    """The manifest of a set, complete or not. Raises DataError."""
+    """The manifest of a set, complete or not. Raises DataError, also for one that contradicts itself."""
     if MANIFEST not in store.sizes():
         remedy = "name a folder that `scenegen sample` has written"
         raise DataError(NOT_A_SET(location=store.location, reason=f"it has no {MANIFEST}", remedy=remedy))
     try:
-        return Manifest.model_validate_json(store.read(MANIFEST))
+        manifest = Manifest.model_validate_json(store.read(MANIFEST))
     except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        where = ".".join(map(str, problem["loc"]))
-        said = problem["msg"].lower().removeprefix("value error, ")
-        reason = f"`{where}` in {MANIFEST}: {said}" if where else f"{MANIFEST}: {said}"
-        reason = f"{MANIFEST} is no JSON" if problem["type"] == "json_invalid" else reason
-        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?")) from None
+        raise _edited(store, error, "") from None
+    try:
+        asked = Asked.model_validate_json(json.dumps(manifest.request))
+    except ValidationError as error:
+        raise _edited(store, error, "request.") from None
+    header = set_header(store, manifest)
+    facts = (
+        ("spec", asked.spec, header.spec.sha256),
+        ("phi", asked.phi, header.request.phi),
+        ("spread", asked.spread, header.request.spread),
+        # of a set that is made of others the header is theirs
+        ("n", asked.n, asked.n if "from" in manifest.request else header.request.n),
+    )
+    for name, mine, theirs in facts:
+        if mine != theirs:
+            raise _contradicts(store, f"`request.{name}` is {_short(mine)}, and in `header` it is {_short(theirs)}")
+    if asked.n < manifest.scenes:
+        raise _contradicts(store, f"`request.n` is {asked.n}, and its shards have {manifest.scenes} scenes")
+    odd = next((label for label in asked.phi if label not in manifest.labels), None)
+    if odd is not None:
+        raise _contradicts(store, f"`request.phi` has the label `{odd}`, and `labels` does not")
+    return manifest
+
+
+def _edited(store: Store, error: ValidationError, field: str) -> DataError:
+    problem = error.errors(include_url=False)[0]
+    where = field + ".".join(map(str, problem["loc"]))
+    said = problem["msg"].lower().removeprefix("value error, ")
+    reason = f"`{where}` in {MANIFEST}: {said}" if where else f"{MANIFEST}: {said}"
+    reason = f"{MANIFEST} is no JSON" if problem["type"] == "json_invalid" else reason
+    return DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?"))
+
+
+def _contradicts(store: Store, reason: str) -> DataError:
+    return DataError(NOT_A_SET(location=store.location, reason=f"{MANIFEST}: {reason}", remedy="was it edited?"))
 
 
 def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
@@ -395,6 +436,8 @@ def _check(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard,
         ("its number of scenes is not that", found.scenes, shard.scenes),
         ("its row groups are not those", found.groups, group_sizes(shard.scenes)),
         ("its spec is not that", found.header.spec.sha256, header.spec.sha256),
+        ("its workspace is not that", found.header.workspace, header.workspace),
+        ("its regions are not those", found.header.regions, header.regions),
         ("its objects are not those", found.header.objects, header.objects),
         ("its numbers of things are not those", found.header.counts, header.counts),
         ("its labels are not those", found.labels, tuple(labels)),

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import DataError
+from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.temporal import (
     NOT_A_TRAJECTORY,
     TRAJECTORY_ENDS,
@@ -21,8 +21,9 @@ from scenegen.errors.temporal import (
     TRAJECTORY_TOO_LONG,
 )
 from scenegen.formats.motions.table import is_motions, read_motions
-from scenegen.formats.plain import ENDINGS, Table, read_table
+from scenegen.formats.plain import ENDINGS, Table, doubts, read_table
 from scenegen.pose import NAMES, THETA, TWO_PI
+from scenegen.scene.workspace import Workspace
 
 Array = npt.NDArray[np.float64]
 
@@ -70,10 +71,11 @@ def motion(
     objects: Sequence[str],
     held: Mapping[int, Sequence[float]],
     times: Array,
+    workspace: Workspace,
     resample: bool = False,
-) -> tuple[Array, list[str], float]:
-    """The poses at the times of the moments, (T + 1, N, 3), the columns that are not needed, and the time that counts
-    as 0: that of the first row, if it is later than 0 (trackers write seconds since 1970).
+) -> tuple[Array, list[str], float, list[Diagnostic]]:
+    """The poses at the times of the moments, (T + 1, N, 3), the columns that are not needed, the time that counts as 0:
+    that of the first row, if it is later than 0 (trackers write seconds since 1970), and warnings.
 
     Columns of objects in `held` (their poses by index) can be missing. With `resample`, poses are interpolated in a
     straight line, headings the shorter way. Raises DataError for columns that are missing, and for other times.
@@ -93,6 +95,7 @@ def motion(
     else:
         _check_times(table, at, times, rounding)
     poses = np.empty((len(times), len(objects), len(NAMES)))
+    given: list[tuple[str, Array]] = []
     for index, name in enumerate(objects):
         for axis, symbol in enumerate(NAMES):
             column = f"{name}.{symbol}"
@@ -101,10 +104,12 @@ def motion(
                 continue
             values = table.column(column)
             used.add(column)
+            given.append((column, values))
             if resample:
                 values = np.interp(times, at, np.unwrap(values) if axis == THETA else values)
             poses[:, index, axis] = np.mod(values, TWO_PI) if axis == THETA else values
-    return poses, sorted(name for name in table.names if name and name not in used), start
+    unused = sorted(name for name in table.names if name and name not in used)
+    return poses, unused, start, doubts(table.file, given, workspace, table.start + 1)
 
 
 def _check_times(table: Table, at: Array, times: Array, rounding: float) -> None:

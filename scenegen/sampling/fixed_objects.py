@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -24,12 +23,13 @@ from scenegen.errors.requests import (
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
 from scenegen.primitives.units import quantity
-from scenegen.sampling.request import FixedPose, number
+from scenegen.sampling.request import FixedPose, number, unit_of
 from scenegen.validation import as_list
 
 Array = npt.NDArray[np.float64]
 
 USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg"
+COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
 UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
 
@@ -58,16 +58,18 @@ def parse_fix(options: Sequence[str]) -> dict[str, FixedPose]:
 def _amount(part: str, base: str, here: Span) -> float:
     """A coordinate in metres, or a heading in radians: a number, with a unit of the language or without. Raises
     RequestError."""
-    found = re.fullmatch(r"\s*(.*?)\s*([a-z]*)\s*", part)
-    value = None if found is None else number(found[1])
-    if found is None or value is None:
-        raise RequestError(NOT_A_NUMBER(here, text=part, usage=USAGE))
-    if found[2] not in UNITS[base]:
+    amount, suffix = unit_of(part)
+    value = number(amount)
+    if value is None:
+        turn = COMPASS.get(part.strip().upper()) if base == "rad" else None
+        usage = USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
+        raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
+    if suffix not in UNITS[base]:
         usage = f"it is in {', '.join(UNITS[base][1:])}; {USAGE}"
         raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-    if not found[2] and base == "rad" and abs(value) > TWO_PI:
+    if not suffix and base == "rad" and abs(value) > TWO_PI:
         raise RequestError(MORE_THAN_A_TURN(here, amount=value))
-    return quantity(found[1].strip(), found[2])[0]
+    return quantity(amount, suffix)[0]
 
 
 def hold_fixed(

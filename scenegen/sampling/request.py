@@ -36,9 +36,12 @@ Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
 BAND = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
+USUAL = 16  # scenes, where nobody says how many
 MAX_SCENES = 1_000_000_000
 LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
+PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
+PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,7 @@ class SampleRequest:
     """
 
     phi: Mapping[str, Range] = field(default_factory=dict)
-    n: int = 16
+    n: int = USUAL
     seed: int = 0
     method: str = "auto"
     spread: str = "flat"
@@ -116,6 +119,8 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
 
 
 def _parse_range(text: str, source: Source, offset: int) -> Range:
+    from scenegen.primitives.units import quantity
+
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
@@ -123,10 +128,12 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
         raise RequestError(RANGE_SYNTAX(whole, band=_band_text(text) if alone else None))
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
-        value = number(part) if part.strip() else None
+        amount, suffix = unit_of(part)
+        value = number(amount) if part.strip() and suffix in PHI_UNITS else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
-            raise RequestError(NOT_A_NUMBER(here, text=part, usage="write a range such as 0.05:0.2"))
+            raise RequestError(NOT_A_NUMBER(here, text=part, usage=PHI_USAGE))
+        value = value if value is None else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
         raise RequestError(RANGE_WITHOUT_END(whole))
@@ -143,6 +150,13 @@ def number(text: str) -> float | None:
         return None
     value = float(text)
     return value if math.isfinite(value) else None
+
+
+def unit_of(text: str) -> tuple[str, str]:
+    """A quantity as typed, such as 5 cm or 90\N{DEGREE SIGN}: its number and the suffix of its unit, both as texts."""
+    found = re.fullmatch(r"\s*(.*?)\s*([a-z]*|\N{DEGREE SIGN})\s*", text, re.DOTALL)
+    assert found is not None
+    return found[1], "deg" if found[2] == "\N{DEGREE SIGN}" else found[2]
 
 
 def _band_text(text: str) -> str:

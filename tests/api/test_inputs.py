@@ -178,3 +178,21 @@ WITH_TORCH = {"train"}  # names types of training
 def test_type_hints_resolve(name):
     if name not in WITH_TORCH:
         assert "return" in typing.get_type_hints(getattr(scenegen, name))
+
+
+def test_a_mask_with_holes_says_where():
+    import pandas
+    import polars
+
+    scenes = scenegen.sample(scenegen.parse("task: leftOf(mug, plate)"), n=3)
+    mask = [True, None, False]
+    for given in (
+        mask,
+        pandas.array(mask, dtype="boolean"),
+        pandas.Series(mask, dtype="boolean"),
+        polars.Series(mask),
+        np.array(mask, dtype=object),
+    ):
+        with pytest.raises(RequestError, match=r"a mask without a value at 1 does not pick scenes\n.*fillna\(False\)"):
+            scenes[given]
+    assert len(scenes[pandas.array([True, False, True], dtype="boolean")]) == 2

@@ -154,7 +154,7 @@ def test_phi_over_time_as_a_figure(scenegen, here):
         ("12", "--motion 2 --figure phi.jpg", "error[wrong-ending]"),
         ("121", "", "error[not-a-trajectory]: a.csv is not a trajectory: rows of one motion are not together"),
         ("1.5", "", "error[not-a-trajectory]: a.csv is not a trajectory: the column `motion` has values that are not"),
-        ("1x", "", "error[trajectory-cell]"),
+        ("1x", "", "error[table-cell]"),
     ],
 )
 @pytest.mark.usefixtures("carry")
@@ -172,7 +172,7 @@ def test_a_motion_of_another_spec(scenegen, here):
     (here / "longer.spec").write_text(PASS.replace("3 steps", "4 steps"))
     (here / "other.spec").write_text(PASS.replace("mug", "cup"))
     assert scenegen("sample", "pass.spec", "-n", "1", "--out", "motions.jsonl").status == 0
-    for spec, said in (("longer", "error[trajectory-ends]"), ("other", "error[trajectory-column]")):
+    for spec, said in (("longer", "error[trajectory-ends]"), ("other", "error[table-column]")):
         outcome = scenegen("eval", f"{spec}.spec", "motions.jsonl")
         assert outcome.status == 1 and outcome.err.startswith(said), outcome.err
 
@@ -200,7 +200,7 @@ def test_columns_that_nobody_needs_may_hold_anything(what, scenegen, here):
     assert scenegen("eval", "carry.spec", "rows.csv").out == wanted
     (here / "a.csv").write_text(MOTION.replace("0.5,0.5,0.0\n", "0.5,,0.0\n", 1))
     refused = scenegen("eval", "carry.spec", "a.csv")
-    assert refused.status == 1 and "error[trajectory-cell]: a.csv: `plate.y` in row 1 is ``" in refused.err
+    assert refused.status == 1 and "error[table-cell]: a.csv: `plate.y` in row 1 is ``" in refused.err
 
 
 @pytest.mark.usefixtures("carry")

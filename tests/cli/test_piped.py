@@ -86,6 +86,7 @@ def test_what_is_no_number_of_scenes(text, scenegen, here):
         ("plate=0.5m,0.5,1rad", (0.5, 0.5, 1.0)),
         ("plate=0.5,0.5,1", (0.5, 0.5, 1.0)),
         ("plate=0.5,0.5,-90deg", (0.5, 0.5, 4.71238898038469)),
+        ("plate=0.5,0.5,90\N{DEGREE SIGN}", (0.5, 0.5, 1.5707963267948966)),
     ],
 )
 def test_units_of_fixed_objects(fix, pose, scenegen, here):
@@ -95,6 +96,47 @@ def test_units_of_fixed_objects(fix, pose, scenegen, here):
     assert scenegen("sample", "two.spec", "-n", "1", "--fix", fix, "--out", "s.json").status == 0
     (scene,) = json.loads((here / "s.json").read_text())["scenes"]
     assert tuple(scene["poses"]["plate"].values()) == pytest.approx(pose, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("words", "same"),
+    [
+        (("--phi", "5cm:10cm"), ("--phi", "0.05:0.1")),
+        (("--phi", "task=-50 mm:0.1m"), ("--phi", "-0.05:0.1")),
+        (("--phi", "-10deg:"), ("--phi", "-0.17453292519943295:")),
+        (("--seed", "1e3"), ("--seed", "1000")),
+        (("--timeout", "2min"), ("--timeout", "120")),
+        (("--timeout", "90 s"), ("--timeout", "90")),
+        (("--workers", "1e0"), ("--workers", "1")),
+    ],
+    ids=lambda words: " ".join(words),
+)
+def test_values_as_people_type_them(words, same, scenegen, here):
+    (here / "two.spec").write_text(TEXT)
+    made = [scenegen("sample", "two.spec", "-n", "2", *given) for given in (words, same)]
+    assert made[0].status == 0 and made[0].out == made[1].out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("sample", "two.spec", "--phi", "5kg:"), "or with units: 5cm:20cm"),
+        (("sample", "two.spec", "--timeout", "1m"), "write seconds, 60, or a unit: 90s, 2min"),
+        (("range", "two.spec", "--timeout", "1h"), "write seconds, 60, or a unit: 90s, 2min"),
+        (("sample", "two.spec", "--seed", "one"), "write 1000, 1_000 or 1e3"),
+        (("sample", "two.spec", "--fix", "mug=0.5,0.5,NORTH"), "90deg for NORTH"),
+        (("sample", "two.spec", "--fix", "mug=0.5,0.5,west"), "180deg for west"),
+        (("sample", "two.spec", "n", "16"), "an option begins with a dash: -n;"),
+        (("check", "two.spec", "full"), "an option begins with a dash: --full;"),
+        (("range", "two.spec", "seed", "3"), "an option begins with a dash: --seed"),
+        (("pairs", "two.spec", "n"), "an option begins with a dash: -n"),
+    ],
+    ids=lambda words: " ".join(words) if isinstance(words, tuple) else "",
+)
+def test_the_right_spelling_is_named(words, said, scenegen, here):
+    (here / "two.spec").write_text(TEXT)
+    outcome = scenegen(*words)
+    assert outcome.status in (1, 2) and outcome.err.count("error[") == 1 and said in outcome.err, outcome.err
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,16 @@ MAKING = [
     ({"spec": LEFT, "move": "mag"}, error.Error, "the spec has no object `mag`"),
     ({"spec": HELD, "move": ["plate"]}, error.Error, "`plate` is held in place by the spec already"),
     ({"spec": LEFT, "move": ()}, error.Error, "`move` is empty"),
+    (
+        {"spec": f"object mug, plate, fork\ntask: {LEFT}", "move": "fork"},
+        error.Error,
+        "give it an object that phi of `task` depends on: `m",
+    ),
+    (
+        {"spec": f"object mug, plate, fork\ntask: {LEFT}\nb: x(fork) <= 0.5", "move": "fork", "goal": "task"},
+        error.Error,
+        "`task` depends on",
+    ),
     ({"spec": LEFT, "step": 0.0}, error.Error, "`step` is 0"),
     ({"spec": LEFT, "step": float("nan")}, error.Error, "`step` is nan"),
     ({"spec": LEFT, "turn": 7.0}, error.Error, "`turn` is 7"),

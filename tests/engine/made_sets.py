@@ -14,10 +14,21 @@ BLOCK, SHARD, COUNT = 300, 600, 2000
 MADE = {}  # what is different from `Made`
 
 
+def request_of(plan):
+    return {
+        "spec": SHA,
+        "phi": {"task": [plan.low, 0.9]},
+        "spread": plan.spread,
+        "seed": 0,
+        "scenegen": "",
+        "numpy": "",
+    }
+
+
 def run(folder, engine=None, store=None, wanted=COUNT, made=MADE, **options):
     plan, place = Made(wanted, **made), store_at(f"{folder}/") if store is None else store
     manifest = Manifest(
-        request={"spec": SHA, "n": wanted, "plan": plan.plan_digest},
+        request={**request_of(plan), "n": wanted, "plan": plan.plan_digest},
         labels=["task"],
         shard_size=SHARD,
         header=header_data(header_of(plan)),

@@ -94,6 +94,16 @@ class Effort:
             raise StoppedError
 
 
+def asking(stop: Stop) -> Effort:
+    """Work that raises what `stop` raises."""
+
+    def over() -> bool:
+        stop.check()
+        return False
+
+    return Effort(over)
+
+
 def until(deadline: float) -> Effort:
     """Work that is stopped after `deadline`, by the monotonic clock."""
     return Effort(lambda: time.monotonic() > deadline)

@@ -46,6 +46,11 @@ def elapsed() -> float:
     return time.monotonic() - _voice().started
 
 
+def left(timeout: float) -> float:
+    """The rest of a time limit, which counts from the start of the command; no limit stays no limit."""
+    return max(timeout - elapsed(), min(timeout, 1e-3)) if 0.0 < timeout < float("inf") else timeout
+
+
 def use_color() -> bool:
     """Whether standard error takes colours: a terminal does, unless NO_COLOR is set or TERM is dumb; FORCE_COLOR gives
     colours to pipes, too. Empty variables do not count, and NO_COLOR takes precedence."""

@@ -81,7 +81,7 @@ def pairs(
     """
     from scenegen.api.pairs import pairs as draw
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail, print_error
+    from scenegen.cli.output import complain, detail, left, print_error
     from scenegen.cli.streams import check_output, write_data
     from scenegen.formats.files import check_writable
     from scenegen.formats.motions.table import format_of
@@ -96,7 +96,7 @@ def pairs(
     detail(f"parsed and checked {spec}")
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]
-    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=timeout)
+    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=left(timeout))
     complain(*checked.warnings, *found.warnings)
     if out is not None:
         found.save(out)

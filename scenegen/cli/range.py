@@ -58,7 +58,7 @@ def range_(
     """
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail
+    from scenegen.cli.output import complain, detail, left
     from scenegen.formats.files import check_writable, write_whole
 
     if png is not None:
@@ -66,7 +66,7 @@ def range_(
         check_writable(png, spec)
     checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
-    found = rarity(checked, label, seed=seed, timeout=timeout)
+    found = rarity(checked, label, seed=seed, timeout=None if timeout is None else left(timeout))
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
         from json import dumps

@@ -238,7 +238,7 @@ def _refuse_set_options(storing: Storing) -> None:
 
 def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleRequest:
     from scenegen.api.model import Model
-    from scenegen.cli.output import detail
+    from scenegen.cli.output import detail, left
     from scenegen.sampling.fixed_objects import parse_fix
     from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_phi
 
@@ -252,7 +252,7 @@ def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleReque
     return SampleRequest(
         ranges, USUAL if wishes.n is None else wishes.n, seed=wishes.seed, method=wishes.method, spread=wishes.spread,
         fix={} if wishes.fix_from is not None else parse_fix(wishes.fix),
-        settle=wishes.settle, raw=wishes.raw, timeout=_left(wishes.timeout), workers=wishes.workers,
+        settle=wishes.settle, raw=wishes.raw, timeout=left(wishes.timeout), workers=wishes.workers,
         keep_partial=wishes.keep_partial,
     )  # fmt: skip
 
@@ -261,13 +261,6 @@ def _elapsed() -> float:
     from scenegen.cli.output import elapsed
 
     return elapsed()
-
-
-def _left(timeout: float) -> float:
-    """The rest of the time limit, which counts from the start of the command; no limit stays no limit."""
-    from scenegen.cli.output import elapsed
-
-    return max(timeout - elapsed(), 1e-3) if 0.0 < timeout < float("inf") else timeout
 
 
 def _in_steps(subject: Spec | Model, steps: int) -> Model:

@@ -19,6 +19,7 @@ from scenegen.motions.stages import STREAM, begin, generator, go_on
 from scenegen.motions.variables import Variables, draw, poses_of, within_a_turn
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.digest import digest
+from scenegen.sampling.interval import of_hits
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.sampler import probability
@@ -27,7 +28,7 @@ BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
 LEAST = 8  # the same, of very large motions
 PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
 ENOUGH = 4  # hits of the rarest cell that tell how rare it is
-FACTS, OF_A_STATISTIC = 5, 3  # of a piece of splitting
+FACTS, OF_A_STATISTIC = 7, 3  # of a piece of splitting
 MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
 
 
@@ -53,8 +54,8 @@ class _MotionPlan(Plan):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionRejection(_MotionPlan):
-    """Draws of the base distribution, of which those in range are kept: independent and exact. The facts are the
-    share in range, its square, and 1."""
+    """Draws of the base distribution, of which those in range are kept: independent and exact. The fact of a
+    piece is how many are in range."""
 
     share: float
     stop: Stop = NEVER
@@ -77,7 +78,7 @@ class MotionRejection(_MotionPlan):
 
     @property
     def fact_count(self) -> int:
-        return 3
+        return 1
 
     @property
     def scenes_per_piece(self) -> float:
@@ -90,23 +91,21 @@ class MotionRejection(_MotionPlan):
         scores = self.problem.scores(poses, self.stop)
         cell = self.cells.find(scores)
         good = np.flatnonzero(cell >= 0)
-        share = len(good) / self.batch
         rows = columns(self.problem, made.take(good), poses[..., good])
-        return Piece(rows, scores[:, good], cell[good], np.array([share, share**2, 1.0]))
+        return Piece(rows, scores[:, good], cell[good], np.array([float(len(good))]))
 
     def account(self, tally: Tally) -> Account:
-        total, square, _ = tally.facts or (0.0, 0.0, 0.0)
-        drawn = tally.pieces * self.batch
+        hits, drawn = sum(tally.facts), tally.pieces * self.batch
         info = {"method": self.method, "seed": self.seed, "candidates": drawn, "pieces": tally.pieces}
-        info |= probability(tally.pieces, total, square)
+        info |= of_hits(hits, drawn, self.problem.log_excess)
         return Account(info, f"{drawn:,} motions")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionSplitting(_MotionPlan):
     """Populations that follow a schedule: exact in the limit of long chains. The facts are the estimate of the
-    probability, its square, 1 if the population survived, evaluations, the share of moves taken, then the means of
-    the statistics, their squares and their variances."""
+    probability, its square, 1 if the population survived, its logarithm and the square of that (0 if it did not),
+    evaluations, the share of moves taken, then the means of the statistics, their squares and their variances."""
 
     schedule: Schedule
     stop: Stop = NEVER
@@ -142,11 +141,14 @@ class MotionSplitting(_MotionPlan):
             begun.follow(stage)
         chains, share = begun.chains, begun.probability
         if not share:
-            facts = np.array([0.0, 0.0, 0.0, float(chains.evaluations)])
+            facts = np.array([0.0] * 5 + [float(chains.evaluations)])
             return Piece(np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
         watched = chains.statistics()
         mean, variance = watched.mean(axis=1), watched.var(axis=1)
-        facts = np.array([share, share**2, 1.0, chains.evaluations, begun.taken, *mean, *mean**2, *variance])
+        log = math.log(share)
+        facts = np.array(
+            [share, share**2, 1.0, log, log**2, chains.evaluations, begun.taken, *mean, *mean**2, *variance]
+        )
         made = chains.now.take(chains.rng.permutation(chains.count))
         poses = within_a_turn(poses_of(problem, made))
         scores = problem.scores(poses)
@@ -157,7 +159,9 @@ class MotionSplitting(_MotionPlan):
 
     def account(self, tally: Tally) -> Account:
         plan = self.schedule
-        total, square, alive, made, taken, *watched = tally.facts if len(tally.facts) > 4 else (0.0,) * 5
+        empty = (0.0,) * FACTS
+        total, square, alive, *logs, made, taken = (*tally.facts, *empty)[:FACTS]
+        watched = tally.facts[FACTS:]
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
             "method": self.method,
@@ -171,7 +175,8 @@ class MotionSplitting(_MotionPlan):
             "correlation": round(plan.left, 4),
             "effective_share": effective_share(alive, plan.chains, np.array(watched).reshape(3, -1)),
         }
-        info |= probability(tally.pieces, total, square)
+        of_logs = (logs[0], logs[1]) if alive == tally.pieces else None
+        info |= probability(tally.pieces, total, square, of_logs, self.problem.log_excess)
         return Account(info, f"{evaluations:,} evaluations of splitting, {plan.levels} levels")
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from scenegen.bounds.effort import Effort, StoppedError
+from scenegen.bounds.effort import NEVER, Stop, StoppedError, asking
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.motions import NO_BOUND_ON_STEPS
 from scenegen.errors.requests import NO_TIME_TO_CHECK
@@ -19,18 +19,17 @@ from scenegen.motions.problem import Array, MotionProblem
 from scenegen.motions.scores import TraceScores
 from scenegen.pose import PLACE, THETA, row_of, rows_of
 from scenegen.sampling.fixed_objects import hold_fixed
-from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import SampleRequest, check_request
 
 
 def make_problem(
-    spec: CheckedSpec, request: SampleRequest, budget: Budget | None = None
+    spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER
 ) -> tuple[MotionProblem, tuple[Diagnostic, ...]]:
     """The problem, and warnings about the request. Raises RequestError for a request that is wrong or out of the bounds
     of phi, for an object of which nothing says how far it moves in a step, and where time is up."""
     timed = spec.timed
     assert timed is not None
-    effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
+    effort = asking(stop)
     lowest, highest, fixed = hold_fixed(spec, request.fix)
     try:
         bounds = phi_bounds(timed, lowest, highest, effort)
@@ -46,7 +45,7 @@ def make_problem(
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
-        lean=lean(timed),
+        lean=lean(timed), log_excess=spec.workspace.log_excess(lowest, highest, len(timed.objects)),
     )  # fmt: skip
     return made, warnings
 

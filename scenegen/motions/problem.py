@@ -53,7 +53,8 @@ class MotionProblem:
     `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
     processes. `scores` has the same rows, then the room (see GATES). `cost` is about how many numbers it computes for a
-    motion. `lean`, if there is one, tells chains the same for less.
+    motion. `lean`, if there is one, tells chains the same for less. `log_excess` is what to add to the natural
+    logarithm of a share of motions for the probability under the base distribution: see `Workspace.log_excess`.
     """
 
     names: tuple[str, ...]
@@ -69,6 +70,7 @@ class MotionProblem:
     dt: float = 1.0
     cost: int = 0
     lean: LeanScore | None = None
+    log_excess: float = 0.0
     cells: Cells = field(init=False)
 
     def __post_init__(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -46,7 +48,7 @@ def measure(
     requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
     levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
     StoppedError where it is not known yet what meets the requirement."""
-    problem, _ = make_problem(spec, SampleRequest({}, n=1, seed=seed))
+    problem, _ = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
     check = check or _go_on
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)
@@ -67,15 +69,18 @@ def measure(
                 tails.append(tail)
                 spent += made
             reaches[label] = Reach(tails[0], tails[1], spent)
-    return Rarity(reaches, _required(weights), spent)
+    return Rarity(reaches, _required(weights, problem.log_excess), spent)
 
 
 def _go_on() -> None:
     """The default for `check`: never stops."""
 
 
-def _required(weights: Array) -> Estimate | None:
-    return None if (weights == 1.0).all() else ratio(weights, np.ones(ISLANDS))
+def _required(weights: Array, excess: float) -> Estimate | None:
+    if (weights == 1.0).all():
+        return None
+    found = ratio(weights, np.ones(ISLANDS))
+    return None if found is None else replace(found, log10=found.log10 + excess / math.log(10.0))
 
 
 def _require(

@@ -27,6 +27,18 @@ def student(degrees: int) -> float:
     return _STUDENT[degrees - 1] if degrees <= len(_STUDENT) else 1.96 + 2.5 / degrees
 
 
+def of_hits(hits: float, drawn: float, log_share: float = 0.0) -> dict[str, object]:
+    """log10 of the probability that `hits` of `drawn` independent draws tell, and half of its 95 % interval, as a file
+    says them; None if unknown. `log_share`, a natural logarithm, is added to that of the share."""
+    if not hits:
+        return {"log10_probability": None, "log10_error": None}
+    kept, log10 = hits / drawn, math.log10(math.e)
+    return {
+        "log10_probability": round(log_share * log10 + math.log10(kept), 6) + 0.0,
+        "log10_error": round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6),
+    }
+
+
 def ratio(mine: Array, base: Array) -> Estimate | None:
     """The ratio of the means of two sets of estimates, (B,) each, entry b of both from independent run b; None if it is
     0.

@@ -11,6 +11,7 @@ for that, a run is restricted to it directly. Effort is counted in visits of for
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -179,7 +180,10 @@ class _Run:
         return float(above[0]) if len(above) else None
 
     def _hold(self, level: float, effort: float) -> bool:
-        """A run restricted to sign * phi >= level; False if it found nothing, or if the tail took twice its effort."""
+        """A run restricted to sign * phi >= level; False if it found nothing, if time is up, or if the tail took twice
+        its effort."""
+        if time.monotonic() > self.deadline:
+            return False
         self.runs += 1
         self.held |= level == 0.0
         ends = Range(level, None) if self.sign > 0 else Range(None, -level)

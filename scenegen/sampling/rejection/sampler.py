@@ -22,6 +22,7 @@ from scenegen.bounds.worlds import chooses
 from scenegen.errors import RequestError
 from scenegen.lang.core import REQUIRE
 from scenegen.sampling.digest import digest
+from scenegen.sampling.interval import of_hits
 from scenegen.sampling.plan import Account, Piece, Plan, Tally
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
 from scenegen.sampling.rejection.covers import own_covers
@@ -388,10 +389,8 @@ def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:
     }
     hits = plan.explored.hits + rates[0].hits
     if hits:
-        kept = hits / (plan.explored.candidates + rates[0].candidates)
-        log10, log_share = math.log10(math.e), plan.sources[0].cover.log_share + plan.problem.log_excess
-        facts["log10_probability"] = round(log_share * log10 + math.log10(kept), 6) + 0.0
-        facts["log10_error"] = round(1.96 * log10 * math.sqrt((1.0 - kept) / hits), 6)
+        looked = plan.explored.candidates + rates[0].candidates
+        facts |= of_hits(hits, looked, plan.sources[0].cover.log_share + plan.problem.log_excess)
         if REQUIRE in plan.problem.core.labels:
             facts["probability_of"] = "range and requirement"
     return facts

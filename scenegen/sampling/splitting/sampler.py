@@ -254,7 +254,9 @@ def probability(
     if count > 1:
         variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
         if logs is not None:
-            variance = max(variance, math.expm1(max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)))
+            scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
+            widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval
+            variance = max(variance, math.expm1(scatter) if scatter < 1.0 else widest)
         out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
     return out
 

@@ -29,7 +29,7 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
     for (numbers, one), made in zip(model.each, scenes, strict=True):
         card = one.trained.card
         mine = faults(concerned(card.quality, ends), () if raw else overlapping(card, ends))
-        if ends and card.ranges is not None and not measured(card, ends):
+        if ends and card.ranges is not None and not measured(card, tables(one), ends):
             where = [f"{label}={wanted}" for label, wanted in ranges.items()]
             mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
         if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):
@@ -39,6 +39,11 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
             mine += [] if made is None else _unmet(one, made)
         found |= dict.fromkeys(each.but(counted=written(numbers)) if numbers else each for each in mine)
     return tuple(found)
+
+
+def tables(model: Model) -> list[Array]:
+    """How phi is distributed among exact scenes, as the model file tells, see `sampling.targets.occurring`."""
+    return [each.double().numpy() for each in model.trained.regions]
 
 
 def _scenes_of(model: Model, rows: Array) -> list[Array]:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from scenegen.errors import Diagnostic
 from scenegen.errors.models import PHI_MISSED, SCENES_LEFT_OUT, UNLIKE_EXACT
 from scenegen.models.card import ModelCard, QualityData, RangeData
 from scenegen.sampling.request import Range
+from scenegen.sampling.targets import occurring
 
 LEAST_COVERAGE = 0.85
 MOST_ERROR = 0.02
@@ -15,6 +19,7 @@ MOST_DISTANCE = 0.2  # KS, of a thousand scenes: exact ones have up to 0.09
 GOOD_PART = 0.2
 SHOWN = 3
 
+Array = npt.NDArray[np.float64]
 Ends = Mapping[str, tuple[float | None, float | None]]
 
 
@@ -47,12 +52,28 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
     return inside or sorted(same, key=lambda one: _distance(one, ranges))[:1]
 
 
-def measured(card: ModelCard, ranges: Ends) -> bool:
+def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
     """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
-    which it is a good part."""
+    whose scenes it has a good part. `regions` tell how phi is distributed (scenegen.models.trained)."""
     if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
         return True
-    return any(_overlap(card, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))
+    return any(_share(card, regions, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))
+
+
+def _share(card: ModelCard, regions: Sequence[Array], one: RangeData, ranges: Ends) -> float:
+    """The share of the scenes of a measured range that a request has; 0 where that is not known."""
+    phi = occurring(regions, *_ends(card, one.wanted))
+    low, high = _ends(card, ranges)
+    inside = ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)
+    return float(inside.mean()) if inside.size else 0.0
+
+
+def _ends(card: ModelCard, ranges: Ends) -> tuple[Array, Array]:
+    """The lowest and the highest phi of each label of a card, (L,) each; infinite where there is no end."""
+    both = [ranges.get(label.name, (None, None)) for label in card.labels]
+    low = [-np.inf if one is None else one for one, _ in both]
+    high = [np.inf if one is None else one for _, one in both]
+    return np.array(low), np.array(high)
 
 
 def overlapping(card: ModelCard, ranges: Ends) -> list[RangeData]:

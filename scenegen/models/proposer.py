@@ -61,7 +61,8 @@ class ModelProposer:
         stir = Stir(network.correction.spec, torch.zeros(self.labels, 1), box)
         old, low, high = (one.to(torch.float32) for one in (rows, *ends))
         moves = max(LEAST, min(MOST, EACH * len(network.correction.spec.core.nodes)))
-        new = stir.within(old, (low, high), torch.Generator().manual_seed(seed), moves if stir.moving else 0)
+        random = torch.Generator().manual_seed(seed)
+        new = stir.within(old, (low, high), random, moves if stir.moving else 0, fit=True)
         return torch.where(new == old, rows, new.to(rows.dtype))
 
     def __call__(self, phi: Tensor, generator: torch.Generator) -> Tensor:

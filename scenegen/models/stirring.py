@@ -27,6 +27,9 @@ MOVES = 24  # of a scene, at most
 WORK = 2500  # visits of nodes that they may take for each scene
 PER_SHAPE = 30  # what a footprint costs, in plain nodes
 SHORTEST, LONGEST = 0.01, 0.5  # of the workspace, or of a turn
+FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that this share of them is kept
+START, LEAST, AROUND = 0.05, 1e-5, 3.0  # of the range: fitted steps at first, and the least; factor from step to step
+SURE = 16  # scenes: how far fewer than that fit a step
 
 Array = npt.NDArray[np.float64]
 Move = tuple[Tensor, Tensor]
@@ -80,18 +83,26 @@ class Stir:
         generator: torch.Generator,
         moves: int,
         right: Tensor | None = None,
+        *,
+        fit: bool = False,
     ) -> Tensor:
         """Moved scenes (3N, B) whose phi is to stay within `ends`, (L, B) each, after so many moves; where an end is
-        NaN, the label is free."""
+        NaN, the label is free. With `fit` the steps of each coordinate become about as long as there is room for: what
+        is held to a millimetre hardly moves by others."""
         rows = rows.clone()
         right = self._inside(rows, *ends) if right is None else right
+        reach = torch.full((len(rows),), START) if fit else None
         for number in range(moves):
-            place, new = self._moves[number % len(self._moves)](rows, generator)
+            move = self._moves[number % len(self._moves)]
+            place, new = move(rows, generator, reach)
             inside = ((new >= self._low[place]) & (new <= self._high[place])).all(dim=0)
             old = rows.gather(0, place)
             rows.scatter_(0, place, new)
             keep = right & inside & self._inside(rows, *ends)
             rows.scatter_(0, place, torch.where(keep, new, old))
+            if reach is not None and move == self._one:
+                tried, kept = (torch.bincount(place[0][some], minlength=len(rows)) for some in (right, right & keep))
+                reach = (reach * torch.exp((kept - AIM * tried) / (tried + SURE))).clamp_(LEAST, LONGEST)
         return rows
 
     def _right(self, rows: Tensor, wanted: Tensor) -> Tensor:
@@ -106,14 +117,18 @@ class Stir:
 
     # A move names rows of each scene, (K, B), and their new values, (K, B).
 
-    def _one(self, rows: Tensor, generator: torch.Generator) -> Move:
-        """One coordinate, shifted by a random amount."""
-        random = torch.rand(3, rows.shape[1], generator=generator)
+    def _one(self, rows: Tensor, generator: torch.Generator, reach: Tensor | None) -> Move:
+        """One coordinate, shifted by a random amount; mostly by about its `reach` (3N,), a share of its range."""
+        random = torch.rand(3 if reach is None else 4, rows.shape[1], generator=generator)
         place = _pick(self._rows, random[:1])
-        new = rows.gather(0, place) + _step(random[1], random[2]) * self._size[place]
+        step = _step(random[1], random[2])
+        if reach is not None:
+            fitted = reach[place[0]] * AROUND ** (2.0 * random[1] - 1.0) * step.sign()
+            step = torch.where(random[3] < FITTED, fitted, step)
+        new = rows.gather(0, place) + step * self._size[place]
         return place, torch.where(self._turns[place], torch.remainder(new, TWO_PI), new)
 
-    def _some(self, rows: Tensor, generator: torch.Generator) -> Move:
+    def _some(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """Some of the objects, shifted together along x or y."""
         random = torch.rand(3 + len(self._free), rows.shape[1], generator=generator)
         step = torch.where(random[3:] < 0.5, _step(random[0], random[1]), torch.zeros(()))
@@ -121,7 +136,7 @@ class Stir:
         place = SIZE * self._free[:, None] + axis
         return place, rows.gather(0, place) + self._size[place] * step
 
-    def _around(self, rows: Tensor, generator: torch.Generator) -> Move:
+    def _around(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """One object, turned about another by a random angle, or mirrored there at x, y or a diagonal."""
         random = torch.rand(4, rows.shape[1], generator=generator)
         place = _place(_pick(self._free, random[0]))
@@ -134,7 +149,7 @@ class Stir:
         turned = torch.stack([cosine * offset[0] - sine * across, sine * offset[0] + cosine * across])
         return place, centre + turned
 
-    def _swap(self, rows: Tensor, generator: torch.Generator) -> Move:
+    def _swap(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """Two objects, in each other's places."""
         random = torch.rand(2, rows.shape[1], generator=generator)
         here, there = (_place(_pick(self._free, number)) for number in random)

@@ -56,17 +56,9 @@ class Targets:
 
 
 def make_targets(problem: Problem, regions: Sequence[Array] = ()) -> Targets:
-    """The targets of a problem. `regions` are what is known of how phi is distributed: each (L, 2 + m), the lowest and
-    the highest phi of a part of all scenes, and the phi of m scenes as they occur there. Of those that hold the whole
-    range that is wanted, the one with most scenes in it is taken."""
+    """The targets of a problem. `regions` are what is known of how phi is distributed, see `occurring`."""
     cells, labels = problem.cells, len(problem.spec.labels)
-    low, high = cells.low[:labels], cells.high[:labels]
-    best = np.empty((labels, 0))
-    for one in regions if all(len(each) == labels for each in regions) else ():
-        if (one[:, 0] <= low).all() and (one[:, 1] >= high).all():
-            phi = one[:, 2:]
-            inside = phi[:, ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)]
-            best = inside if inside.shape[1] > best.shape[1] else best
+    best = occurring(regions, cells.low[:labels], cells.high[:labels])
     if best.shape[1] >= FEWEST:
         required = np.full((len(cells.labels) - labels, best.shape[1]), INSIDE)
         return _sorted(cells, np.concatenate([best, required]))
@@ -76,6 +68,19 @@ def make_targets(problem: Problem, regions: Sequence[Array] = ()) -> Targets:
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
         phi = problem.phi(lowest + (highest - lowest) * rng.random((len(lowest), count)))
     return _sorted(cells, phi)
+
+
+def occurring(regions: Sequence[Array], low: Array, high: Array) -> Array:
+    """phi (L, m) of scenes as they occur with phi from `low` to `high`, (L,) each. Each of the regions is (L, 2 + m),
+    the lowest and the highest phi of a part of all scenes, and the phi of m scenes as they occur there. Of those that
+    hold the whole range, the one with most scenes in it is taken; m is 0 where none does."""
+    best = np.empty((len(low), 0))
+    for one in regions if all(len(each) == len(low) for each in regions) else ():
+        if (one[:, 0] <= low).all() and (one[:, 1] >= high).all():
+            phi = one[:, 2:]
+            inside = phi[:, ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)]
+            best = inside if inside.shape[1] > best.shape[1] else best
+    return best
 
 
 def _sorted(cells: Cells, phi: Array) -> Targets:

@@ -18,6 +18,7 @@ from rich.progress import (
 )
 
 from scenegen.training.gathered import GatheringLines
+from scenegen.training.recipes import GATHERING, SECONDS
 from scenegen.training.report import EpochReport
 
 LINES = 10  # plain lines of a run
@@ -43,13 +44,13 @@ class TrainingProgress:
                 TaskProgressColumn(),
                 TextColumn("{task.fields[figures]}"),
                 TimeElapsedColumn(),
-                TextColumn("left"),
+                TextColumn("{task.fields[left]}"),
                 TimeRemainingColumn(elapsed_when_finished=False),
                 console=self._console,
                 # The loop runs on one core; redrawing more often would take time from it.
                 refresh_per_second=4,
             )
-            self._task = self._bar.add_task(f"{title}: gathering scenes", total=None, figures="")
+            self._task = self._bar.add_task(f"{title}: gathering scenes", total=None, figures="", left="left")
 
     def __enter__(self) -> Self:
         if self._bar is not None:
@@ -73,7 +74,12 @@ class TrainingProgress:
         (task,) = self._bar.tasks
         if task.description != words:  # the pace is that of this stage
             self._bar.reset(self._task, total=wanted or None, description=words)
-        self._bar.update(self._task, completed=done, figures=f"{done:,} of {wanted:,}" if wanted else "")
+        figures = f"{done:,} of {wanted:,}" if wanted else ""
+        if stage == GATHERING:  # of the time that it may take, so that what is left is what it takes at most
+            used = self._gathering.used()
+            self._bar.update(self._task, completed=used, total=SECONDS, figures=figures, left="left at most")
+        else:
+            self._bar.update(self._task, completed=done, figures=figures, left="left")
 
     def step(self, done: int, total: int) -> None:
         """That many steps of all are done."""
@@ -82,7 +88,7 @@ class TrainingProgress:
             # Time is counted from the first step, and a resumed run did not do the earlier ones in no time.
             tell = self._bar.update if self._moving else self._bar.reset
             if not self._moving:
-                self._bar.update(self._task, figures="")  # no longer of the scenes
+                self._bar.update(self._task, figures="", left="left")  # no longer of the scenes
             self._moving = True
             tell(self._task, completed=done, total=total, description=words)
 

@@ -22,3 +22,8 @@ DEFAULTS: Mapping[tuple[str, str], Mapping[str, object]] = {
 }
 CONSTANT = frozenset({"paper"})
 """Recipes whose learning rate does not change."""
+
+GATHERING = "gathering exact scenes"
+"""What a run says that it does for SECONDS of CPU time at most. It cannot tell how long it will take: it draws scenes
+that are ever rarer, and only a batch that has begun has an estimate."""
+SECONDS = 110.0

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 import scenegen
 from scenegen.api.advice import advice
@@ -42,7 +43,14 @@ task: leftOf(a, b)
 """
 
 
-def stub(spec=None, ranges=None, regions=(None,)):
+def table(*phi):
+    return torch.tensor([[-torch.inf, torch.inf, *phi]])
+
+
+EVEN = (table(*np.linspace(-1.0, 0.2, 121)),)
+
+
+def stub(spec=None, ranges=None, regions=EVEN):
     labels = [LabelData(name="task", lowest=-1.0, highest=0.2)]
     card = SimpleNamespace(quality=[at(0.5, task=0.0)], ranges=ranges, labels=labels, scenegen="0.1")
     trained = SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card, regions=regions)
@@ -93,6 +101,9 @@ def test_a_range_that_was_not_measured_is_told():
     assert codes(made, task=(-0.4, -0.1)) == ["not-measured"] == codes(made, task=(0.19, 0.2))
     [said] = advice(made, {"task": Range(-0.4, -0.1)}, None, False)
     assert said.title == "how good the model is at task=-0.4:-0.1 was not measured" and "'task': " not in said.title
+    crowded = stub(ranges=[in_range(**near)], regions=(table(*np.linspace(0.0, 0.02, 95), 0.03, 0.1, 0.15, 0.2),))
+    crowded.trained.card.quality = []
+    assert codes(crowded, task=(0.005, 0.2)) == [] and codes(crowded, task=(0.02, 0.2)) == ["not-measured"]
     unmeasured = stub(ranges=[])
     unmeasured.trained.card.quality = []
     assert codes(unmeasured, task=(0.0, None)) == ["not-measured"]

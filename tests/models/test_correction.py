@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 
 from scenegen.evaluation.screen import kolmogorov_smirnov
 from scenegen.lang.check import check_text
@@ -156,3 +157,19 @@ def test_what_is_out_of_reach_is_given_up_soon(spec):
 
 def test_the_requirement_is_a_value_of_its_own(spec):
     assert list(gated(spec.core).labels) == ["near", "apart", REQUIRE]
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
+def test_fitted_moves_spread_scenes_over_a_range_however_narrow(tolerance):
+    """From its very middle; moves of the usual sizes leave nearly all where they are."""
+    text = f"object a, b\ntask: abs(x(a) - 30 cm) <= {tolerance} & abs(x(b) - x(a) - 20 cm) <= {tolerance}"
+    stir = Stir(check_text(text, "narrow.spec"), torch.zeros(1, 1))
+    count, ends = 2000, (torch.zeros(1, 2000), torch.full((1, 2000), math.inf))
+    rows = torch.rand(6, count, generator=torch.Generator().manual_seed(0))
+    rows[0], rows[3] = 0.3, 0.5
+    far = []
+    for fit in (True, False):
+        made = stir.within(rows, ends, torch.Generator().manual_seed(1), 120, fit=fit).double()
+        places = ((made[0] - 0.3) / tolerance, (made[3] - made[0] - 0.2) / tolerance)
+        far.append(max(stats.kstest(one.numpy(), "uniform", args=(-1, 2)).statistic for one in places))
+    assert far[0] < 0.05 and far[1] > 0.2

@@ -161,11 +161,30 @@ def test_environments_see_the_choice(scenes):
     env = TableTop(spec, goal="task", source=found)
     seen, _ = env.reset(seed=1, options={"phi": (0.0, 0.4)})
     assert env.views.names[-2:] == ("can[1].on", "can[2].on")
-    middles = [2.0 * middle - 1.0 for middle in spec.checked.choices[1].middles]
-    assert all(min(abs(value - one) for one in middles) < 1e-6 for value in seen[-2:])
+    places = list(env.views.on_numbers.values())
+    assert places == [-1.0, 0.0, 1.0] and set(seen[-2:].tolist()) <= set(places)
     again, info = env.reset(options={"scene": found[3]})
-    on = [middles[int(one) - 1] for one in found.on[3]]
-    assert again[-2:] == pytest.approx(on, abs=1e-6) and info["phi"]["task"] == pytest.approx(found.phi["task"][3])
+    on = [places[int(one) - 1] for one in found.on[3]]
+    assert again[-2:].tolist() == on and info["phi"]["task"] == pytest.approx(found.phi["task"][3])
+
+
+def test_a_surface_is_seen_as_the_same_number_under_every_object():
+    """Whichever lists name it, in whichever order, and however large it is."""
+    spec = scenegen.parse(
+        "object coaster = cylinder(9 cm, 1 cm), mug on any of [coaster, workspace],"
+        " can on any of [workspace, coaster] by area\ntask: closeTo(mug, can, 50 cm)"
+    )
+    made = scenegen.sample(spec, {"task": (0.0, None)}, 200, seed=2, workers=1)
+    env = TableTop(spec, goal="task", source=made)
+    assert env.views.names[-2:] == ("mug.on", "can.on")
+    assert env.views.on_numbers == {"coaster.top": -1.0, "workspace": 1.0}
+    met = set()
+    for scene in made:
+        seen, _ = env.reset(options={"scene": scene})
+        under = [scene.poses[name].on for name in ("mug", "can")]
+        assert seen[-2:].tolist() == [env.views.on_numbers[one] for one in under]
+        met.add(tuple(under))
+    assert len(met) >= 3
 
 
 def test_scenes_without_the_choice_are_refused(scenes):

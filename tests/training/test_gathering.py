@@ -13,11 +13,13 @@ from rich.console import Console
 
 import scenegen
 from scenegen.errors import DataError, RequestError
+from scenegen.training.datasets import balanced
 from scenegen.training.datasets import gathering as module
 from scenegen.training.datasets.gathering import Gathering
 from scenegen.training.datasets.registry import DATASETS, dataset_maker
 from scenegen.training.gathered import GatheringLines
 from scenegen.training.progress import TrainingProgress
+from scenegen.training.recipes import GATHERING, SECONDS
 
 RARE = "object a, b, c\nrequire noOverlap()\ntask: leftOf(a, b) & closeTo(a, c, 0.3)\nsafe: farFrom(a, b, 0.4)"
 
@@ -40,11 +42,11 @@ def test_every_data_set_counts_and_is_not_changed_by_it(name, easy):
     data = dataset_maker(name)(easy.checked, 300, torch.Generator().manual_seed(1), gathering)
     again = dataset_maker(name)(easy.checked, 300, torch.Generator().manual_seed(1))
     assert data.sha256 == again.sha256
-    assert ("gathering scenes", 0, 300) in told
+    assert (GATHERING if name == "balanced" else "gathering scenes", 0, 300) in told
     for (stage, done, _), (later, more, wanted) in itertools.pairwise(told):
         assert more <= wanted and (more >= done or later != stage)
     if name == "balanced":
-        assert told[0][0] == "measuring the range of phi" and told[-1] == ("gathering scenes", 300, 300)
+        assert told[0][0] == "measuring the range of phi" and told[-1] == (GATHERING, 300, 300)
 
 
 class _Clock:
@@ -77,7 +79,7 @@ def stopping(after):
     """Raises KeyboardInterrupt once so many scenes are there."""
 
     def interrupt(stage, done, wanted):
-        if stage == "gathering scenes" and done > after:
+        if stage == GATHERING and done > after:
             raise KeyboardInterrupt
 
     return interrupt
@@ -87,9 +89,7 @@ def test_an_interrupt_says_how_far_it_was_and_keeps_the_scenes(easy, tmp_path):
     """What is gathered goes on to the scenes, and so to the bytes, of an unbroken run; nothing is left over."""
     settings = {"scenes": 200, "epochs": 1, "seed": 3}
     scenegen.train(easy, "gan", out=tmp_path / "whole", **settings)
-    says = (
-        r"interrupted while gathering scenes: \d+ of 220; (\d+) scenes are kept in .*m.scenes; go on with `resume=True`"
-    )
+    says = r"interrupted while gathering exact scenes: \d+ of 220; \d+ scenes are kept in .*; go on with `resume="
     for after in (0, 150):
         with pytest.raises(KeyboardInterrupt, match=says):
             scenegen.train(easy, "gan", out=tmp_path / "m", on_gather=stopping(after), resume=after > 0, **settings)
@@ -102,7 +102,7 @@ def test_an_interrupt_says_how_far_it_was_and_keeps_the_scenes(easy, tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_the_scenes(number, easy, tmp_path):
     def strike(stage, done, wanted):
-        if stage == "gathering scenes" and done >= 100:
+        if stage == GATHERING and done >= 100:
             os.kill(os.getpid(), number)
 
     with pytest.raises(KeyboardInterrupt, match="scenes are kept in"):
@@ -119,6 +119,24 @@ def test_what_takes_its_share_of_the_processor_is_cut(easy, monkeypatch):
     notes = []
     data = dataset_maker("balanced")(easy.checked, 100_000, torch.Generator(), Gathering(note=notes.append))
     assert 500 < len(data) < 100_000 and notes and all(one.code == "rare-scenes" for one in notes)
+
+
+def test_what_is_dear_leaves_the_others_their_time(monkeypatch):
+    """Scenes that nobody has asked for cost much here, since the requirement is rare: they take half of the time, not
+    what the satisfied and the nearly satisfied need."""
+    spec = scenegen.parse(
+        "object tray, mug, plate require noOverlap()"
+        " task: angle(tray, NORTH, 2 deg) & closeTo(mug, plate, 30 cm) & leftOf(mug, tray)"
+    )
+    factor = 10_000  # scenes are too cheap for a test, and their estimate decides how many there are
+    monkeypatch.setattr(balanced, "VISIT", {name: factor * one for name, one in balanced.VISIT.items()})
+    notes = []
+    data = dataset_maker("balanced")(
+        spec.checked, 20_000, torch.Generator().manual_seed(1), Gathering(note=notes.append)
+    )
+    phi = data.phi[0]
+    assert len(data) < 20_000 and "task=0:" in "".join(map(str, notes))
+    assert float((phi >= 0.0).float().mean()) > 0.2 and float(((phi < 0.0) & (phi >= -phi.max())).float().mean()) > 0.1
 
 
 class _RunsOut:
@@ -163,8 +181,8 @@ def test_a_limit_is_a_number_of_seconds(timeout, easy, tmp_path):
 
 
 def test_lines_with_numbers_and_an_estimate():
-    now = 0.0
-    lines = GatheringLines(lambda: now)
+    now = used = 0.0
+    lines = GatheringLines(lambda: now, lambda: used)
     assert lines("measuring the range of phi", 0, 0) is None  # what is quickly done says nothing
     now = 4.0
     assert lines("measuring the range of phi", 0, 0) == "measuring the range of phi, 4 s so far"
@@ -174,6 +192,8 @@ def test_lines_with_numbers_and_an_estimate():
     assert lines("gathering scenes", 1000, 5000) == "gathering scenes: 1,000 of 5,000, about 40 s left"
     now = 27.0
     assert lines("gathering scenes", 1000, 5000) == "gathering scenes: 1,000 of 5,000, none found lately"
+    now, used = 38.0, 22.0  # scenes that are ever rarer: what is left follows from the limit, not from the pace
+    assert lines(GATHERING, 1000, 5000) == "gathering exact scenes: 1,000 of 5,000, at most 88 s of CPU time left"
 
 
 def test_a_bar_and_lines(monkeypatch):
@@ -184,8 +204,10 @@ def test_a_bar_and_lines(monkeypatch):
         (task,) = progress._bar.tasks
         assert (task.completed, task.total, task.description) == (1200, 5500, "gan: gathering scenes")
         assert task.fields["figures"] == "1,200 of 5,500"
+        progress.gather(GATHERING, 300, 5500)
+        assert task.completed < 10.0 and (task.total, task.fields["left"]) == (SECONDS, "left at most")
         progress.step(1, 40)
-        assert task.fields["figures"] == "" and task.description == "gan: epoch 1/4"
+        assert task.fields["figures"] == "" and task.fields["left"] == "left" and task.description == "gan: epoch 1/4"
     monkeypatch.setattr("scenegen.training.gathered.FIRST", 0.0)
     plain = io.StringIO()
     with TrainingProgress(4, "gan", Console(file=plain)) as progress:

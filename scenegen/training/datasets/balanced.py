@@ -36,6 +36,7 @@ from scenegen.sampling.tails import Rarity
 from scenegen.sampling.vast import measure_vast
 from scenegen.training.datasets.dataset import Dataset, labelled
 from scenegen.training.datasets.gathering import Gathering, SceneBatch, TimeUpError
+from scenegen.training.recipes import GATHERING
 
 Array = npt.NDArray[np.float64]
 Ends = tuple[float, float]
@@ -47,6 +48,7 @@ TAIL, BEYOND = 0.4, 0.2  # of the scenes of a range: the share that lies where o
 TOGETHER_SHARE = 0.15  # of the scenes, at least, satisfy all labels, where there are several
 WIDE = 0.25  # of a label's range: where so much is satisfied, scenes that lie evenly have enough of it
 CELLS, RUNGS = 32, 8  # of a label's range, and batches towards each of its ends
+FIRST = 0.4  # of the time of a range that is filled evenly, for its first batch, and of what is left for each further
 FULL = 0.8  # of its share, below which a cell counts as short of scenes
 MOST = 4096  # joint cells at most: 16 a label for two or three labels, 8 for four, 4 for six, 2 for twelve
 PER_LABEL = 16  # cells of one label at most
@@ -83,10 +85,12 @@ def balanced(
     rest = scenes - asked
     share = round(_joint_share(whole) * rest)
     wanted = rest - share + POOL * share
-    gathering.begin("gathering scenes", asked + wanted)
-    draws = _Draws(spec, seed, gathering, asked + wanted)
+    gathering.begin(GATHERING, asked + wanted)
+    both = len(whole) > 1 and all(high > 0.0 for _, high in whole.values())
+    draws = _Draws(spec, seed, gathering, asked + wanted + (round(TOGETHER_SHARE * rest) if both else 0))
     found: list[tuple[Tensor, int]] = []
     if phi:
+        draws.begin(asked)
         place = labels.index(next(iter(phi))) if len(phi) == 1 else EVERY
         found.append((draws.tempered(phi, asked), place))
         if not found[0][0].shape[1]:
@@ -105,7 +109,8 @@ def balanced(
         origin = torch.where(joint, torch.full_like(kept, EVERY), origin[kept])
         data = data.take(kept)
         lacking = round((TOGETHER_SHARE - data.positives) * len(data))
-        if lacking > 0 and all(high > 0.0 for _, high in whole.values()):
+        if lacking > 0 and both:
+            draws.begin(draws.planned)
             found.append((draws.batch(dict.fromkeys(labels, Range(0.0, None)), lacking), EVERY))
             least = len(data) - found[-1][0].shape[1]  # so many of the others stay
             data, origin = data.take(slice(0, least)), origin[:least]
@@ -126,34 +131,48 @@ def _mixed(parts: list[tuple[Tensor, int]], generator: torch.Generator) -> tuple
 
 @dataclass(slots=True)
 class _Draws:
-    """Batches of exact scenes; `planned` scenes are planned in all. Of every batch `regions` has the range and the phi
-    of its scenes: how phi is distributed there."""
+    """Batches of exact scenes, for one part of the set after another; `planned` scenes are planned for parts that have
+    not begun, for which time is `kept`: seconds as estimated, and of the clock. Of every batch `regions` has the range
+    and the phi of its scenes: how phi is distributed there."""
 
     spec: CheckedSpec
     seed: int
     gathering: Gathering
     planned: int
     regions: list[tuple[Ranges, Tensor]] = field(default_factory=list)
+    done: int = 0
+    part: int = 0
     drawn: int = 0
     number: int = 0
     seconds: float = field(default_factory=lambda: SECONDS)
+    kept: tuple[float, float] = (0.0, 0.0)
+
+    def begin(self, count: int) -> None:
+        """A part of `count` scenes begins: whatever it costs, later ones have their share of the time."""
+        self.planned, self.done, self.part, self.drawn = self.planned - count, self.done + self.part, count, 0
+        later = self.planned / max(1, self.planned + count)
+        self.kept = later * self.seconds, later * self.gathering.left
 
     def spread(self, label: str, ends: Ends, count: int) -> list[Tensor]:
         """About `count` scenes of one label, spread as the module's text says."""
         low, high = ends
         if not low < 0.0 < high or high >= WIDE * (high - low):
+            self.begin(count)
             return [self.even(label, ends, count)]
-        whole = self.even(label, ends, round(WHOLE * count))
-        below = round(BELOW * count)
-        solved = self.tempered({label: Range(0.0, None)}, count - round(WHOLE * count) - below)
+        evenly, below = round(WHOLE * count), round(BELOW * count)
+        self.begin(evenly)
+        whole = self.even(label, ends, evenly)
+        self.begin(count - evenly - below)
+        solved = self.tempered({label: Range(0.0, None)}, count - evenly - below)
         width = float(self.phi(label, solved).max()) if solved.shape[1] else high
+        self.begin(below)
         near = self.batch({label: Range(max(low, -width), 0.0)}, below)
         return [whole, solved, near]
 
     def tempered(self, ranges: Ranges, count: int) -> Tensor:
         """Scenes of a range as they occur, and, of one label, once more on the side where few of them lie far apart."""
         tail = round(TAIL * count) if len(ranges) == 1 else 0
-        found = self.batch(ranges, count - tail)
+        found = self.batch(ranges, count - tail, 1.0 - TAIL if tail else 1.0)
         if not tail or not found.shape[1]:
             return found
         [(label, ends)] = ranges.items()
@@ -168,7 +187,7 @@ class _Draws:
     def even(self, label: str, ends: Ends, count: int) -> Tensor:
         """`count` scenes with phi as evenly over a range as batches of all scenes and of those beyond a value give."""
         low, high = ends
-        found = [self.batch({}, count)]
+        found = [self.batch({}, count, FIRST)]
         edges = np.linspace(low, high, CELLS + 1)
         cells = torch.from_numpy(edges[1:-1]).to(torch.float32)
         place = [torch.bucketize(self.phi(label, found[0]), cells)]
@@ -184,7 +203,7 @@ class _Draws:
                 inner = short[0]
                 side = Range(float(edges[inner]), None) if upwards else Range(None, float(edges[inner + 1]))
                 more = max(2, round(1.5 * count * len(short) / CELLS))
-                found.append(self.batch({label: side}, more))
+                found.append(self.batch({label: side}, more, FIRST))
                 place.append(torch.bucketize(self.phi(label, found[-1]), cells))
                 if found[-1].shape[1] < more:
                     break
@@ -194,11 +213,11 @@ class _Draws:
         """phi (m,) of scenes (3N, m)."""
         return labelled(self.spec, rows).phi[self.spec.labels.index(label)]
 
-    def batch(self, ranges: Ranges, count: int) -> Tensor:
-        """`count` scenes of these ranges as they occur, (3N, m) float32; fewer, which is said, where they are rare."""
+    def batch(self, ranges: Ranges, count: int, share: float = 1.0) -> Tensor:
+        """`count` scenes of these ranges as they occur, (3N, m) float32; fewer, which is said, where they take more
+        than a share of the time that is left for this part."""
         gathering, self.number = self.gathering, self.number + 1
-        share = count / max(count, self.planned - self.drawn)  # what it does not take goes to the next ones
-        gathering.allow(share)
+        gathering.allow(share, self.kept[1])
         seed = (self.seed + self.number - 1) % MAX_SEED
         made = gathering.batch(f"{self.number} {_text(ranges)} {count}", len(self.spec.box()[0]))
         try:
@@ -216,10 +235,14 @@ class _Draws:
             what = f"phi of {_text(ranges)}" if ranges else "what the spec requires"
             gathering.note(RARE_SCENES(what=what, fewer=rows.shape[1], count=count))
         self.drawn += count
-        gathering.reach(self.drawn)
+        self.tell()
         if rows.shape[1]:
             self.regions.append((ranges, labelled(self.spec, rows).phi))
         return rows
+
+    def tell(self, more: int = 0) -> None:
+        """So many more of a batch are there."""
+        self.gathering.reach(self.done + min(self.part, self.drawn + more))
 
     def _fill(self, made: SceneBatch, ranges: Ranges, count: int, seed: int, share: float) -> None:
         """Draw the pieces of a batch that are not there yet. Raises RequestError where there is no plan."""
@@ -229,7 +252,8 @@ class _Draws:
         with closing(choose(problem, budget)) as plan:
             visits = plan.evaluations * (len(problem.core.nodes) + BESIDE) / count
             each = max(1e-12, visits * VISIT.get(plan.method, OTHER_VISIT))
-            count = min(count, max(FEWEST, int(share * self.seconds / each)))
+            seconds = share * max(0.0, self.seconds - self.kept[0])
+            count = min(count, max(FEWEST, int(seconds / each)))
             made.seconds = count * each
             with closing(
                 draw_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces), 1, None)
@@ -241,7 +265,7 @@ class _Draws:
                         break
                     plan.check(block.rows, block.phi)
                     gathering.add(made, block.rows[:, : count - made.rows.shape[1]])
-                    gathering.reach(self.drawn + made.rows.shape[1])
+                    self.tell(made.rows.shape[1])
                     if gathering.overdrawn:
                         break
         made.whole = True

@@ -25,10 +25,10 @@ from scenegen.formats.files import write_whole
 from scenegen.models.safefile import pack, read_card, unpack
 from scenegen.processes.interrupt import Stop
 from scenegen.sampling.problem import Budget
+from scenegen.training.recipes import SECONDS
 
 FORMAT, WHAT = "scenegen/gathered", "a file of training scenes"
-SECONDS = 110.0  # of CPU time that gathering may take
-AT_LEAST = 0.5  # of them that a batch may take
+AT_LEAST = 0.5  # of SECONDS that a batch may take
 SAVE_EVERY = 5.0  # seconds of work that a kill may cost
 
 Array = npt.NDArray[np.float64]
@@ -135,9 +135,14 @@ class Gathering:
         """Seconds of CPU that gathering has taken."""
         return self._before + time.process_time() - self._began
 
-    def allow(self, share: float) -> None:
-        """From now on budgets are spent after that share of what is left of SECONDS."""
-        self._allowed = self.spent + max(AT_LEAST, share * (SECONDS - self.spent))
+    @property
+    def left(self) -> float:
+        """Seconds of CPU that gathering may still take."""
+        return max(0.0, SECONDS - self.spent)
+
+    def allow(self, share: float, kept: float = 0.0) -> None:
+        """From now on budgets are spent after that share of what is left, but for `kept` seconds."""
+        self._allowed = self.spent + max(AT_LEAST, share * (self.left - kept))
 
     @property
     def overdrawn(self) -> bool:

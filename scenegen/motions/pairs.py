@@ -112,7 +112,8 @@ def _moves(problem: Problem, thing: int) -> bool:
 
 def _independent(starts: Starts, wanted: int, budget: Budget, rng: np.random.Generator) -> tuple[Array, str]:
     """Starts that know nothing of the goals, (3N, m), and why there are too few."""
-    problem, parts, count, drawn = starts.problem, list[Array](), 0, 0
+    problem, count, drawn = starts.problem, 0, 0
+    parts = [np.empty((len(problem.lowest), 0))]  # the goals may have taken all the time
     while count < wanted and drawn < AS_MANY * wanted and not budget.spent:
         # scenes of one run are spread over the range together, so the first run has all that are wanted
         request = replace(problem.request, n=max(wanted - count, 256), seed=int(rng.integers(1 << 31)))
@@ -124,7 +125,7 @@ def _independent(starts: Starts, wanted: int, budget: Budget, rng: np.random.Gen
             break
     found = np.concatenate(parts, axis=1)
     found = found[:, rng.permutation(found.shape[1])[:wanted]]
-    return found, f"of {drawn:,} scenes {count:,} are starts"
+    return found, f"of {drawn:,} scenes {count:,} are starts" if drawn else "time is up"
 
 
 def _moved(

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import scenegen
+from scenegen.engine.run import draw
 from scenegen.errors import DataError, RequestError
 from scenegen.evaluation.energy import energy_test
+from scenegen.motions import pairs
 from scenegen.pose import as_rows
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
 SPEC = scenegen.parse("object mug, plate, bowl\nrequire insideWorkspace()\ntask: leftOf(mug, plate)\n")
 
@@ -160,3 +164,19 @@ def test_damaged_files(text, said, tmp_path):
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(DataError, match=said):
         scenegen.read_motions(tmp_path / "bad.json")
+
+
+def test_goals_that_took_all_the_time_leave_no_starts(monkeypatch):
+    """The time limit is then told, not an internal error."""
+    goal = make_problem(SPEC.checked, SampleRequest({"task": Range(0.1)}, n=5, seed=1))
+    budget = Budget()
+
+    def slowly(problem, given):
+        found = draw(problem, given)
+        object.__setattr__(budget, "seconds", 0.0)
+        return found
+
+    monkeypatch.setattr(pairs, "draw", slowly)
+    made = pairs.draw_pairs(goal, pairs.Starts(goal), None, budget)
+    assert made.start.shape == made.goal.shape == (9, 0)
+    assert "time is up" in str(made.shortfall)

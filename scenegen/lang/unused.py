@@ -110,9 +110,12 @@ def _named(node: object) -> str:
 
 
 def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
+    """Its numbers, but factors and divisors: these are no lengths."""
     stack: list[ast.Expr | ast.Argument] = [root]
     while stack:
         node = stack.pop()
+        if isinstance(node, ast.Binary) and node.operator in "*/":
+            continue
         if isinstance(node, ast.Quantity):
             yield node
         stack.extend(traversal.children(node))

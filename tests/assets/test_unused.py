@@ -139,7 +139,7 @@ def test_what_a_file_hardly_is_is_noted(tmp_path, move, scale, words, kind):
 
 
 def _spec(folder, objects):
-    (folder / "a.spec").write_text(f"workspace [-20, 20] x [-20, 20]\n{objects}\ntask: x(mug) <= 0.5\n")
+    (folder / "a.spec").write_text(f"workspace [-20 m, 20 m] x [-20 m, 20 m]\n{objects}\ntask: x(mug) <= 0.5\n")
     return folder / "a.spec"
 
 
